@@ -3,11 +3,11 @@
     make bench                      all of them, about 45 minutes
     python benchmarks/all.py plant recording
 
-Wall time on a shared machine says little: figures are ratios of runs interleaved with their
-baseline, in CPU time where the peer allows it.
+Wall time on a shared machine depends on its load: figures are ratios of runs interleaved with their
+baseline, in CPU time if the peer allows it.
 
 Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage and
-fault_campaign, each of which goes on where its table ends.
+fault_campaign, each of which continues its table.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # one core, told before numpy counts them
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # one core, set before numpy counts them
 
 import numpy as np
 from figures import at_least, at_most, noted
@@ -59,7 +59,7 @@ def play(seed: int, individual: int, *, load_cell: bool = False) -> Campaign:
 
 
 def set_errors(result: CampaignResult) -> list[float]:
-    """Return the relative error of each set's maximum; infinite where there is none."""
+    """Return the relative error of each set's maximum; infinite if there is none."""
     return [
         math.inf if s.maximum is None else s.maximum.value / TABLE_1[s.name] - 1.0
         for s in result.sets
@@ -67,7 +67,7 @@ def set_errors(result: CampaignResult) -> list[float]:
 
 
 def slope_error(result: CampaignResult, source: str) -> float:
-    """Return the relative error of the slope over the angle; infinite where there is none."""
+    """Return the relative error of the slope over the angle; infinite if there is none."""
     if source not in result.trends:
         return math.inf
     true = result.trends["published"].line.slope_per_deg
@@ -143,7 +143,7 @@ def honesty(played: Sequence[Campaign]) -> None:
 
 
 def ideal_rig(seed: int) -> None:
-    """Report target 4: the paper's method where nothing but the inertia is missing."""
+    """Report target 4: the paper's method if only the inertia is missing."""
     torque, inertia = [], []
     for k, set_name in enumerate(SETS):
         for load_kg, voltage_v in ((4.0, 10.0), (8.0, 10.0), (8.0, 4.0)):

@@ -75,10 +75,10 @@ def main() -> int:
         ran, _ = rigd("run", str(PROCEDURE), "--rig", str(RIG), *chosen, "--seed", seed,
                       "--output", str(recording))  # fmt: skip
         size = recording.stat().st_size
-        analysed, told = rigd("identify", str(recording), "--json", "--no-report")
+        analysed, printed = rigd("identify", str(recording), "--json", "--no-report")
         reported, _ = rigd("identify", str(recording), "--report", str(Path(folder) / "a.html"))
         report_size = (Path(folder) / "a.html").stat().st_size
-    json.loads(told)
+    json.loads(printed)
     share = runs / CAMPAIGN
     print(
         f"{runs} runs, seed {seed}, {size / 1e6:.0f} MB recorded\n"

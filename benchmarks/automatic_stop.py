@@ -6,10 +6,10 @@ relay changed, by the hidden state of the plant through the potentiometer's nomi
 which is the time since it passed the threshold. Beside it, what the relay alone does: how far the
 platform goes until it rests or meets its bumper.
 
-Sets, loads and voltages are drawn anew. A machine pushes the platform back.
+Sets, loads and voltages are drawn again. A machine pushes the platform back.
 
     python benchmarks/automatic_stop.py --table stops.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
 """
 
 from __future__ import annotations
@@ -64,9 +64,11 @@ def one_slice(block: int, chosen: Sequence[Drive]) -> list[Row]:
         procedure = write_procedure(folder / "stops.yaml", chosen)
         with angle_rig(folder, "angle-wire-bench", {"block: 96": f"block: {block}"}) as rig:
             environment = {**os.environ, "RIGD_STATE": str(state)}
-            stops, told = drive_to_stops(rig, procedure, folder / "run.mcap", environment)
+            stops, printed = drive_to_stops(rig, procedure, folder / "run.mcap", environment)
         if len(stops) != len(chosen):
-            print(f"only {len(stops)} of {len(chosen)} runs ended in a stop:\n{told}", flush=True)
+            print(
+                f"only {len(stops)} of {len(chosen)} runs ended in a stop:\n{printed}", flush=True
+            )
             return []
     return [
         {

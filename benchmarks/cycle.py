@@ -1,4 +1,4 @@
-"""The cycle beside a bare C loop, cyclictest and Deimos: who keeps its slots, and at what cost.
+"""The cycle beside a bare C loop, cyclictest and Deimos: missed slots, and their cost.
 
 The rig at the wire at 1 kHz (three CiA 402 servos, two CiA 406 encoders on two simulated CAN buses,
 a card, a transmitter, a scale), and the register card at 4 kHz. This process is the daemon: it runs
@@ -117,7 +117,7 @@ class Seen:
 
 
 class RunEnded(Exception):
-    """The run was over before it was measured; says why."""
+    """The run was over before it was measured; with the reason."""
 
 
 class Meter(threading.Thread):
@@ -183,7 +183,7 @@ class Meter(threading.Thread):
 
 
 class BusyThread(threading.Thread):
-    """Python that computes and never waits, so that everybody else asks for the interpreter."""
+    """Python that computes and never waits, so that all other threads ask for the interpreter."""
 
     def __init__(self) -> None:
         super().__init__(name="busy", daemon=True)
@@ -215,7 +215,7 @@ def cpu_s(pid: int) -> float:
 
 @dataclass(frozen=True)
 class Kept:
-    """What the recording says of the slots that were measured."""
+    """The slots that were measured, from the recording."""
 
     lateness: Lateness
     own: int  #: missed slots while no witness was kept away
@@ -285,7 +285,7 @@ def report(name: str, kept: Kept, seen: Seen, load: str) -> None:
     print(seen.beside.cyclictest.line("cyclictest beside it"))
     spent = np.percentile(kept.spent_us, (50, 99, 99.9))
     seconds = (seen.until_ns - seen.since_ns) * 1e-9
-    shares = ", ".join(f"{who} {100 * s / seconds:.1f} %" for who, s in seen.cpu_s.items())
+    shares = ", ".join(f"{name} {100 * s / seconds:.1f} %" for name, s in seen.cpu_s.items())
     print(f"of a cycle: p50 {spent[0]:.0f}, p99 {spent[1]:.0f}, p99.9 {spent[2]:.0f} us; "
           f"CPU of a core: {shares}; the view looked {seen.views} times")  # fmt: skip
     away_ms = float(np.diff(seen.beside.away_ns).sum()) * 1e-6
@@ -311,8 +311,8 @@ def report_deimos(found: Deimos, name: str, seconds: float) -> None:
     print(HEADING)
     print(found.lateness.line("its control thread"))
     print(loop.line("C loop beside it"))
-    cores = {who: used / seconds for who, used in found.cpu_s.items() if used / seconds > 0.001}
-    shares = ", ".join(f"{who} {100 * share:.1f} %" for who, share in sorted(cores.items()))
+    cores = {name: used / seconds for name, used in found.cpu_s.items() if used / seconds > 0.001}
+    shares = ", ".join(f"{name} {100 * share:.1f} %" for name, share in sorted(cores.items()))
     print(f"CPU of a core: {shares} (with the busy thread)")
     noted(f"{name}, rows missing", found.lateness.missed, "rows")
     noted(f"{name}, cycles a period late, unmarked", found.late, "cycles")

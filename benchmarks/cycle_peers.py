@@ -2,7 +2,7 @@
 
 * the C loop: ``witness.c`` at the cycle's own rate and priority, what a program without work does;
 * a witness on every processor, above everything: when one of these is late, the kernel or the host
-  was away, whoever else was due at that moment;
+  was away, whichever process was due at that moment;
 * `cyclictest` (Debian: rt-tests), for the figure that others know.
 
 Deimos, a controller in Rust for its own cards, has its turn in the same minute, with these beside.
@@ -32,7 +32,7 @@ WITNESS_PRIORITY = 98
 #: Witnesses look as often as the cycle, but not more often than this: it is the cycle's machine.
 WITNESS_PERIOD_US = 500
 #: A witness that is so many periods of the cycle late was kept away for long enough to excuse a
-#: missed slot; it tells of nothing below 250 us.
+#: missed slot; it shows nothing below 250 us.
 AWAY_PERIODS = 0.5
 #: cyclictest counts latencies up to this, in us.
 LONGEST_US = 100_000
@@ -147,7 +147,7 @@ class RunningBeside:
         return Beside(loop, self._of_cyclictest(), witnesses, away_ns)
 
     def end(self) -> None:
-        """End whatever is left of them."""
+        """End those that are left."""
         for process in (self._loop, *self._witnesses, self._cyclictest):
             if process.poll() is None:
                 process.kill()

@@ -5,7 +5,7 @@ told; fails where that is not what must happen (``tests/support/fault_table.py``
 shipped one at the wire.
 
     python benchmarks/fault_campaign.py --table faults.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
     python benchmarks/fault_campaign.py --only scale
                         cases whose name holds the word
 """

@@ -33,7 +33,7 @@ ROUNDS = 7
 STARTS = 8
 TARGET_RATIO = 1000
 TARGET_CPU_S = 2.0
-#: Costs this close are the same: the rest is where two fits stop on one flat bottom.
+#: Costs this close are the same: the rest is the distance of two fits on one flat bottom.
 SAME_COST = 1.001
 
 

@@ -1,16 +1,16 @@
 """How often do the 95 % intervals hold the truth? Experiments on random rigs, per floor.
 
     python benchmarks/identify_coverage.py --rigs 30 --keep coverage.jsonl
-                        goes on where the file ends: stop it and start it as you like
+                        continues the file: stop it and start it as you like
 
 Every experiment is a rig of its own (``tests/support/random_rigs.py``): friction, masses, drive,
-vibration and noise are drawn within what is realistic, and so are where wheel and carriage stand
-at the start and between which counts of their encoders. It is recorded, and evaluated as ``rigd
-identify`` does. For ``--method output-error`` each constant of the recording is drawn around the
-truth with its stated uncertainty; slip-force takes the constants as exact, and gets them so.
+vibration and noise are drawn within what is realistic, and so are the positions of wheel and
+carriage at the start and between which counts of their encoders. It is recorded, and evaluated as
+``rigd identify`` does. For ``--method output-error`` each constant of the recording is drawn around
+the truth with its stated uncertainty; slip-force takes the constants as exact, and gets them so.
 `spread` is the standard deviation of the errors over the half width of the intervals: about 0.5
-where the intervals are right. Far below it they are too wide, or nothing varied: coverage then
-says nothing.
+if the intervals are right. Far below it they are too wide, or nothing varied: coverage then
+has no meaning.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rigd_analyses.lugre.reading import OUTPUT_ERROR
 TARGET = 88.0  #: %, of the nominal 95
 SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
 PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
-#: What the paper's tests leave open on these floors; where it is quoted it must be right.
+#: What the paper's tests leave open on these floors; if it is quoted it must be right.
 OFTEN_OPEN: Final = ("V_s", "mu_c", "mu_s")
 #: Sent through the generator of the constants beside the number of a rig.
 _CONSTANTS: Final = 11
@@ -66,7 +66,7 @@ def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method
 
 
 def _measured(path: Path, number: int) -> Path:
-    """Return a copy of the recording whose constants are as far off as their uncertainties say."""
+    """Return a copy of the recording whose constants are as far off as their uncertainties."""
     random = np.random.default_rng((_CONSTANTS, number))
     content = Content.of(path)
     constants = content.plan("constants")
@@ -94,7 +94,7 @@ def _experiment(floor: str, number: int, method: str) -> Row:
             evaluation.report()
         except RigdError as error:
             return {**row, "refused": str(error)}
-        except Exception as error:  # noqa: BLE001 - told, and counted as what it is
+        except Exception as error:  # noqa: BLE001 - reported, and counted as what it is
             return {**row, "crashed": f"{type(error).__name__}: {error}"}
         result = evaluation.sections[0].result
         if not evaluation.fits:
@@ -164,7 +164,7 @@ def _judge(name: str, item: Coverage) -> None:
     """Report the coverage; an interval that is not quoted does not cover."""
     low, high = item.limits
     covered = 100.0 * item.covered / item.experiments
-    at_least(f"{name} covered ({low:.0f} to {high:.0f} where quoted)", covered, TARGET, "%")
+    at_least(f"{name} covered ({low:.0f} to {high:.0f} if quoted)", covered, TARGET, "%")
     at_least(f"{name} spread of errors over half width", item.ratio, TOO_LITTLE * RIGHT_RATIO, "")
 
 

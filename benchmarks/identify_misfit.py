@@ -1,4 +1,4 @@
-"""Is a number right, refused or named when the world is not as the constants say?
+"""Is a number right, refused or named when the constants are wrong?
 
     python benchmarks/identify_misfit.py --floor pvc --keep misfit.jsonl
     python benchmarks/identify_misfit.py --only radius --size large
@@ -7,7 +7,7 @@
 A row for each kind of wrongness (``tests/support/lugre_kinds.py``) and size: by how many half
 widths the worst interval of method A misses the truth, the outcome of output error, its worst
 interval, CPU seconds, the first finding. Wrong and not named is what must not be. With ``--keep``
-it goes on where the file ends. 5 to 30 s of CPU for each case.
+it continues the file. 5 to 30 s of CPU for each case.
 """
 
 from __future__ import annotations

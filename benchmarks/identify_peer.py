@@ -31,7 +31,7 @@ RTOL, ATOL, DIFF_STEP = 1e-8, 1e-10, 1e-4
 
 @dataclass(frozen=True)
 class PeerFit:
-    """Where least_squares ended (natural parameters), and what it took to get there."""
+    """The end point of least_squares (natural parameters), and its cost."""
 
     theta: FloatArray
     cost: float

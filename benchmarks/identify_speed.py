@@ -5,7 +5,7 @@
 
 All three fits see the same samples, whitening, priors and start. One baseline is scipy's
 least_squares over solve_ivp with differences, the other least_squares over rigd's own compiled
-recursion with differences. What cannot be run whole is projected, and says so.
+recursion with differences. What cannot be run whole is projected, and marked so.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Prints after how long the simulated drives have no torque (p50, p99, worst), and
 from the recording. The rig is the shipped one at the wire.
 
     python benchmarks/kill_table.py --kills 50 --table kills.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A process stands for the cycle and fills the rings of two shipped rigs: one with
 1 kHz, one with ten channels at 9600 Hz beside four streams at 1 kHz. Measured for each: the share
 of a core that the daemon's side takes, alone, with a zenoh subscriber and with a Foxglove client
 to every stream; how old the newest sample of a frame is when it is handed over; and what a push
-costs the cycle with and without somebody looking on, interleaved.
+costs the cycle with and without a viewer, interleaved.
 
     python benchmarks/live_feed.py --seconds 10
 """
@@ -98,9 +98,9 @@ import json, sys
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 with connect(sys.argv[1], subprotocols=["foxglove.sdk.v1"], max_size=None) as client:
-    while (told := json.loads(client.recv()))["op"] != "advertise":
+    while (announced := json.loads(client.recv()))["op"] != "advertise":
         pass
-    wanted = [{"id": i, "channelId": one["id"]} for i, one in enumerate(told["channels"])]
+    wanted = [{"id": i, "channelId": one["id"]} for i, one in enumerate(announced["channels"])]
     client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
     print("ready", flush=True)
     count = 0
@@ -181,7 +181,7 @@ def share(feed: Feed, seconds: float) -> float:
 
 
 def alone(rig: RigConfig, seconds: float) -> None:
-    """The feed with nobody behind it, and how old its frames are."""
+    """The feed without a viewer, and how old its frames are."""
     with pushed(rig) as (folder, _):
         aged = Aged()
         feed = Feed(rig, aged)
@@ -237,7 +237,7 @@ def cost_to_the_cycle(rig: RigConfig, seconds: float, rounds: int = 3) -> None:
             share(feed, seconds / rounds)
         costs[watched] += cost
     with_feed, without = (statistics.median(costs[item]) for item in (True, False))
-    noted(f"live {rig.name}: a push, nobody looking on", without, "ns")
+    noted(f"live {rig.name}: a push, no viewer", without, "ns")
     at_most(f"live {rig.name}: a push, with the feed", with_feed / without, 1.2)
 
 

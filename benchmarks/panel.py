@@ -72,7 +72,7 @@ WATCH = """async (seconds) => {
 
 
 class Served(NamedTuple):
-    """A rig that moves: its daemon, the link that opens its panel, and where clients find it."""
+    """A rig that moves: its daemon, the link that opens its panel, and its address for clients."""
 
     daemon: subprocess.Popen[str]
     link: str
@@ -112,7 +112,7 @@ def served(folder: Path) -> Iterator[Served]:
 
 
 def move(endpoint: str) -> None:
-    """Start a run that needs nobody, and return once it moves."""
+    """Start a run that needs no operator, and return once it moves."""
     with Client(NAME, endpoint=endpoint) as client, client.control():
         client.start("shake", on_client_loss="continue")
         next(item for item in client.watch() if item.state == "running")
@@ -139,7 +139,7 @@ def descendants(pid: int) -> Iterator[int]:
 
 
 def cmdline(pid: int) -> bytes:
-    """Return the command of a process, its words apart by NUL; empty where it has just ended."""
+    """Return the command of a process, its words apart by NUL; empty if it has just ended."""
     try:
         return Path(f"/proc/{pid}/cmdline").read_bytes()
     except (FileNotFoundError, ProcessLookupError):

@@ -1,8 +1,8 @@
 """Random and spoilt requests on every door of the panel: what they change, and its memory.
 
-A panel before a rig that is played, and whoever asks it, are in one process: what either of them
-kept of a request would show. Somebody who has control sends them, so that a request is refused for
-what it says alone; the rates that keep a flood out are taken away.
+A panel before a rig that is played, and its clients, are in one process: what either of them
+kept of a request would show. The user who has control sends them, so that a request is refused for
+its content alone; the rates that keep a flood out are taken away.
 
     python benchmarks/panel_fuzz.py --requests 1000 --rounds 4
 """

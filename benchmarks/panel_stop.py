@@ -1,8 +1,8 @@
 """From a press on Stop in the panel's page to its confirmation, beside a witness.
 
 `rigd serve` on the simulated LuGre rig in real time, its panel, and a page in headless Chromium,
-which draws. One run after the other is stopped by a press on the page's own button, with nobody
-else there and, in turn, with ten further pages that take every frame beside a flood. Measured,
+which draws. One run after the other is stopped by a press on the page's own button, with no other
+client there and, in turn, with ten further pages that take every frame beside a flood. Measured,
 within the page: from the press to the moment when it shows the stop as confirmed by the daemon.
 
 The witness is asked by the same page, just before each press: a server of a few lines that answers
@@ -44,16 +44,16 @@ MOST_RATIO = 3.0
 
 #: Resolves with ms from the press to the confirmation.
 PRESSED = """() => new Promise((done) => {
-  const told = document.querySelector(".stop-told");
+  const result = document.querySelector(".stop-result");
   let at = null;
   const press = (event) => { at = event.timeStamp; };
   window.addEventListener("pointerdown", press, {capture: true, once: true});
   const watch = new MutationObserver(() => {
-    if (at === null || told.dataset.mood === "ask") return;
+    if (at === null || result.dataset.mood === "ask") return;
     watch.disconnect();
     done(performance.now() - at);
   });
-  watch.observe(told, {attributes: true, childList: true});
+  watch.observe(result, {attributes: true, childList: true});
 })"""
 #: Resolves with ms until the witness has answered.
 WITNESS = """async (address) => {
@@ -63,7 +63,7 @@ WITNESS = """async (address) => {
 }"""
 
 
-def witness(told: multiprocessing.connection.Connection) -> None:
+def witness(reply: multiprocessing.connection.Connection) -> None:
     """Answer every request at once, until killed."""
 
     async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -77,7 +77,7 @@ def witness(told: multiprocessing.connection.Connection) -> None:
 
     async def run() -> None:
         server = await asyncio.start_server(answer, "127.0.0.1", 0)
-        told.send(server.sockets[0].getsockname()[1])
+        reply.send(server.sockets[0].getsockname()[1])
         await server.serve_forever()
 
     asyncio.run(run())
@@ -168,13 +168,13 @@ def stopped(page: Page, endpoint: str, address: str) -> tuple[float, float]:
     return beside, took
 
 
-def tell(where: str, rows: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def report(case: str, rows: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Print, and return the medians."""
     beside, took = zip(*rows, strict=True)
     for name, values in (("press on Stop to confirmation", took), ("the witness", beside)):
         ordered = sorted(values)
-        noted(f"{name}, {where}, p50", statistics.median(ordered), "ms")
-        noted(f"{name}, {where}, worst of {len(ordered)}", ordered[-1], "ms")
+        noted(f"{name}, {case}, p50", statistics.median(ordered), "ms")
+        noted(f"{name}, {case}, worst of {len(ordered)}", ordered[-1], "ms")
     return statistics.median(beside), statistics.median(took)
 
 
@@ -207,8 +207,8 @@ def main() -> None:
             quiet.append(stopped(page, endpoint, address))
             with crowded(link.partition("#")[0], cookies):
                 loaded.append(stopped(page, endpoint, address))
-    _, in_peace = tell("nobody else there", quiet)
-    _, in_crowd = tell(f"{WATCHERS} watch and {FLOOD} flood", loaded)
+    _, in_peace = report("no other client", quiet)
+    _, in_crowd = report(f"{WATCHERS} watch and {FLOOD} flood", loaded)
     at_most(
         "press on Stop to confirmation, in a crowd against in peace",
         in_crowd / in_peace,

@@ -3,7 +3,7 @@
 The rows of eight streams of six channels at 1 kHz are numbered: afterwards each must be in the
 recording exactly once. Half of the kills are SIGKILL; half stop the recorder (SIGSTOP) for the
 daemon to replace. Also measured: what a push costs the cycle, the share of a core that the
-recorder takes, and how long nobody records after a kill.
+recorder takes, and how long no recorder runs after a kill.
 
     python benchmarks/recorder.py --kills 50
 """
@@ -115,8 +115,8 @@ def main() -> int:
     print(f"{rows} rows, {args.kills} kills")
     noted("one row pushed, p50", push_ns, "ns")
     noted("recorder at 8 streams of 1 kHz, share of a core", 100 * share, "%")
-    noted("nobody records after a kill, p50", statistics.median(outages_ms), "ms")
-    noted("nobody records after a kill, longest", max(outages_ms), "ms")
+    noted("no recorder after a kill, p50", statistics.median(outages_ms), "ms")
+    noted("no recorder after a kill, longest", max(outages_ms), "ms")
     at_most("streams with a row lost or doubled", wrong, 0, "of 8")
     at_most("rows lost to a full ring", overruns, 0, "")
     return 1 if wrong or overruns else 0

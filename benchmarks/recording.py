@@ -8,8 +8,9 @@ its own chunk size and, of zstd, the other settings. The rigd writer flushes its
 run without pauses.
 
 Each is done once untimed right before it is timed: memory that is free for a while a virtual
-machine gives back to its host, and whoever touches it next pays 7 µs a page, ten times what
-writing the page costs. What takes less than 0.2 s is repeated up to that, and its median taken.
+machine gives back to its host, and the next program that touches it pays 7 µs a page, ten times
+what writing the page costs. What takes less than 0.2 s is repeated up to that, and its median
+taken.
 
     python benchmarks/recording.py [--rows 200000] [--rounds 7]
 """
@@ -162,8 +163,8 @@ def measure(count: int, rounds: int, seed: int) -> list[Line]:
                 ("read", "library", partial(read_library, theirs)),
                 ("read", "rigd", lambda: Recording.open(ours).read("signals")),
             ]
-            for what, who, action in pairs:
-                taken.setdefault((what, how, who), []).append(cpu_us(action, count))
+            for what, library, action in pairs:
+                taken.setdefault((what, how, library), []).append(cpu_us(action, count))
             assert Recording.open(ours).read("signals").tobytes() == rows.tobytes()
     return [
         Line(

@@ -1,6 +1,6 @@
 """From a client's command to what the actuator does: start to first setpoint, stop to none.
 
-A daemon of its own serves two shipped rigs: the one at the wire, where the simulated drive says
+A daemon of its own serves two shipped rigs: the one at the wire, where the simulated drive reports
 since when its motor has got what it gets, and the one simulated in the cycle's process, where the
 recording says in which cycle the setpoint was given. One run after the other is started and
 stopped through the Python client. Where a start spends its time is read from the events of its
@@ -8,7 +8,7 @@ recording. In every second slice of ten runs, ten clients watch all streams and 
 daemon with questions.
 
     python benchmarks/remote_commands.py --runs 100 --table commands.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
     python benchmarks/remote_commands.py --quick
 """
 
@@ -67,7 +67,7 @@ MOST_SLOWED: Final = 3.0
 #: A host that stalls ends a run by its interlocks; so many may be lost to that.
 MOST_FAILED: Final = 5
 #: What a start is made of, by the event of the recording that each stage ends with. Before them the
-#: request is accepted, which the client is told; after them the first setpoint is given.
+#: request is accepted, which the client sees in the reply; after them the first setpoint is given.
 STAGES: Final = {
     "devices": "processes started, devices opened",
     "watchdog": "watchdogs of the actuators proven",
@@ -92,10 +92,10 @@ class Commanded:
 
 @dataclass(frozen=True)
 class Bench:
-    """A served rig; ``given`` says since when, in CLOCK_MONOTONIC ns, the motor gets which A."""
+    """A served rig; ``given`` returns since when, in CLOCK_MONOTONIC ns, the motor gets which A."""
 
     daemon: Daemon
-    given: Callable[[], tuple[float, int]] | None  #: None: the recording says it
+    given: Callable[[], tuple[float, int]] | None  #: None: the recording has it
 
 
 @contextmanager
@@ -121,7 +121,7 @@ def in_process(folder: Path, state: Path) -> Iterator[Bench]:
     known = {"rig: lugre-1": f"rig: {name}", parameters: f"parameters: {ROOT}/configs/plants/"}
     for old, new in {**known, **PATIENT}.items():
         if old not in text:
-            raise SystemExit(f"configs/sim_lugre.yaml says no {old!r} any more")
+            raise SystemExit(f"configs/sim_lugre.yaml has no {old!r} any more")
         text = text.replace(old, new)
     rig = folder / "rig.yaml"
     rig.write_text(text)
@@ -167,7 +167,7 @@ def one_slice(rig: str, count: int, is_crowded: bool) -> list[Commanded]:
 def commanded(
     rig: str, bench: Bench, client: Client, procedure: Path, for_s: float
 ) -> Commanded | None:
-    """Start a run, let it go on ``for_s``, stop it; None where the rig ended it before."""
+    """Start a run, let it go on ``for_s``, stop it; None if the rig ended it before."""
     to_unix_ns = time.time_ns() - time.monotonic_ns()
     start_ns = time.monotonic_ns()
     run = str(client.start(procedure).run)
@@ -209,7 +209,7 @@ def commanded(
 def until(bench: Bench, client: Client, run: str, enough: Callable[[float], bool]) -> int:
     """Wait until the motor gets a current that is ``enough``; return since when.
 
-    That is 0 where the recording is to say it, and where the run has ended by itself.
+    That is 0 if the recording has it, and if the run has ended by itself.
     """
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
@@ -227,7 +227,7 @@ def until(bench: Bench, client: Client, run: str, enough: Callable[[float], bool
 
 
 def report(rig: str, rows: Sequence[Commanded]) -> None:
-    """Print the figures of one rig, and where a start spends its time."""
+    """Print the figures of one rig, and the parts of a start's time."""
     crowd = [row.stop_s for row in rows if row.is_crowded]
     rows = [row for row in rows if not row.is_crowded]
     name = f"commands, {rig}"

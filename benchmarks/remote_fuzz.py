@@ -2,7 +2,7 @@
 
 10,000 for each verb, eight at a time, and as many publications on the keys that only the daemon
 may publish on. Nothing may be carried out, the server must answer every good request in between,
-and its memory must not grow. Then what a flood costs somebody else: the time from asking to the
+and its memory must not grow. Then what a flood costs another client: the time from asking to the
 reply, for stops, beside a client that floods and without it, interleaved.
 
     python benchmarks/remote_fuzz.py --payloads 10000
@@ -42,7 +42,7 @@ PUBLISHED = ("status", "event", "live/wheel", "alive")
 
 
 def serve_until_told(endpoint: str, pipe: Connection) -> None:
-    """Serve a rig; at each word through the pipe tell what was done, and the memory taken."""
+    """Serve a rig; at each word through the pipe send what was done, and the memory taken."""
     with serve(RemoteSetup((endpoint,), roles={"eve": "maintainer"})) as served:
         served.rig.hold_lease("eve")
         while True:
@@ -58,7 +58,7 @@ def resident_mb() -> float:
 
 
 class Asked:
-    """Sends requests, up to eight at once, and counts the replies by what they say."""
+    """Sends requests, up to eight at once, and counts the replies by their content."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session = session
@@ -110,9 +110,9 @@ def fuzz(session: zenoh.Session, pipe: Connection, payloads: int) -> None:
             session.put(f"rigd/{RIG}/{where}", payload)
         sizes.append(memory(pipe))
     took_s = time.monotonic() - before_s
-    pipe.send("tell")
+    pipe.send("report")
     after, size_mb, refused = pipe.recv()
-    pipe.send("tell")
+    pipe.send("report")
     good = len(VERBS[Kind.ASK]) + len(VERBS[Kind.COMMAND]) + len(VERBS[Kind.STOP])
     good *= payloads // 1000
     print(f"replies: {dict(asked.codes)}\ncounted: {refused}")
@@ -128,7 +128,7 @@ def fuzz(session: zenoh.Session, pipe: Connection, payloads: int) -> None:
 
 def memory(pipe: Connection) -> float:
     """Return the memory that the server takes now, MB."""
-    pipe.send("tell")
+    pipe.send("report")
     return float(pipe.recv()[1])
 
 

@@ -1,8 +1,8 @@
-"""What everybody who looks on costs the daemon, and whether the cycle notices.
+"""What viewers cost the daemon, and whether they delay the cycle.
 
 `rigd serve` on the simulated LuGre rig with its panel, a run of minutes, and in turn, interleaved:
 
-* nobody looks on;
+* no viewer;
 * ten subscribers do, each with a zenoh session of its own, to every live stream;
 * with them three headless Chromium pages, kept off the cycle's processor: what they compute would
   be another computer's, what they make daemon and panel do is this one's;
@@ -11,10 +11,10 @@
 Measured: the share of a core that daemon, panel, recorder and cycle take; how old the newest sample
 of a frame is in a subscriber's callback, and in a page when it has been drawn; how late the cycle
 begins. Beside it run the loops of ``cycle_peers.py``: slots in which a witness above all programs
-was kept away tell of the host, and are left out of the figures that are called own.
+was kept away show the host, and are left out of the figures that are called own.
 
     python benchmarks/remote_load.py --seconds 8 --rounds 6 --table load.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from rigd.engine.sink import Rows
 
 SUBSCRIBERS = 10
 PAGES = 3
-#: Lateness (p99.9) with somebody looking on, against that with nobody.
+#: Lateness (p99.9) with viewers, against that without.
 LATENESS_RATIO = 1.2
 PERIOD_NS = 1_000_000
-#: Between those who come and what is measured, in s.
+#: Between the start of the viewers and the measurement, in s.
 SETTLE_S = 1.0
 #: In the order of each round.
-NOBODY, TEN, ELSEWHERE, HERE = (
-    "nobody",
+ALONE, TEN, ELSEWHERE, HERE = (
+    "no viewer",
     f"{SUBSCRIBERS} subscribers",
     f"{SUBSCRIBERS} subscribers, {PAGES} pages on another processor",
     f"{SUBSCRIBERS} subscribers, {PAGES} pages anywhere",
 )
-LOADS = (NOBODY, TEN, ELSEWHERE, HERE)
+LOADS = (ALONE, TEN, ELSEWHERE, HERE)
 WITH_PAGES = (ELSEWHERE, HERE)
 
 #: Subscribes so many times on a line "on"; on "off" leaves, and prints how old, in ms, the newest
@@ -151,7 +151,7 @@ class Block:
 
 
 class Bench:
-    """A rig that moves, and everybody who may look on."""
+    """A rig that moves, and all its viewers."""
 
     def __init__(
         self, pids: dict[str, int], witness: Path, crowd: Crowd, pages: list[Page], seconds: float
@@ -167,13 +167,13 @@ class Bench:
             page.goto("about:blank")
 
     def measure(self, load: str) -> Block:
-        """Let those come who belong to ``load``, measure, let them leave."""
+        """Start the viewers of ``load``, measure, stop them."""
         pages = self._pages if load in WITH_PAGES else []
         self._place_browser(load)
         for page in pages:
             page.goto(self._address)
             page.locator(".state-word", has_text="Running").wait_for()
-        if load != NOBODY:
+        if load != ALONE:
             self._crowd.come()
         sleep(SETTLE_S)
         drawn: list[float] = []
@@ -191,7 +191,7 @@ class Bench:
             found = beside.results()
         finally:
             beside.end()
-        callback = self._crowd.leave() if load != NOBODY else []
+        callback = self._crowd.leave() if load != ALONE else []
         for page in pages:
             page.goto("about:blank")
         until_ns = since_ns + round(self._seconds * 1e9)  # as long as the loops beside
@@ -222,7 +222,7 @@ class Bench:
         return Lateness.of(late_us, slots, cpu_us), Lateness.of(own, len(own), cpu_us)
 
     def _place_browser(self, load: str) -> None:
-        """Keep the browser off the cycle's processor, or let it go where it likes."""
+        """Keep the browser off the cycle's processor, or let it run on any."""
         allowed = os.sched_getaffinity(0)
         if load == ELSEWHERE:
             allowed -= os.sched_getaffinity(self._pids["cycle"])
@@ -272,11 +272,11 @@ def report(blocks: Sequence[Block]) -> None:
         print(own.line("  cycle, own"))
         print(witness.line("  witness on its processor"))
         p999_us = {"": cycle.p999_us, ", own": own.p999_us, ", witness": witness.p999_us}
-        if load == NOBODY:
+        if load == ALONE:
             alone = p999_us
         else:
             for what, item in p999_us.items():
-                name = f"load, {load}: lateness p99.9 / nobody{what}"
+                name = f"load, {load}: lateness p99.9 / alone{what}"
                 if what == ", witness":
                     noted(name, item / alone[what], "x")
                 else:

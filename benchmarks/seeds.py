@@ -1,12 +1,12 @@
-"""Does every shipped procedure come to its end on every shipped rig, whatever the seed?
+"""Does every shipped procedure come to its end on every shipped rig, with any seed?
 
     python benchmarks/seeds.py --table seeds.jsonl
-                        goes on where the table ends: stop it and start it as you like
+                        continues the table: stop it and start it as you like
     python benchmarks/seeds.py --seeds 3 --only approach
                         fewer seeds, pairs whose name holds the word
 
 Each run is whole, in virtual time, and is recorded. The rigs are those simulated in process; the
-floor, where a procedure asks for one, goes by the seed.
+floor, if a procedure asks for one, goes by the seed.
 """
 
 from __future__ import annotations

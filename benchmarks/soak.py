@@ -1,8 +1,8 @@
 """What a daemon takes after connections, floods and downloads: its slopes per hour.
 
 A slice lasts some minutes and has a daemon of its own; its lines are added to a file, and what is
-printed is of all slices in it, so that an hour is had by and by. Memory is what the kernel says is
-resident; the first quarter of a slice is left out of the slopes (what is made once).
+printed is of all slices in it, so that an hour is had by and by. Memory is what the kernel reports
+as resident; the first quarter of a slice is left out of the slopes (what is made once).
 
     nice -n 19 python benchmarks/soak.py --minutes 5 --keep /tmp/soak.jsonl
 """

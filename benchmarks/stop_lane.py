@@ -46,7 +46,7 @@ trial:
 
 
 def witness(endpoint: str, ready: Event, end: Event) -> None:
-    """Reply at once to whatever is asked."""
+    """Reply at once to any query."""
     settings = {
         "mode": "peer",
         "listen": {"endpoints": [endpoint]},
@@ -121,9 +121,11 @@ def main() -> None:
     for name, took in found.items():
         for part in (50, 99):
             noted(f"reply of the {name}, p{part}", float(np.percentile(took, part)), "ms")
-    for who, report in (("daemon", at_most), ("witness", None)):
-        quiet, loaded = (np.percentile(found[f"{who} {item}"], 99) for item in ("quiet", "loaded"))
-        name = f"reply of the {who}, p99, loaded against quiet"
+    for which, report in (("daemon", at_most), ("witness", None)):
+        quiet, loaded = (
+            np.percentile(found[f"{which} {item}"], 99) for item in ("quiet", "loaded")
+        )
+        name = f"reply of the {which}, p99, loaded against quiet"
         if report is None:
             noted(name, float(loaded / quiet), "x")
         else:

@@ -68,7 +68,7 @@ def rig_with_zero(folder: Path, zero_ma: int) -> Path:
 
 
 def only(path: Path, model: Path, corrections: Corrections | None = None) -> GroupValidation:
-    """Return what one recording says of the only model of a file."""
+    """Return how one recording agrees with the only model of a file."""
     return validate(model, [path], corrections=corrections).result.groups[0]
 
 

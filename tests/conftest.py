@@ -29,8 +29,9 @@ for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is impo
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# A suite started with nohup, or in the background of a script, is told to ignore these. What it
-# starts would inherit that, and rigd heeds it: no test of a Ctrl-C or a lost terminal could pass.
+# A suite started with nohup, or in the background of a script, must ignore these. What it
+# starts would inherit that, and rigd respects it: no test of a Ctrl-C or a lost terminal could
+# pass.
 for number, action in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGQUIT, signal.SIG_DFL),

@@ -20,9 +20,9 @@ Level = Literal["high", "low"]
 #: Bits of the status word of a drive on a card.
 ENABLED: Final = 1  #: its enable line is active
 LIMITED: Final = 2  #: the last setpoint lay beyond its range and was clipped
-SATURATED: Final = 4  #: the monitor stands at a rail of the card
-READY: Final = 8  #: it says so by its ready output; set where none is wired
-ONE_SHOT: Final = 16  #: the one-shot lets the enable line through; set where there is none
+SATURATED: Final = 4  #: the monitor is at a rail of the card
+READY: Final = 8  #: its ready output is up; set if none is wired
+ONE_SHOT: Final = 16  #: the one-shot lets the enable line through; set if there is none
 
 
 class AnalogDriveConfig(DriverConfig):
@@ -125,7 +125,7 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
         """Return what is wrong with the drive at rest: it reports a fault, or its monitor does."""
         self.link.sample()
         reasons = []
-        if not self._says_ready():
+        if not self._reports_ready():
             reasons.append(
                 f"the drive is not ready (digital input {self.config.ready_input}): "
                 "see its LED, its supply, and 'ready_active'"
@@ -146,14 +146,14 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
         return self.link.prove_one_shot()
 
     def arm(self) -> None:
-        """Set 0 V and enable; :meth:`ready` once the drive says so."""
+        """Set 0 V and enable; :meth:`ready` once the drive reports it."""
         self._enabled = False
         self._armed = True
         self.link.set_volts(self.config.set_output, 0.0)
         self._set_enable(active=True)
 
     def ready(self) -> bool:
-        """Return whether the drive is enabled and says that it is ready."""
+        """Return whether the drive is enabled and reports ready."""
         return self._enabled
 
     def make_safe(self) -> None:
@@ -187,7 +187,7 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
         status = LIMITED if self._limited else 0
         if volts <= card.lowest_volts or volts >= card.highest_volts:
             status |= SATURATED
-        if self._says_ready():
+        if self._reports_ready():
             status |= READY
         if card.one_shot_up or not config.behind_one_shot:
             status |= ONE_SHOT
@@ -196,7 +196,7 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
             self._check_enabled(status)
         return (volts - config.monitor_zero) * self._units_per_volt, volts, status
 
-    def _says_ready(self) -> bool:
+    def _reports_ready(self) -> bool:
         line = self.config.ready_input
         if line is None:
             return True

@@ -30,7 +30,7 @@ STALL_NS: Final = 50_000_000
 #: Error frames in a row, with no good frame between, after which the bus is given up: as many as
 #: make a transmitter error passive (CAN 2.0, error counter 128 by steps of 8).
 ERRORS_IN_A_ROW: Final = 16
-#: Nobody's heartbeats are further apart than we listen at least, in s.
+#: Shortest time for which the bus is listened to; no node sends heartbeats further apart, in s.
 _SHORTEST_LISTENING_S: Final = 0.1
 
 
@@ -103,7 +103,7 @@ class CanBus(Link):
 
     @classmethod
     def read_sheet(cls, path: Path) -> DeviceSheet:
-        """Return what the EDS or DCF at ``path`` says; see :class:`~rigd.sdk.Link`."""
+        """Return the content of the EDS or DCF at ``path``; see :class:`~rigd.sdk.Link`."""
         from rigd_drivers.canopen.sheet_view import describe
 
         return describe(path)
@@ -153,7 +153,7 @@ class CanBus(Link):
             port.close()
 
     def claim(self, node: int, owner: str) -> None:
-        """Note that ``owner`` speaks for node ``node``.
+        """Note that ``owner`` commands node ``node``.
 
         Raises:
             ProtocolError: another device of the rig file does.
@@ -203,7 +203,7 @@ class CanBus(Link):
                 f"{self.name} is flooded: {flooding}",
                 hint="switch that node off or correct its PDO transmission type",
             )
-        if paused:  # last, so that what nodes said meanwhile counts no more
+        if paused:  # last, so that frames received meanwhile count no more
             for action in self._resume.values():
                 action()
 
@@ -274,7 +274,7 @@ class CanBus(Link):
     def wait(self, until: Callable[[], bool], timeout_s: float) -> bool:
         """Take in frames until ``until()``, at most ``timeout_s``; return whether it came true.
 
-        Sends heartbeats meanwhile where :attr:`beating`.
+        Sends heartbeats meanwhile if :attr:`beating`.
 
         Raises:
             LinkError: the bus is lost, or has a second master.
@@ -380,7 +380,7 @@ class CanBus(Link):
     def _rival(self, does: str) -> LinkError:
         return LinkError(
             f"another rigd (or CANopen master) drives {self.name}: it {does}",
-            hint="stop it; where a device is meant to send SYNC, set `sync: false` on the link",
+            hint="stop it; if a device is meant to send SYNC, set `sync: false` on the link",
         )
 
     def _stuck(self, why: Full) -> LinkError:

@@ -26,7 +26,7 @@ _TWIN_S: Final = 0.02
 #: the last reply, in s.
 _SCAN_PAUSE_S: Final = 0.001
 _SCAN_END_S: Final = 0.05
-#: What we tell nodes to send their heartbeat at, in ms.
+#: Heartbeat interval that is written to nodes, in ms.
 HEARTBEAT_MS: Final = 100
 #: Five heartbeats missed in a row are no stall, in ns.
 _HEARTBEAT_LOST_NS: Final = 5 * HEARTBEAT_MS * 1_000_000
@@ -45,7 +45,7 @@ class Node:
         self._sheet = sheet
         self._beside_sheet: set[Entry] = set()  #: what the node has though its sheet may not
         self.identity = ""
-        self.state: nmt.State | None = None  #: what its last heartbeat said
+        self.state: nmt.State | None = None  #: the state in its last heartbeat
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
         self.sdo_timeout_s = SDO_TIMEOUT_S
         self._replies: deque[bytes] = deque(maxlen=16)
@@ -91,24 +91,24 @@ class Node:
         if serial is not None and number != serial:
             raise ProtocolError(
                 f"{self} has serial number {number}, the rig file expects {serial}",
-                hint="another exemplar stands there: check its calibration, then correct `serial`",
+                hint="another device is there: check its calibration, then correct `serial`",
             )
         self.identity = self._identify(number)
         self.ensure(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)
 
     def start(self) -> None:
-        """Make the node operational; from now on it heeds and sends PDOs.
+        """Make the node operational; from now on it receives and sends PDOs.
 
         Raises:
-            ProtocolError: its heartbeat does not say so.
+            ProtocolError: its heartbeat does not show it.
 
         """
         self.state = None
         self._order(nmt.Command.START)
         if not self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_S):
-            said = self._said()
+            shown = self._shown()
             raise ProtocolError(
-                f"{self} is not operational {_START_S:g} s after it was told to: {said}",
+                f"{self} is not operational {_START_S:g} s after the command: {shown}",
                 hint="look at its error history (object 1003) with the maker's tool",
             )
         self._restarted = False
@@ -121,7 +121,7 @@ class Node:
         self._claimed = False
         self.bus.release(self.node_id)
         if self.bus.is_open:
-            with suppress(LinkError):  # the bus is lost: the node hears nothing from us anyway
+            with suppress(LinkError):  # the bus is lost: the node gets nothing from us anyway
                 self._order(nmt.Command.PRE_OPERATIONAL)
 
     def called(self, entry: Entry) -> str:
@@ -148,7 +148,7 @@ class Node:
             raise ProtocolError(f"{self}: {error}") from error
 
     def read_optional(self, entry: Entry) -> int | None:
-        """Return the value of ``entry``, of whatever length; None if the node has no such entry.
+        """Return the value of ``entry``, of any length; None if the node has no such entry.
 
         Raises:
             LinkError, ProtocolError: see :meth:`read`.
@@ -228,7 +228,8 @@ class Node:
     def watch(self, *, forgive_silence: bool) -> None:
         """Raise what the node has reported since the last cycle; once per cycle.
 
-        ``forgive_silence`` overlooks what the node says because we fell silent before the cycle.
+        ``forgive_silence`` ignores what the node reports because heartbeats paused before the
+        cycle.
 
         Raises:
             DeviceError: it reports an emergency, has restarted, or fell silent.
@@ -258,7 +259,7 @@ class Node:
             )
         if self._halted >= _HALTED_HEARTBEATS:
             raise DeviceError(
-                f"{self} is no longer operational, its heartbeat says: {self._said()}",
+                f"{self} is no longer operational, its heartbeat shows: {self._shown()}",
                 hint="its watchdog acted because this computer stalled, or another master "
                 "stopped it",
             )
@@ -275,7 +276,7 @@ class Node:
 
     # -- within --------------------------------------------------------------------------------
 
-    def _said(self) -> str:
+    def _shown(self) -> str:
         return "no heartbeat" if self.state is None else self.state.name.lower()
 
     def _order(self, command: nmt.Command) -> None:
@@ -345,7 +346,7 @@ class Node:
             text = self._upload(*objects.DEVICE_NAME).rstrip(b"\0").decode("ascii", "replace")
         except sdo.Aborted as error:
             if error.code not in sdo.MISSING:
-                raise ProtocolError(f"{self} does not tell its name (1008): {error}") from error
+                raise ProtocolError(f"{self} does not report its name (1008): {error}") from error
             text = "unnamed"
         found = [
             self.read_optional(entry)
@@ -401,7 +402,7 @@ def scan(bus: CanBus) -> Sequence[int]:
 
 
 #: What to do about a refusal.
-_LOOK_UP: Final = "its manual says when it refuses so; switch it off and on, then try again"
+_LOOK_UP: Final = "its manual states when it refuses so; switch it off and on, then try again"
 _REFUSALS: Final = {
     0x06020000: "its firmware lacks what this driver needs: update it, or use another driver",
     0x06040041: "its firmware cannot map this object to a PDO: update it",
@@ -415,4 +416,4 @@ _REFUSALS: Final = {
 def _advice(emergency: emcy.Emergency) -> str:
     if emergency.code in emcy.MASTER_SILENT:
         return "the cycle stalled for longer than `watchdog`; see `rigd doctor`"
-    return "its manual says what the code means; the next run resets it once the cause is gone"
+    return "its manual explains the code; the next run resets it once the cause is gone"

@@ -29,7 +29,7 @@ Frame = tuple[int, bytes]
 HUB: Final = "hub"
 SOCKETCAN: Final = "socketcan"
 
-#: ``CAN_RAW_ERR_FILTER``, linux/can/raw.h; not every build of Python knows it.
+#: ``CAN_RAW_ERR_FILTER``, linux/can/raw.h; not every build of Python has it.
 _ERROR_FILTER: Final = 2
 #: ``CAN_ERR_MASK``: every class of error frame, linux/can.h.
 _ALL_ERRORS: Final = 0x1FFF_FFFF
@@ -144,7 +144,7 @@ class SocketPort(Port):
 
 
 class LibraryPort(Port):
-    """An adapter that python-can knows, used without its threads."""
+    """An adapter that python-can supports, used without its threads."""
 
     def __init__(self, bus: can.BusABC, message: type[can.Message], name: str) -> None:
         from can import CanError

@@ -18,7 +18,7 @@ from rigd_drivers.canopen.pdo import Pdo
 from rigd_drivers.canopen.sheet import Sheet, read_sheet
 
 #: What to do when device and EDS disagree.
-WRONG_EDS = "correct `eds`, or leave it out where the maker's file is wrong"
+WRONG_EDS = "correct `eds`, or leave it out if the maker's file is wrong"
 
 
 class NodeConfig(DriverConfig):
@@ -64,7 +64,7 @@ class Plan:
 
 
 def contradictions(config: NodeConfig, link: LinkConfig | None, plan: Plan) -> list[str]:
-    """Return what the EDS says against ``plan`` on ``link``, a sentence each."""
+    """Return what in the EDS contradicts ``plan`` on ``link``, a sentence each."""
     sheet = config.sheet()
     if sheet is None:
         return []

@@ -15,7 +15,7 @@ from rigd.sdk import Link
 class Card(Link):
     """A card with analogue inputs and outputs, encoder counters and digital lines.
 
-    Drivers say in ``open`` what they use; from then on :meth:`begin` takes it all in at one
+    Drivers declare in ``open`` what they use; from then on :meth:`begin` takes it all in at one
     moment, and :meth:`end` puts out together what they have set. What has been taken in stands in
     ``volts``, ``counts``, ``indexes`` and ``lines``.
     """
@@ -27,7 +27,7 @@ class Card(Link):
 
     #: The card as it names itself, once open.
     identity: str
-    #: Analogue inputs in V, by input; NaN where not used.
+    #: Analogue inputs in V, by input; NaN if not used.
     volts: list[float]
     #: Encoder counters as they stand in the card (unsigned, ``count_bits`` wide), by encoder.
     counts: list[int]
@@ -40,7 +40,7 @@ class Card(Link):
     sampled_ns: int
     #: Longest time that the external one-shot stays up without :meth:`end`, in s; None: no such.
     one_shot_s: float | None
-    #: Whether the one-shot was up when the lines were taken in; True where there is none.
+    #: Whether the one-shot was up when the lines were taken in; True if there is none.
     one_shot_up: bool
 
     @abstractmethod

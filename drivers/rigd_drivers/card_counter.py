@@ -68,5 +68,5 @@ class EncoderCounter:
             f"encoder {self.encoder} jumped by {step} counts in {elapsed_ns * 1e-6:.3g} ms; "
             f"at most {self._per_ns * 1e9:g} count/s are motion",
             hint="its counter was reset or its signal broke off: check cable and supply, and bring "
-            "the rig to its zero before the next run; where it can be so fast, raise 'fastest'",
+            "the rig to its zero before the next run; if it can be so fast, raise 'fastest'",
         )

@@ -30,7 +30,7 @@ from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Low word of 1000h.
 _PROFILE: Final = 406
-#: Object 6004 has 32 bits; an encoder that does not tell its range uses them all.
+#: Object 6004 has 32 bits; an encoder that does not report its range uses them all.
 _WHOLE_OBJECT: Final = 1 << 32
 #: Options that only one kind has.
 _OPTIONS: Final = {
@@ -45,17 +45,17 @@ class EncoderConfig(NodeConfig):
     kind: Literal["rotary", "linear"]
     """Whether it gives an angle or a position."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)] | None = None
-    """Rotary: counts per revolution of its shaft; none: as it says (object 6501)."""
+    """Rotary: counts per revolution of its shaft; none: as it reports (object 6501)."""
     gear_ratio: Annotated[float, In("1"), Gt(0)] = 1.0
     """Rotary: turns of its shaft per turn of what is measured."""
     distance_per_count: Annotated[float, In("m/count"), Gt(0)] | None = None
     """Linear: travel per count."""
     bits: Annotated[int, Ge(8), Le(32)] | None = None
-    """The position (object 6004) rolls over after so many bits: 16, 24, 32; none: as it says."""
+    """The position (object 6004) rolls over after so many bits: 16, 24, 32; none: as it reports."""
     inverted: bool = False
     """Whether counting up is the rig's negative direction."""
     zero: Annotated[float, In("count")] | None = None
-    """Count at zero, of an absolute encoder; none: where the rig is opened, as of incremental."""
+    """Count at zero, of an absolute encoder; none: that at opening, as for incremental."""
 
     @model_validator(mode="after")
     def _only_options_of_the_kind(self) -> Self:
@@ -99,7 +99,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
 
     @classmethod
     def contradictions(cls, config: EncoderConfig, link: LinkConfig | None) -> Sequence[str]:
-        """Return what the EDS says against this encoder on ``link``."""
+        """Return what in the EDS contradicts this encoder on ``link``."""
         writes = [(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)]
         tpdos = [_position_pdo(config.node)]
         plan = Plan(_PROFILE, [objects.ENCODER_POSITION], writes, tpdos)
@@ -141,7 +141,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
     def read(self, t_ns: int) -> AngleRow | PositionRow | None:
         """Return angle in rad or position in m, counts, and the node's NMT state (5: operational).
 
-        None where nothing answered the SYNC of the cycle before.
+        None if nothing answered the SYNC of the cycle before.
 
         Raises:
             DeviceError: the node reports an emergency, has restarted, or fell silent.
@@ -194,7 +194,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         if bits is not None and reported != 1 << bits:
             raise ProtocolError(
                 f"{node} counts {steps} steps (object 6501) x {turns} revolutions (6502), that is "
-                f"{math.log2(reported):.6g} bits; the rig file says {bits}",
+                f"{math.log2(reported):.6g} bits; the rig file has {bits}",
                 hint="leave `bits` out, or correct it",
             )
         return reported
@@ -205,14 +205,14 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         if not reported:
             if given is None:
                 raise ProtocolError(
-                    f"{node} does not tell its resolution (object 6501)",
+                    f"{node} does not report its resolution (object 6501)",
                     hint="give `counts_per_revolution`, from its data sheet",
                 )
             return given
         found = reported / (2 * math.pi)
         if given is not None and abs(found / given - 1) > 1e-6:
             raise ProtocolError(
-                f"{node} has {reported} counts per revolution (object 6501), the rig file says "
+                f"{node} has {reported} counts per revolution (object 6501), the rig file has "
                 f"{given * 2 * math.pi:.6g}",
                 hint="correct `counts_per_revolution`, or the encoder's setting",
             )

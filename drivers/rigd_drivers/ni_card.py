@@ -76,7 +76,7 @@ class NiCard:
         return self._nidaqmx.errors
 
     def open(self) -> str:
-        """Find the card, and return what it says it is.
+        """Find the card, and return how it identifies itself.
 
         Raises:
             LinkError: NI-DAQmx, its server or the card is not there.
@@ -87,7 +87,7 @@ class NiCard:
             return self._identify()
 
     def connect(self) -> None:
-        """Reach NI-DAQmx, whatever card it has.
+        """Reach NI-DAQmx, with any card.
 
         Raises:
             LinkError: NI-DAQmx or its server is not there.
@@ -97,7 +97,7 @@ class NiCard:
             self._connect()
 
     def close(self) -> None:
-        """Let go of the connection; its tasks are closed before. Closing twice is silent."""
+        """Release the connection; its tasks are closed before. Closing twice is silent."""
         server, self._server, self._calls = self._server, None, None
         if server is not None:
             server.close()
@@ -127,7 +127,7 @@ class NiCard:
 
     @contextmanager
     def doing(self, doing: str) -> Iterator[None]:
-        """Raise what NI raises as an error of rigd's own, which says what could not be done."""
+        """Raise what NI raises as an error of rigd's own, which names what could not be done."""
         try:
             yield
         except self.errors.Error as error:
@@ -150,7 +150,7 @@ class NiCard:
         self._calls = _with_deadline(self._server, self._call_s or CALL_S)
 
     def _options(self, session: str, *, attach: bool = False) -> Any:
-        """Return how to reach the server's session; None where NI-DAQmx is on this machine."""
+        """Return how to reach the server's session; None if NI-DAQmx is on this machine."""
         if self._server is None:
             return None
         from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior

@@ -21,7 +21,7 @@ SHARED: Final = 0.5
 
 
 def refuse_same_file(paths: Sequence[Path]) -> None:
-    """Refuse a file that is given twice, by whatever path.
+    """Refuse a file that is given twice, by any path.
 
     Raises:
         DataError: it is.
@@ -30,8 +30,8 @@ def refuse_same_file(paths: Sequence[Path]) -> None:
     for path in paths:
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
-            said = f"{path} is given twice" if path == first else f"{path} and {first} are one file"
-            raise DataError(said, hint="give it once: the same samples twice are no new evidence")
+            text = f"{path} is given twice" if path == first else f"{path} and {first} are one file"
+            raise DataError(text, hint="give it once: the same samples twice are no new evidence")
 
 
 def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:

@@ -39,7 +39,7 @@ class Corrections:
 
 
 def corrected(sweep: RecordedSweep, corrections: Corrections) -> RecordedSweep:
-    """Return ``sweep`` with what ``corrections`` say; its ``corrections`` list what differs.
+    """Return ``sweep`` with ``corrections`` applied; its ``corrections`` list what differs.
 
     Raises:
         ConfigError: a name is unknown, a quantity is wrong or of another kind, or the procedure

@@ -113,9 +113,18 @@ def diagnose(
         others.append(_as_good(new, best))
         chosen.append(_refined(scores, best))
         found = _refitted(system, found, chosen, candidates, starts, block)
-    told = tuple(_explanation(found, chosen, index, others[index]) for index in range(len(chosen)))
+    explained = tuple(
+        _explanation(found, chosen, index, others[index]) for index in range(len(chosen))
+    )
     return Diagnosis(
-        found, told, tuple(left), state.levels, state.worst, state.trials, state.band, state.jump
+        found,
+        explained,
+        tuple(left),
+        state.levels,
+        state.worst,
+        state.trials,
+        state.band,
+        state.jump,
     )
 
 
@@ -229,7 +238,7 @@ def _refitted(
 
 
 def _sizes(found: OutputErrorFit, chosen: Sequence[Tested]) -> FloatArray:
-    """Return where the added values begin: as fitted before, the last as its test has it."""
+    """Return the starts of the added values: as fitted before, the last as its test has it."""
     system = found.model.system
     before = (
         found.fit.theta[system.own : system.own + len(system.added)]

@@ -69,7 +69,7 @@ def open_sweeps(
     Raises:
         RecordingError: a file cannot be read.
         ConfigError: a correction is wrong.
-        DataError: a file says nothing to identify, or is there twice or beside a copy of itself.
+        DataError: a file has no plan to identify, or is there twice or beside a copy of itself.
     """
     refuse_same_file(paths)
     sweeps = [open_sweep(path) for path in paths]
@@ -99,7 +99,7 @@ def evaluate_sweeps(
 
 
 def _check_options(model: str, analysis: type[Analysis], options: Options) -> None:
-    """Refuse an option that the analysis would not heed.
+    """Refuse an option that the analysis does not use.
 
     Raises:
         ConfigError: there is one.

@@ -20,7 +20,7 @@ from rigd.model.errors import DataError
 
 MAX_ITERATIONS = 60  #: starts that need more crawl along a ridge the data do not resolve
 RELATIVE_DECREASE = 1e-12
-STEP_TOLERANCE = 1e-9  #: in scaled coordinates, where one is a factor e
+STEP_TOLERANCE = 1e-9  #: in scaled coordinates, in which one is a factor e
 DAMPING = 1e-3  #: of the first step
 TRUSTED = 1e-4  #: a step with more damping may be short far from the optimum
 REJECTED = 1e-6  #: least damping behind a step that was refused
@@ -81,7 +81,7 @@ class Fit:
     evaluations: int
     converged: bool
     weights: FloatArray | None = None
-    information: FloatArray | None = None  #: (p, p), scaled, where the last step began
+    information: FloatArray | None = None  #: (p, p), scaled, at the begin of the last step
 
 
 def fit(

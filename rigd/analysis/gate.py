@@ -24,27 +24,27 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
 
     ``labels`` (trials,) name the trials, whose samples are ``period_s`` apart.
     """
-    told = diagnosis.explanations
+    explained = diagnosis.explanations
     unexplained = _unexplained(diagnosis, labels)
-    contradicted = [item for item in told if abs(item.pull) > CONTRADICTED]
-    laws = [item for item in told if item.meaning is Meaning.LAW]
-    sentences = [sentence(item) for item in told]
+    contradicted = [item for item in explained if abs(item.pull) > CONTRADICTED]
+    laws = [item for item in explained if item.meaning is Meaning.LAW]
+    sentences = [sentence(item) for item in explained]
     left = _left(diagnosis, labels, period_s)
     findings = tuple([*unexplained, *sentences, *left][:MOST])
     if contradicted and not unexplained:
         text = (
             f"The model does not fit these data as the rig is stated: {sentence(contradicted[0])}"
         )
-        return Gate(FitOutcome.MISFIT, text, findings, told)
+        return Gate(FitOutcome.MISFIT, text, findings, explained)
     if unexplained:
         text = f"The model does not fit these data: {unexplained[0]}"
-        return Gate(FitOutcome.MISFIT, text, findings, told)
+        return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
         text = f"The friction is not that of the model: these data show {sentence(laws[0])}"
-        return Gate(FitOutcome.MISFIT, text, findings, told)
-    if told:
+        return Gate(FitOutcome.MISFIT, text, findings, explained)
+    if explained:
         text = f"The model fits these data with {sentences[0]}"
-        return Gate(FitOutcome.CORRECTED, text, findings, told)
+        return Gate(FitOutcome.CORRECTED, text, findings, explained)
     if left:
         text = f"The model fits these data nearly; the intervals are widened: {left[0]}"
         return Gate(FitOutcome.CORRECTED, text, findings)
@@ -52,7 +52,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
 
 
 def sentence(item: Explanation) -> str:
-    """Return what explains a misfit, its size, and what to look at."""
+    """Return what explains a misfit, its size, and what to check."""
     unit = "" if item.unit == "1" else f" {item.unit}"
     size = f"{item.size:.4g}"
     sd = f" ± {item.sd:.1g}"
@@ -79,7 +79,7 @@ def _typed(item: Explanation) -> str:
 
 
 def _unexplained(diagnosis: Diagnosis, labels: Sequence[str]) -> list[str]:
-    """Return a sentence on each output that is off by more than noise, whatever was added."""
+    """Return a sentence on each output that is off by more than noise, with all that was added."""
     found = []
     outputs = diagnosis.fit.model.system.outputs
     for output, level, worst, trial in zip(

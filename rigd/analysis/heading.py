@@ -1,6 +1,6 @@
 """Makes the heading of a report: rig, procedure, recordings, dates, operator, notes and lost rows.
 
-If recordings are simulated, the heading says so.
+If recordings are simulated, the heading states it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _OF: Final = {
     "file name": (" (by its file name)", " (by their file names)"),
     "file": (" (date of the file)", " (dates of the files)"),
 }
-#: What a heading says of itself: a name of `--meta` that is one of these is marked as such.
+#: Names that the heading has itself: a name of `--meta` that is one of these is marked as such.
 _OWN: Final = frozenset({"rig", "procedure", "recording", "recordings", "recorded", "operator"})
 #: So many recordings are named; of more, how many there are.
 _NAMED: Final = 6
@@ -36,7 +36,7 @@ def heading(infos: Sequence[RunInfo], made: datetime | None = None) -> Heading:
 
 
 def _badge(infos: Sequence[RunInfo]) -> str:
-    """Return in words that data are simulated; nothing where real devices gave all of them."""
+    """Return in words that data are simulated; nothing if real devices gave all of them."""
     simulated = [info for info in infos if info.mode.startswith("simulated")]
     if not simulated:
         return ""
@@ -50,20 +50,20 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     named = [info.path.name for info in infos]
     files = ", ".join(named) if len(named) <= _NAMED else f"{len(named)}, named under Provenance"
     several = len(infos) > 1
-    yield from _said("Rig", (info.rig for info in infos))
-    yield from _said("Procedure", (info.procedure for info in infos))
+    yield from _line_of("Rig", (info.rig for info in infos))
+    yield from _line_of("Procedure", (info.procedure for info in infos))
     yield ("Recordings" if several else "Recording", files)
-    yield from _said("Recorded", [_recorded(infos)])
-    yield from _said("Operator", (_operator(info) for info in infos))
+    yield from _line_of("Recorded", [_recorded(infos)])
+    yield from _line_of("Operator", (_operator(info) for info in infos))
     keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
     for key in keys:
         name = f"{key} (--meta)" if key.casefold() in _OWN else key
-        yield from _said(name, (info.metadata.get("meta", {}).get(key, "") for info in infos))
+        yield from _line_of(name, (info.metadata.get("meta", {}).get(key, "") for info in infos))
     yield "Report made", (made or datetime.now(UTC)).astimezone(UTC).strftime(_DATE)
 
 
-def _said(name: str, texts: Iterable[str]) -> Iterable[tuple[str, str]]:
-    """Yield what the recordings say, each text once; nothing where none says anything."""
+def _line_of(name: str, texts: Iterable[str]) -> Iterable[tuple[str, str]]:
+    """Yield the texts of the recordings, each once; nothing if there are none."""
     found = [text for text in dict.fromkeys(texts) if text]
     if found:
         yield name, _some(found, "; ")

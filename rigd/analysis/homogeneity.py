@@ -27,7 +27,7 @@ LEAST_SHARE = 1e-9  #: of an offset's information that no other parameter takes
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """What a score test says: ``size`` (g,) in scaled coordinates is what a first step gives."""
+    """Result of a score test: ``size`` (g,) in scaled coordinates is what a first step gives."""
 
     statistic: float
     p_value: float

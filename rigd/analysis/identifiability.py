@@ -28,7 +28,7 @@ class Evidence:
     ``bound`` is the end of the box the estimate sits on, if any. ``bias`` is a sentence on a bias
     that the method is known to have for this parameter, empty if none. ``allowed`` is the range
     that the parameter may have at all: an end that reaches it is open, since the data did not stop
-    it. ``wider`` says what keeps an interval wide or open that a profile alone would close, and
+    it. ``wider`` names what keeps an interval wide or open that a profile alone would close, and
     ``data_log_sd`` is the standard deviation of the logarithm that the data alone leave.
     """
 
@@ -44,7 +44,7 @@ class Evidence:
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
-        """Return ``low`` and ``high`` within ``allowed``, None where the data do not stop them."""
+        """Return ``low`` and ``high`` within ``allowed``, None if the data do not stop them."""
         least, most = self.allowed
         low = None if self.low is None or self.low <= least else self.low
         high = None if self.high is None or self.high >= most else self.high
@@ -52,9 +52,9 @@ class Evidence:
 
     @property
     def log_sd(self) -> float:
-        """Return the standard deviation of the logarithm; infinite where the data give none.
+        """Return the standard deviation of the logarithm; infinite if the data give none.
 
-        That is where an end is open, and where the bound or a refit that never moves decided.
+        That is if an end is open, and if the bound or a refit that never moves decided.
         """
         low, high = self.ends
         if low is None or high is None or self.bound is not None or high <= low:
@@ -72,7 +72,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
     """Return the verdict and the reason for it.
 
     Not identifiable: on a bound, an open end, or a standard deviation of the logarithm above 0.35;
-    by this method, where the data alone would leave less.
+    by this method, although the data alone would leave less.
     """
     (low, high), unit = evidence.ends, _unit(evidence.unit)
     wider = f" {evidence.wider}" if evidence.wider else ""
@@ -93,7 +93,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
     if high <= low:
         return (
             Verdict.UNIDENTIFIABLE,
-            f"Every refit ends at {low:.3g}{unit} whatever the data say: they did not decide.",
+            f"Every refit ends at {low:.3g}{unit} with any data: they did not decide.",
         )
     spread = log_sd(low, high)
     if spread > UNIDENTIFIABLE_LOG_SD:
@@ -138,7 +138,7 @@ class Advice:
     def remaining(self, log_sd: float, method_sd: float) -> float:
         """Return the standard deviation left of ``log_sd`` when the test is added.
 
-        The part that comes from the method, ``method_sd``, stays whatever is recorded.
+        The part that comes from the method, ``method_sd``, stays with any recording.
         """
         if not math.isfinite(log_sd):
             return math.inf

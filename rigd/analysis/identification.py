@@ -4,7 +4,7 @@ The author of a model gives its residuals with derivatives (:class:`rigd.analysi
 words for its parameters, and how its trials and its curve are drawn. The interval of a parameter
 joins two contributions in quadrature, on each side by itself:
 
-- chance: the profile likelihood, or the jackknife over whole trials where that is wider;
+- chance: the profile likelihood, or the jackknife over whole trials if that is wider;
 - method: how far the parameter moves when the data are processed in other ways.
 """
 
@@ -55,7 +55,7 @@ _MOVED: Final = "(The choice of the processing moves it that far.)"
 
 
 class ParameterWords(Protocol):
-    """What a report says of a parameter; ``advice`` is the excitation that would show it."""
+    """What a report states on a parameter; ``advice`` is the excitation that would show it."""
 
     @property
     def symbol(self) -> str:
@@ -72,7 +72,7 @@ class ParameterWords(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FittedSubject:
-    """A model with all that a report says and draws of it.
+    """A model with all that a report states and draws of it.
 
     ``curve`` returns the characteristic with its band, ``trials`` (given the natural parameters)
     measured and fitted output. ``block_s`` is the longest correlation of the residuals that is

@@ -27,7 +27,7 @@ class Scaling(Enum):
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A fitted parameter with its box; ``start`` is where the first start begins, in ``unit``."""
+    """A fitted parameter with its box; the first start begins at ``start``, in ``unit``."""
 
     name: str
     unit: str
@@ -79,14 +79,14 @@ class Model(Protocol):
 
     @property
     def trial_slices(self) -> tuple[slice, ...]:
-        """Return where each trial stands in the stacked residual, in time order."""
+        """Return the place of each trial in the stacked residual, in time order."""
 
     @property
     def mask(self) -> FloatArray:
-        """Return (n,) of 1 where a sample enters the cost and 0 where it does not."""
+        """Return (n,) of 1 if a sample enters the cost and 0 if it does not."""
 
     def residuals(self, theta: FloatArray) -> FloatArray:
-        """Return the stacked residuals (n,), also where the mask is 0."""
+        """Return the stacked residuals (n,), also if the mask is 0."""
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
         """Return d(residuals)/d(theta), (n, p)."""
@@ -119,7 +119,7 @@ def fitted_point(
     moved: Sequence[FloatArray],
     accepted: FloatArray,
 ) -> FittedPoint:
-    """Return where a fit ended, ``theta`` (p,) natural, for the JSON object of a result.
+    """Return the end of a fit, ``theta`` (p,) natural, for the JSON object of a result.
 
     ``covariance`` (p, p) is in scaled coordinates. ``moved`` are the natural parameters (p,) under
     other choices of the method, ``accepted`` (m, p) those that profiles accept: of these the ends

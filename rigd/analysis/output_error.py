@@ -5,8 +5,8 @@ the outputs with their exact sensitivities. Three kinds of unknowns are fitted t
 
 - free parameters, which only the data determine;
 - constants with an uncertainty u: each adds the residual (value - stated value) / u, so that the
-  data may correct what they know better, and what they do not know widens the interval;
-- local values of each trial (where a position begins between two counts, an initial bristle).
+  data may correct what they determine better, and what is left open widens the interval;
+- local values of each trial (the begin of a position between two counts, an initial bristle).
 
 Noise of the input makes the residuals of a simulated output drift, which plain least squares would
 take for information. The residuals are whitened by the Kalman filter of the small deviations from
@@ -271,7 +271,7 @@ Branch = tuple[OutputErrorModel, Fit]
 
 @dataclass(frozen=True, eq=False)
 class OutputErrorFit:
-    """Where the fit ended and how far it may be off; matrices (p, p) in scaled coordinates.
+    """The end of the fit and how far it may be off; matrices (p, p) in scaled coordinates.
 
     ``covariance`` is the sandwich, of which ``from_data`` is the part of the noise; ``pulls`` (p,)
     is by how many of its own uncertainties each constant was moved, 0 for a free parameter.
@@ -331,7 +331,7 @@ def estimate(system: System, starts: Sequence[FloatArray], block: int) -> Output
 
 
 def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputErrorFit:
-    """Return the fit that goes on from ``theta`` (p,), a better point than the end of ``found``."""
+    """Return the fit continued from ``theta`` (p,), a better point than the end of ``found``."""
     model, best = found.model, _fit(found.model, theta, ROUGH)
     for enough in (ROUGH, ENOUGH):
         model, best = _reweighted(model, best, enough)
@@ -339,7 +339,7 @@ def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputError
 
 
 def _ranked(system: System, starts: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return where ``starts`` lead on a few of the trials, the best first, each optimum once.
+    """Return the optima of ``starts`` on a few of the trials, the best first, each once.
 
     Raises:
         DataError: the cost is not finite at any start.
@@ -417,7 +417,7 @@ def _fit(model: OutputErrorModel, start: FloatArray, enough: float, damping: flo
 def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
     """Return ``best`` with its covariance from block sums of the scores.
 
-    The scores of innovations add up as the information says. If block sums vary more, the model
+    The scores of innovations add up as in the information. If block sums vary more, the model
     leaves something that remembers, and they count; that they vary less by chance never does. A
     parameter on its bound is taken as free: held, it would lend the others a certainty that the
     data do not have.

@@ -27,7 +27,7 @@ from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTab
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
-#: What the verdict adds, said once below the table instead of in every row.
+#: What the verdict adds, given once below the table instead of in every row.
 FROM_HERE: Final = " from this excitation"
 
 Trials = Sequence[tuple[RecordedSweep, TrialInfo]]
@@ -58,7 +58,7 @@ class Group:
 
     @property
     def reference_label(self) -> str:
-        """Where the published values are from."""
+        """Origin of the published values."""
         return self.trials[0][0].plan.reference_label
 
 
@@ -93,7 +93,7 @@ class ParameterEvaluation(Evaluation):
 
     @property
     def fits(self) -> bool:
-        """Whether the model fits in all groups, as far as its method can say."""
+        """Whether the model fits in all groups, as far as its method can judge."""
         gates = [section.result.gate for section in self.sections]
         return all(gate is None or gate.outcome is not FitOutcome.MISFIT for gate in gates)
 
@@ -104,7 +104,7 @@ class ParameterEvaluation(Evaluation):
 
     @property
     def heading(self) -> Heading:
-        """Where the data are from."""
+        """Origin of the data."""
         return self.provenance.heading
 
     @classmethod
@@ -169,7 +169,7 @@ class ParameterEvaluation(Evaluation):
             )
         advised: dict[str, list[str]] = {}
         for row in rows:
-            # The first sentence says what to do; the report has the rest.
+            # The first sentence is the advice; the report has the rest.
             if row.advice:
                 first = row.advice.partition(". ")[0].rstrip(".")
                 advised.setdefault(first, []).append(f"{row.name} ({row.section})")
@@ -178,11 +178,11 @@ class ParameterEvaluation(Evaluation):
             paragraphs.append("\n".join(["what would help:", *lines]))
         for section in self.sections:
             used, left_out = len(section.result.trials), section.result.preprocessing.rejected
-            told = [f"{section.label}: {used} of {used + len(left_out)} trials used"]
+            lines = [f"{section.label}: {used} of {used + len(left_out)} trials used"]
             if account := section.result.preprocessing.rows_in_words:
-                told.append(f"  {account}")
-            told += [f"  {warning}" for warning in section.result.warnings]
-            paragraphs.append("\n".join(told))
+                lines.append(f"  {account}")
+            lines += [f"  {warning}" for warning in section.result.warnings]
+            paragraphs.append("\n".join(lines))
         compared = [part for section in self.sections for part in _comparison(section)]
         return (self._table(rows), *paragraphs, *compared)
 
@@ -215,7 +215,7 @@ class ParameterEvaluation(Evaluation):
 
 
 def _comparison(section: ReportSection) -> TerminalReport:
-    """Return which models the data of ``section`` support; nothing where none were compared."""
+    """Return which models the data of ``section`` support; nothing if none were compared."""
     found = section.result.comparison
     if found is None:
         return ()
@@ -264,9 +264,9 @@ def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:
 def groups(
     sweeps: Sequence[RecordedSweep], *, by_recording: bool = False
 ) -> dict[str, list[tuple[RecordedSweep, TrialInfo]]]:
-    """Return the trials by what `group_by` says of them; all under one label without it.
+    """Return the trials by their values of `group_by`; all under one label without it.
 
-    ``by_recording`` tells the recordings apart as well.
+    ``by_recording`` separates the recordings as well.
     """
     found: dict[str, list[tuple[RecordedSweep, TrialInfo]]] = {}
     for sweep in sweeps:
@@ -279,6 +279,6 @@ def groups(
 
 
 def _bridged_facts(sweep: RecordedSweep) -> dict[str, str]:
-    """Return what there is to say of missing and late samples; nothing where there are none."""
+    """Return a note on missing and late samples; nothing if there are none."""
     count = sum(sweep.bridged(trial) for trial in sweep.trials)
     return {"samples that were missing or late, and bridged": str(count)} if count else {}

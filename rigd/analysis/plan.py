@@ -27,7 +27,7 @@ def analysis_of(
 ) -> type[Analysis]:
     """Return the analysis of ``plan``, once the plan gives all that it needs and nothing else.
 
-    ``place`` is where the plan stands in its file, for the error; ``trial_parameters`` are those
+    ``place`` is the plan's place in its file, for the error; ``trial_parameters`` are those
     that the trials have, ``rig`` the one whose channels are the signals, if that is known.
 
     Raises:

@@ -31,7 +31,7 @@ REFIT_ITERATIONS = 12
 FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
 TINY_STEP = 1e-9  #: in scaled coordinates
 LEAST_VARIANCE = 1e-24
-UNDETERMINED_SD = 0.05  #: to begin with, if the information says nothing
+UNDETERMINED_SD = 0.05  #: to begin with, if the information has no value
 FAR_OUT = 20.0  #: root of the statistic that counts at most
 
 
@@ -123,13 +123,13 @@ def follow(
     others: Sequence[FloatArray] = (),
     confidence: float = 0.95,
 ) -> ProfileScan:
-    """Return the profile of ``direction @ scaled`` where it crosses the threshold, in few refits.
+    """Return the profile of ``direction @ scaled`` to the crossing of the threshold, in few refits.
 
-    ``inverse`` (p, p) is that of the information at ``best``. Each refit begins where the model,
-    linearised at the point before, moves the other parameters (Bates and Watts, Nonlinear
-    Regression Analysis, 1988, section 6.1). The first stands where a quadratic would cross; if the
-    signed root of the statistic is there within ``AGREES`` the end is found, else a secant on the
-    root follows. An end stays None when the statistic does not
+    ``inverse`` (p, p) is that of the information at ``best``. Each refit begins at the point that
+    the model, linearised at the point before, moves the other parameters (Bates and Watts,
+    Nonlinear Regression Analysis, 1988, section 6.1). The first stands at the crossing of a
+    quadratic; if the signed root of the statistic is there within ``AGREES`` the end is found, else
+    a secant on the root follows. An end stays None when the statistic does not
     cross within ``limits``. ``others`` are other optima (natural parameters (p,)): if one is
     accepted too, the interval reaches around it.
     """
@@ -166,7 +166,7 @@ class _Point:
 
     @property
     def root(self) -> float:
-        """The root of the statistic, which is straight where the cost is a parabola."""
+        """The root of the statistic, which is straight if the cost is a parabola."""
         return float(np.sqrt(self.statistic))
 
 
@@ -201,7 +201,7 @@ class _Path:
         return np.asarray(moved / variance)
 
     def end(self, begin: _Point, side: int) -> float | None:
-        """Return where the statistic crosses the threshold on ``side`` (-1, 1) of ``begin``."""
+        """Return the crossing of the threshold on ``side`` (-1, 1) of ``begin``."""
         limit = self._limits[0] if side < 0 else self._limits[1]
         inside, reach = begin, min(self._root * self.sd, FURTHEST)
         outside: _Point | None = None
@@ -233,7 +233,7 @@ class _Path:
         return inside.value + self._share(inside, outside) * (outside.value - inside.value)
 
     def refit(self, value: float, start: FloatArray) -> _Point:
-        """Return the best fit that has ``value``; of infinite statistic where there is none."""
+        """Return the best fit that has ``value``; of infinite statistic if there is none."""
         low, high = scaled_bounds(self._model.parameters)
         held = Affine.holding(self._direction, value)
         try:
@@ -265,7 +265,7 @@ class _Path:
 def crossing(
     grid: FloatArray, statistic: FloatArray, threshold: float
 ) -> tuple[float | None, float | None]:
-    """Return where ``statistic`` first and last passes ``threshold``; None where it never does.
+    """Return the first and the last crossing of ``threshold``; None if there is none.
 
     All that lies between the outermost accepted points counts as accepted, also across a hump.
     """

@@ -22,7 +22,7 @@ def provenance(
 ) -> Provenance:
     """Return the provenance of what was identified from ``sweeps``.
 
-    ``trials_used`` counts those of each recording, ``further`` has more to say of each;
+    ``trials_used`` counts those of each recording, ``further`` has more on each;
     ``identification`` is how it was done.
     """
     more = further or [{} for _ in sweeps]
@@ -45,7 +45,7 @@ def provenance(
 
 
 def facts_of(info: RunInfo, further: Mapping[str, str]) -> Facts:
-    """Return what a recording says of itself, with the digest of its file."""
+    """Return the origin that a recording states, with the digest of its file."""
     return Facts(
         info.path.name,
         {

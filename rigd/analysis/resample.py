@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from rigd.model.channels import STALE
 from rigd.model.errors import DataError
 
-#: A stream is averaged where it has at least so many samples to a period; with fewer, the mean
+#: A stream is averaged if it has at least so many samples to a period; with fewer, the mean
 #: would stand up to half a period beside its time.
 LEAST_RATIO: Final = 2.0
 #: Samples that may be missing or late in succession. Bridged by a straight line, a position of
 #: acceleration a is wrong by at most a (n + 1)^2 T^2 / 8: 30 um at 2 m/s^2 and 1 kHz, one count
 #: of the carriage's encoder.
 LONGEST_BRIDGE: Final = 10
-#: Share of the samples of a trial that may be bridged. Noise is smaller where it is.
+#: Share of the samples of a trial that may be bridged. Noise is smaller in bridged samples.
 MOST_BRIDGED: Final = 0.02
-#: A sample belongs to a time of the grid where it is so near, in periods.
+#: A sample belongs to a time of the grid if it is so near, in periods.
 ON_GRID: Final = 0.01
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +32,7 @@ Times = NDArray[np.int64]
 
 
 def period_ns(times: Times) -> float:
-    """Return the usual distance of ``times`` (n,) in ns; infinite where n is below 2.
+    """Return the usual distance of ``times`` (n,) in ns; infinite if n is below 2.
 
     The mean over whole steps: times are rounded to ns, and what the median is off by then adds up
     over a trial.
@@ -69,7 +69,7 @@ def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray
         worst = int(counts.argmin())
         raise DataError(
             f"{counts[worst]} samples stand around {(centres[worst] - centres[0]) * 1e-9:.4f} s, "
-            f"where {ratio:.3g} are usual"
+            f"while {ratio:.3g} are usual"
         )
     level = float(values.mean())  # sums of differences keep their digits
     sums = np.concatenate([[0.0], np.cumsum(values - level)])

@@ -45,7 +45,7 @@ from rigd.model.errors import DataError
 Response = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 _CURVE_POINTS: Final = 60
-#: Fewer samples of a trial say nothing of their scatter.
+#: Fewer samples of a trial do not determine their scatter.
 _FEWEST: Final = 8
 
 
@@ -90,13 +90,13 @@ class ResponseModel:
 
     @cached_property
     def trial_slices(self) -> tuple[slice, ...]:
-        """Where each trial stands in the stacked residual."""
+        """Place of each trial in the stacked residual."""
         ends = np.cumsum([len(trial.t_s) for trial in self.trials]).tolist()
         return tuple(slice(a, b) for a, b in zip([0, *ends], ends, strict=False))
 
     @cached_property
     def mask(self) -> FloatArray:
-        """(n,) of 1 where a sample counts and 0 elsewhere."""
+        """(n,) of 1 if a sample counts and 0 if not."""
         return np.concatenate([trial.used for trial in self.trials]).astype(np.float64)
 
     @cached_property

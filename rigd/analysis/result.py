@@ -35,11 +35,11 @@ class Verdict(Enum):
 class ParameterEstimate:
     """One parameter: ``estimate`` with its interval in ``unit``, and its verdict.
 
-    ``low`` and ``high`` bound the interval at the result's confidence; ``None`` where the data
+    ``low`` and ``high`` bound the interval at the result's confidence; ``None`` if the data
     leave that end open, and both ``None`` when the parameter is not ``identifiable``. Only
-    ``quoted`` is for people: ``estimate`` is where the fit ended, whatever that is worth.
-    ``source`` says where the interval comes from (``"covariance"`` or ``"profile"``).
-    ``standard_error`` is in ``unit``; ``None`` where the curvature carries no information.
+    ``quoted`` is for people: ``estimate`` is the end of the fit, of any worth.
+    ``source`` is the origin of the interval (``"covariance"`` or ``"profile"``).
+    ``standard_error`` is in ``unit``; ``None`` if the curvature carries no information.
     """
 
     name: str
@@ -63,7 +63,7 @@ class ParameterEstimate:
 
     @property
     def quoted(self) -> float | None:
-        """The estimate where a person may be shown it, None where only the fit may use it.
+        """The estimate if a person may be shown it, None if only the fit may use it.
 
         An interval that is open on both sides, or a verdict that it is not identifiable, leaves
         none: table, report and JSON object agree.
@@ -73,7 +73,7 @@ class ParameterEstimate:
         return self.estimate if self.low is not None or self.high is not None else None
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; no number where none may be quoted."""
+        """Return the keys of the JSON object; no number if none may be quoted."""
         known = self.quoted is not None
         return {
             "estimate": self.quoted,
@@ -178,7 +178,7 @@ class Profile:
 
     ``values``: (n,) grid in ``unit``; ``cost``: (n,) rise of -2 ln L over its minimum after
     division by the inflation factor for coloured residuals, so that values below ``threshold``
-    lie inside the interval. ``low``/``high`` are ``None`` where the profile never crosses.
+    lie inside the interval. ``low``/``high`` are ``None`` if the profile never crosses.
     """
 
     name: str
@@ -238,9 +238,9 @@ class StartOutcome:
 class FittedPoint:
     """The point at which the fit ended, for a program that simulates the model with it.
 
-    The values belong together: a single one means something only if its verdict says so.
+    The values belong together: a single one means something only if its verdict allows it.
     ``values`` (p,) are natural, in ``units``. ``covariance`` (p, p) is that of noise and constants
-    in scaled coordinates: of the logarithm where ``scaling`` is ``"log"``. ``alternatives`` (k, p)
+    in scaled coordinates: of the logarithm if ``scaling`` is ``"log"``. ``alternatives`` (k, p)
     are other points: those of other choices of the method, and the ends of what profiles accept,
     which a covariance does not show.
     """
@@ -317,7 +317,7 @@ class Explanation:
 
     Of a wave the size is the amplitude. ``stated`` is what was stated of a constant, None for
     anything else; ``pull`` by how many of its uncertainties the data move it. ``gain`` is the fall
-    of -2 ln L; ``others`` explain nearly as much. ``look`` is what to look at on the rig.
+    of -2 ln L; ``others`` explain nearly as much. ``look`` is what to check on the rig.
     """
 
     name: str
@@ -382,9 +382,9 @@ class ModelScore:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """What the data support: ``scores`` with the lowest BIC first, and the sentences to say of it.
+    """What the data support: ``scores`` with the lowest BIC first, and the sentences on it.
 
-    ``effective_samples`` is the sample size of the BIC; ``x`` (n,) are where the curves stand.
+    ``effective_samples`` is the sample size of the BIC; ``x`` (n,) are the points of the curves.
     """
 
     sentences: tuple[str, ...]
@@ -413,7 +413,7 @@ class IdentificationResult:
     ``correlation``: (p, p) of the fitted parameters ``correlation_names``. ``cost`` is half the
     sum of squared residuals in units of ``residual_scale`` squared. ``inflation`` is the factor
     by which the coloured residuals widen a white-noise standard error, over all parameters.
-    ``visited`` says which range of the input the data cover, beyond which all is extrapolation.
+    ``visited`` is the range of the input that the data cover, beyond which all is extrapolation.
     ``point`` is given by an analysis whose models can be validated.
     """
 

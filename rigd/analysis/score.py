@@ -33,7 +33,7 @@ OWN_SHARE = 1e-9  #: of a column's information; less of its own means that the p
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What the residuals say of a candidate with c columns.
+    """Evidence of the residuals on a candidate with c columns.
 
     ``gain`` is the fall of -2 ln L that it promises, ``p_value`` the chance of such a gain without
     it. ``size`` (c,) is its amount as a first step gives it, ``sd`` (c,) how well that is known,
@@ -83,10 +83,10 @@ class Scores:
         return np.asarray(-self._fit.inverse @ gradient)
 
     def test(self, columns: Columns, *, each_trial: bool = False) -> Score:
-        """Return what the residuals say of one candidate.
+        """Return the evidence of the residuals on one candidate.
 
         With ``each_trial`` its amounts differ from trial to trial: c columns become c for each.
-        Columns for which the parameters can stand in count for nothing.
+        Columns for which the parameters can stand in do not count.
         """
         fit, model = self._fit, self._fit.model
         width = columns[0].shape[2]

@@ -25,13 +25,13 @@ from rigd.analysis.model import Model
 from rigd.analysis.result import FloatArray, ModelScore
 from rigd.analysis.uncertainty import autocorrelation_time, bounds_reached, leave_one_trial_out
 
-#: A smaller difference of BIC tells two models not apart.
+#: A smaller difference of BIC does not separate two models.
 TIE: Final = 2.0
 #: A larger one is very strong evidence.
 VERY_STRONG: Final = 10.0
 #: Of samples: what white residuals seem to remember by chance is less.
 LEAST_MEMORY: Final = 3.0
-#: Standard errors by which the errors of cross-validation must differ to be told apart.
+#: Standard errors by which the errors of cross-validation must differ to be distinguished.
 CLEAR: Final = 2.0
 
 
@@ -60,7 +60,7 @@ def compare(
 
     All models have the same samples. ``window`` is the length of the processing in samples: so
     many samples count as one, and residuals of a model that fits remember no longer. ``max_lag``
-    is how far their memory is looked for.
+    is the longest memory that is tested.
 
     Raises:
         DataError: the cost of a model is not finite at its start.
@@ -140,7 +140,7 @@ def _supported(alike: Sequence[ModelScore]) -> str:
         return f"The data support {best.parameters} parameters: {best.name}."
     names = " and ".join(_named(score) for score in alike)
     worst = max(score.delta_bic for score in alike)
-    return f"The data do not tell {names} apart: ΔBIC {worst:.1f}."
+    return f"The data do not separate {names}: ΔBIC {worst:.1f}."
 
 
 def _cross_validated(tried: Sequence[_Tried], alike: Sequence[ModelScore]) -> str:

@@ -16,7 +16,7 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate
 
 CONTRADICTED = 3.0  #: a constant that the data move by more of its uncertainties is contradicted
 CORRECTED = 1.5  #: and one that they move by more than this is worth a word
-UNEXPLAINED = 1.25  #: rms of the innovations of an output, 1 where model and noise are right
+UNEXPLAINED = 1.25  #: rms of the innovations of an output, 1 if model and noise are right
 MOST = 4  #: findings that are given; what else is moved follows from these
 UNEXPLAINED_TRIAL = 1.5  #: and in the worst trial
 

@@ -204,7 +204,7 @@ class RecordedSweep:
 
     @contextmanager
     def _telling(self, stream: str, trial: TrialInfo) -> Iterator[None]:
-        """Say of which stream and trial an error is."""
+        """Add stream and trial to an error."""
         try:
             yield
         except DataError as error:
@@ -212,7 +212,7 @@ class RecordedSweep:
                 f"{self.path}: in trial {trial.number}, stream {stream!r} does not fit the others: "
                 f"{error.message}",
                 hint="samples are missing or decimated: record all streams of the model whole; "
-                "repeat the trial where a device was late",
+                "repeat the trial if a device was late",
             ) from error
 
     def field(self, signal: str) -> tuple[Stream, str]:
@@ -261,11 +261,11 @@ def needed_trials(recording: Recording, signals: Mapping[str, str]) -> tuple[Tri
 def open_sweep(path: Path) -> RecordedSweep:
     """Return the recording at ``path`` with its plan of identification.
 
-    What is damaged is passed over: ``info.losses`` says what, and a trial that lost rows of a
+    What is damaged is passed over: ``info.losses`` lists it, and a trial that lost rows of a
     stream with a signal of the plan is not complete.
 
     Raises:
-        RecordingError: the file cannot be read; the message says what to do.
+        RecordingError: the file cannot be read; the message contains what to do.
         DataError: it is no recording of a procedure that identifies anything, or no trial of it
             began.
     """
@@ -273,7 +273,7 @@ def open_sweep(path: Path) -> RecordedSweep:
     plan = recording.metadata.get("identify")
     if plan is None:
         raise DataError(
-            f"{path} does not say what to identify" + _damaged(recording),
+            f"{path} does not state what to identify" + _damaged(recording),
             hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
         )
     signals: dict[str, str] = json.loads(plan["signals"])

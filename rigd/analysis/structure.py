@@ -1,6 +1,6 @@
 """Does what a fit leaves depend on anything? Every source of error against everything at hand.
 
-A :class:`ErrorSource` is where an error may enter (a reading, a force, the input); a
+An :class:`ErrorSource` is a place at which an error may enter (a reading, a force, the input); a
 :class:`Context` is what it may depend on (time, position, speed, an angle, the trial). For each
 pair the functions of the context go through the source into the outputs, and the residuals are
 tested for them (:mod:`rigd.analysis.score`). A family of rigs brings its sources; the mechanism is
@@ -26,7 +26,7 @@ MOST_GROUPS = 6  #: contrasts that are made of groups
 
 @dataclass(frozen=True, eq=False)
 class ErrorSource:
-    """Where an error may enter: ``respond(trial, signals)`` makes outputs (n, m, c) of (n, c)."""
+    """A place of an error: ``respond(trial, signals)`` makes outputs (n, m, c) of (n, c)."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class ErrorSource:
 class Context:
     """What an error may depend on: values (n,) of each trial.
 
-    ``round_rad`` says that it is an angle; ``groups`` that its values are names, numbered.
+    ``round_rad`` means that it is an angle; ``groups`` that its values are names, numbered.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Suspect:
 
     ``columns`` makes the change of the outputs for each unit of it, as :mod:`.score` has it.
 
-    ``name`` is what it is, for a sentence; ``look`` what to look at on the rig. ``special`` says
+    ``name`` is what it is, for a sentence; ``look`` what to check on the rig. ``special`` states
     that it is one thing with a name, not a dependence of any shape; ``each_trial`` that its amount
     may differ from trial to trial, as a phase does; ``meaning`` what it makes of the parameters.
     ``near`` makes the same thing a little

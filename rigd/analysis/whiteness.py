@@ -1,7 +1,7 @@
 """Are whitened residuals white, of unit variance, without jumps? Against no alternative at all.
 
 What the model leaves must be what the noise of input and sensors leaves, at every frequency. So
-what nobody has a name for is seen, too.
+what has no name is seen, too.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def levels(white: Sequence[FloatArray]) -> list[float]:
 
 
 def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
-    """Return where the pooled periodogram of an output lies most above that of its noise.
+    """Return the band in which the pooled periodogram of an output exceeds its noise most.
 
     Bands below ``LOUD`` times the noise do not count: p is 1 without any.
 

@@ -44,7 +44,7 @@ Record = Callable[..., RecordedSweep]
 
 @pytest.fixture
 def record(tmp_path: Path) -> Record:
-    """Record two trials, on stone and PVC; the plan says what is given besides ``CONSTANTS``."""
+    """Record two trials, on stone and PVC; the plan has what is given besides ``CONSTANTS``."""
 
     def write(**said: object) -> RecordedSweep:
         plan = {"signals": SIGNALS, "constants": CONSTANTS, "group_by": ["floor"], **said}

@@ -23,7 +23,7 @@ def test_recovers_a_known_nonlinear_model_exactly(decay: Callable[..., Model]) -
 
 
 @pytest.mark.parametrize("start", [[1e-3, 1e-3], [900.0, 0.01], [0.01, 20.0]])
-def test_converges_from_far_away(decay: Callable[..., Model], start: list[float]) -> None:
+def test_fit_converges_from_distant_starts(decay: Callable[..., Model], start: list[float]) -> None:
     np.testing.assert_allclose(fit(decay(CLEAN, T), np.array(start)).theta, TRUTH, rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""The first lines of every report: whether it is simulated, on what, when, by whom."""
+"""The first lines of every report: simulated or not, rig, date, operator."""
 
 from __future__ import annotations
 

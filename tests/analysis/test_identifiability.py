@@ -22,7 +22,7 @@ from rigd.analysis.result import Verdict
         (-0.1, 1.1, None, Verdict.UNIDENTIFIABLE),
     ],
 )
-def test_verdicts(
+def test_verdict_follows_from_ends_and_bound(
     low: float | None, high: float | None, bound: float | None, verdict: Verdict
 ) -> None:
     assert judge(Evidence(1.0, low, high, "m/s", bound))[0] is verdict
@@ -93,7 +93,7 @@ def test_parameter_moved_by_the_method_is_reported() -> None:
 
 @pytest.mark.parametrize("bound", [None, 2.0])
 def test_parameter_at_bound_in_all_refits_is_unidentifiable(bound: float | None) -> None:
-    """As where a parameter sits on its bound whichever trial is left out."""
+    """As for a parameter that is on its bound with any trial left out."""
     stuck = Evidence(2.0, 2.0, 2.0, "1/m", bound)
     assert judge(stuck)[0] is Verdict.UNIDENTIFIABLE
     assert stuck.log_sd == np.inf

@@ -119,7 +119,7 @@ def test_model_that_does_not_fit_gives_no_number(case: Told) -> None:
     assert found.profiles == ()
 
 
-def test_rival_without_better_fit_is_no_objection() -> None:
+def test_rival_without_better_fit_is_ignored() -> None:
     noise = smoothed(1, 5)
     rival = polynomial(2, 10, noise)
     found = identified(

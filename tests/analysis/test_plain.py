@@ -57,7 +57,7 @@ def test_a_dataclass_becomes_its_fields_in_order() -> None:
     )
 
 
-def test_a_shape_gives_other_keys() -> None:
+def test_declared_json_form_renames_the_keys() -> None:
     assert plain(Renamed(1.5)) == {"speed_m_per_s": 1.5, "inner": {"value": None, "colour": "red"}}
 
 

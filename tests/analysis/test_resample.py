@@ -36,7 +36,7 @@ def test_means_are_those_of_the_samples_around() -> None:
     assert means_around(CENTRES, times, values) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
-def test_a_line_comes_out_as_itself() -> None:
+def test_means_of_a_line_stay_on_it() -> None:
     """The mean stands where its time is: at most half a sample beside it."""
     times = fast()
     seconds = (times - CENTRES[0]) * 1e-9
@@ -64,8 +64,8 @@ def test_a_gap_is_an_error(lost: slice) -> None:
         means_around(CENTRES, times, np.ones(len(times)))
 
 
-def test_half_a_window_is_enough() -> None:
-    """At the ends of a recording, and where a few samples were lost."""
+def test_mean_accepts_half_a_window_of_samples() -> None:
+    """At the ends of a recording, and if a few samples were lost."""
     times = fast(start_ms=0.0)
     assert np.array_equal(means_around(CENTRES, times, np.ones(len(times))), np.ones(100))
 
@@ -91,7 +91,7 @@ def test_bit_31_marks_a_row_that_repeats() -> None:
     assert stale_rows(status).tolist() == [False, True, False, True]
 
 
-def test_a_bridge_is_as_straight_as_its_ends() -> None:
+def test_bridge_over_gap_errs_within_its_bound() -> None:
     """On a parabola it is wrong by a (n + 1)^2 T^2 / 8 at most, n samples being missing."""
     acceleration, keep = 2.0, np.delete(np.arange(1000), range(500, 510))
     times = CENTRES[0] + np.arange(1000) * MS

@@ -1,4 +1,4 @@
-"""The page of a run: what was recorded is on it, whatever the recording holds."""
+"""The page of a run: what was recorded is on it, for any recording."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ def test_page_of_damaged_recording_reports_the_damage(tmp_path: Path) -> None:
     path.write_bytes(whole[: len(whole) * 2 // 3])
     text = text_of(path)
     assert "run.mcap is damaged; the damaged parts were skipped" in text
-    assert str(tmp_path) not in text  # where it stands is nobody's business
+    assert str(tmp_path) not in text  # its folder is private
     path.write_bytes(b"not a recording")
     with pytest.raises(RecordingError):
         run_report(path)

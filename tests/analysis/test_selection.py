@@ -69,7 +69,7 @@ def test_smoothed_samples_count_for_less() -> None:
 def test_equal_models_are_not_distinguished() -> None:
     scores, said = compared(white(1), slope=0.3, degrees=(1, 1))
     assert [score.delta_bic for score in scores] == [0.0, 0.0]
-    assert "The data do not tell degree 1 (2 parameters) and degree 1 (2 parameters) apart" in said
+    assert "The data do not separate degree 1 (2 parameters) and degree 1 (2 parameters)" in said
 
 
 def test_no_model_is_chosen_if_none_fits() -> None:

@@ -1,4 +1,4 @@
-"""Several recordings of one condition: fitted together, told apart, never counted twice."""
+"""Several recordings of one condition: fitted together, compared, never counted twice."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_faster_stream_is_averaged_to_times_of_first(make: Make) -> None:
     assert signals["acceleration"] == pytest.approx(signals["angle"], abs=0.5 / 9600)
 
 
-def test_its_samples_beside_the_trial_are_used(make: Make) -> None:
+def test_samples_beside_the_trial_are_averaged(make: Make) -> None:
     """Half a period before the trial's first row belongs to that row: its mean is not beside it."""
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 100_000))
     _, signals = sweep.signals(sweep.trials[0])
@@ -111,7 +111,7 @@ def test_a_gap_is_refused_at_any_rate(make: Make, rate_hz: int) -> None:
 
 def test_few_late_or_missing_samples_are_bridged(make: Make) -> None:
     encoder, card = rows_of(ENCODER, 1000), rows_of(CARD, 1000)
-    encoder["angle"][500] = -1e6  # whatever it repeats
+    encoder["angle"][500] = -1e6  # with any repeated value
     encoder["status"][[50, 500]] = STALE  # the first one is before the trial
     keep = np.delete(np.arange(len(encoder)), [700, 701])  # cycles that were missed
     sweep = make(encoder[keep], card[keep])
@@ -136,7 +136,7 @@ def test_many_late_rows_are_refused(make: Make, late: slice, words: str) -> None
 
 def test_late_rows_of_faster_stream_are_not_averaged(make: Make) -> None:
     card = rows_of(CARD, 9600)
-    card["acceleration"][4800:4803] = 1e6  # whatever they repeat
+    card["acceleration"][4800:4803] = 1e6  # with any repeated values
     card["status"][4800:4803] = STALE
     sweep = make(rows_of(ENCODER, 1000), card)
     _, signals = sweep.signals(sweep.trials[0])

@@ -1,4 +1,4 @@
-"""What a person says of a run stands in its recording, its lists and its report."""
+"""What a person states on a run stands in its recording, its lists and its report."""
 
 from __future__ import annotations
 

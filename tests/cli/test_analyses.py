@@ -1,4 +1,4 @@
-"""``rigd analyses``: everything installed is listed, whatever state it is in."""
+"""``rigd analyses``: everything installed is listed, in any state."""
 
 from __future__ import annotations
 

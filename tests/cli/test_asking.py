@@ -103,7 +103,7 @@ def test_withdrawn_question_takes_no_line_of_next(bench: Bench) -> None:
 
 
 def test_only_this_module_reads_what_a_person_types() -> None:
-    """Whoever asks elsewhere would be answered by what was typed before."""
+    """A question elsewhere would be answered by what was typed before."""
     read = []
     for file in SOURCES.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):

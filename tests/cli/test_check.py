@@ -62,7 +62,7 @@ def test_procedure_for_another_rig_fails_if_none_fits(
         ("title:", "titel:", "unknown key 'titel'"),
     ],
 )
-def test_a_mistake_is_no_other_rig(
+def test_mistake_is_not_counted_as_other_rig(
     old: str, new: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.yaml"
@@ -136,7 +136,9 @@ def test_file_without_first_line_is_judged_by_others(
     assert "unknown key" not in err
 
 
-def test_a_folder_is_no_misspelt_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folder_as_rig_is_reported_as_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["check", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert f"{tmp_path} is a folder" in said

@@ -39,17 +39,17 @@ def test_rig_simulated_in_process_is_watched_at_rest(tmp_path: Path) -> None:
     assert "none needed" in str(checks["all"]["found"])
 
 
-def test_it_is_readable_at_80_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_output_fits_80_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     shown = rigd("doctor", "--rig", "lugre-1", "--seconds", "0.5", cwd=tmp_path).out.splitlines()
     assert max(map(len, shown)) <= 80
-    assert "Nothing is armed" in " ".join(shown[:4])  # said before it happens
+    assert "Nothing is armed" in " ".join(shown[:4])  # printed before it happens
     assert shown.index("machine") < shown.index("timing") < shown.index("rig lugre-1")
     assert shown[-1].startswith(("fit: ", "not fit: "))
 
 
 @pytest.mark.parametrize("seconds", ["0", "nan", "long", "1e9"])
-def test_a_length_that_is_none_is_refused(tmp_path: Path, seconds: str) -> None:
+def test_doctor_refuses_durations_out_of_range(tmp_path: Path, seconds: str) -> None:
     done = rigd("doctor", "--seconds", seconds, cwd=tmp_path)
     assert done.code == Exit.BAD_INPUT
     assert "0.5 to 3600" in done.err

@@ -1,4 +1,4 @@
-"""``rigd drivers``: everything installed is told, whatever state it is in."""
+"""``rigd drivers``: everything installed is listed, in any state."""
 
 from __future__ import annotations
 

@@ -340,7 +340,7 @@ def told() -> dict[tuple[str, ...], tuple[int, str, str]]:
 
 
 @pytest.mark.parametrize("command", SHOWN)
-def test_a_command_does_what_its_reader_expects(
+def test_example_command_gives_the_described_result(
     command: str,
     desk: Path,
     told: dict[tuple[str, ...], tuple[int, str, str]],

@@ -1,4 +1,4 @@
-"""A command says which files it took, where names could mean several."""
+"""A command prints which files it took, if names could mean several."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigd.cli.main import main
 from rigd.record import Recording
 from rigd.sdk.shipped import shipped_folder
 
-#: What a person reads, who kept a copy of the shipped rig in the folder and forgot it.
+#: What is printed if a forgotten copy of the shipped rig is in the folder.
 TITLE = (
     "quick (./rep.yaml, instead of the shipped procedure) on lugre-1 "
     "(./coated_rig.yaml, instead of the shipped rig)"

@@ -69,7 +69,7 @@ def test_completion_scripts_know_every_command(shell: str, tmp_path: Path) -> No
         assert command in script.out
 
 
-def test_bash_completes_a_command(tmp_path: Path) -> None:
+def test_bash_completion_completes_a_command(tmp_path: Path) -> None:
     (tmp_path / "rigd.bash").write_text(rigd("completion", "bash", cwd=tmp_path).out)
     done = subprocess.run(
         [

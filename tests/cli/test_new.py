@@ -194,7 +194,7 @@ def test_new_package_is_typed_and_formatted_like_rigd(
         ("serial-scale", "a driver 'serial-scale' is installed"),
     ],
 )
-def test_a_name_that_will_not_do_is_refused(name: str, words: str) -> None:
+def test_invalid_package_name_is_refused_with_hint(name: str, words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         check_name(name)
     assert words in caught.value.message

@@ -81,7 +81,7 @@ def test_several_files_are_shown(path: Path, capsys: pytest.CaptureFixture[str])
 def test_verify_predicts_the_result_of_recover(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of a file that lacks its end, as of one that is damaged: what is said, happens."""
+    """Of a file that lacks its end, as of one that is damaged: what is announced, happens."""
     cut = path.read_bytes()[: Recording.open(path).data_end - 13]
     for content, originals in ((cut, []), (spoil(path, 2), ["run.mcap.orig"])):
         path.write_bytes(content)

@@ -104,7 +104,9 @@ def test_value_expires_after_last_day_assumed_one_never() -> None:
         ("rigs: [bench-1]", "rigs: []", "[]", "at least 1 needed"),
     ],
 )  # fmt: skip
-def test_a_problem_at_its_place(old: str, new: str, token: str, part: str) -> None:
+def test_calibration_problem_is_reported_at_its_place(
+    old: str, new: str, token: str, part: str
+) -> None:
     assert TEXT.count(old) == 1
     text = TEXT.replace(old, new)
     head = text[: text.index(token)]
@@ -116,7 +118,7 @@ def test_a_problem_at_its_place(old: str, new: str, token: str, part: str) -> No
 
 
 def test_wrong_calibration_gives_its_own_places(tmp_path: Path) -> None:
-    """The place is that in the calibration, and every problem is told once."""
+    """The place is that in the calibration, and every problem is reported once."""
     (tmp_path / "bench.yaml").write_text(TEXT.replace("5 mN m/V", "5 V").replace("0.0450", "4 m"))
     rig = load_rig("lugre-1").source
     text = rig.text.replace("cycle: 1 kHz", "cycle: 1 kHz\ncalibration: bench.yaml")
@@ -181,7 +183,7 @@ def test_new_file_can_be_read_back() -> None:
     assert parse_calibration(new.text, "new.yaml").values == {"torque_scale": measured()}
 
 
-def test_a_value_that_cannot_be_is_never_written() -> None:
+def test_impossible_calibration_value_is_not_written() -> None:
     old = parse_calibration(TEXT, "bench.yaml")
     wrong = {"torque_scale": measured(-2.0)}
     with pytest.raises(ConfigError, match="must be above 0"):

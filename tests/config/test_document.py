@@ -1,4 +1,4 @@
-"""YAML to data with places: what is accepted, and where what is not is reported."""
+"""YAML to data with places: what is accepted, and the place of what is not."""
 
 from __future__ import annotations
 

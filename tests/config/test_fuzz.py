@@ -1,4 +1,4 @@
-"""Whatever stands in a rig file: a rig, or a ConfigError. Never another error, never a guess."""
+"""Any text of a rig file: a rig, or a ConfigError. Never another error, never a guess."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def check(text: str) -> None:
 
 @FUZZ
 @given(st.integers(0, len(TEXT)), st.integers(0, 60), PIECES)
-def test_spoilt_file(at: int, length: int, piece: str) -> None:
+def test_spoilt_file_gives_value_or_located_error(at: int, length: int, piece: str) -> None:
     check(TEXT[:at] + piece + TEXT[at + length :])
 
 
 @FUZZ
 @given(st.text(max_size=200))
-def test_any_text(text: str) -> None:
+def test_any_text_gives_value_or_located_error(text: str) -> None:
     check(text)
 
 
@@ -63,7 +63,7 @@ TREES = st.recursive(
 @FUZZ
 @given(st.dictionaries(st.sampled_from(["rig", "title", "cycle", "plant", "devices", "interlocks",
                                         "constants", "x"]), TREES))  # fmt: skip
-def test_right_keys_with_anything_behind_them(pairs: dict[str, str]) -> None:
+def test_valid_keys_with_any_values_give_located_errors(pairs: dict[str, str]) -> None:
     check("\n".join(f"{key}: {value}" for key, value in pairs.items()))
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a file is said in words of the file, never in those of the parser."""
+"""Errors of a file are reported in words of the file, never in those of the parser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigd.model import ConfigError
 from rigd.sdk.shipped import Kind, shipped_folder
 
 FILE = Path("f.yaml")
-#: Words of YAML parsers that mean nothing to a person who writes a file.
+#: Words of YAML parsers that mean nothing to the author of a file.
 JARGON = re.compile(
     r"<\w[\w ]*>|\b(token|chomping|scalar|flow|block (end|mapping|collection|sequence)|node|stream|"
     r"simple key|while (parsing|scanning)|directives?|escape sequence|alphabetic|separator|"
@@ -87,7 +87,7 @@ PIECES = (
 @pytest.mark.parametrize(
     ("folder", "file"), [("procedures", "quick.yaml"), ("configs", "sim_lugre.yaml")]
 )
-def test_no_words_of_the_parser_reach_a_person(folder: Kind, file: str) -> None:
+def test_yaml_parser_terms_never_reach_messages(folder: Kind, file: str) -> None:
     rng = random.Random(f"{folder}/{file}")
     whole = (shipped_folder(folder) / file).read_text("utf-8")
     found = 0

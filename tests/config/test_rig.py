@@ -24,7 +24,7 @@ def place_of(text: str, token: str) -> str:
     return f"{head.count(chr(10)) + 1}:{len(head) - head.rfind(chr(10))}"
 
 
-def test_shipped_rig(rig_path: Path) -> None:
+def test_shipped_lugre_rig_loads_with_expected_content(rig_path: Path) -> None:
     rig = load_rig("lugre-1")
     assert rig.name == "lugre-1"
     assert rig.period_ns == 1_000_000
@@ -116,7 +116,7 @@ def test_every_actuator_has_limit_within_devices_own() -> None:
         ("constants:", "constant:", "constant:", ["unknown key 'constant'", "'constants'"]),
     ],
 )  # fmt: skip
-def test_problem_at_its_place(
+def test_problem_is_reported_at_its_place_in_file(
     spoil: Spoil, old: str, new: str, token: str, parts: list[str]
 ) -> None:
     text = spoil(old, new)
@@ -221,7 +221,7 @@ def test_options_of_wrong_axis_are_refused_by_driver(spoil: Spoil) -> None:
         ("{value: 50 mm, u: 2 %}", Uncertainty(0.02, is_share=True), ""),
     ],
 )
-def test_forms_of_a_constant(
+def test_constant_is_read_in_every_written_form(
     rig_text: str, written: str, u: Uncertainty | None, source: str
 ) -> None:
     text = f"{rig_text.partition('constants:')[0]}constants:\n  radius: {written}\n"

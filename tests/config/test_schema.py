@@ -13,7 +13,7 @@ from rigd.config.schema import rig_schema
 from rigd.sdk.shipped import shipped_folder
 
 
-def test_file_is_current() -> None:
+def test_schema_file_matches_the_code() -> None:
     file = shipped_folder("schemas") / "rig.schema.json"
     assert json.loads(file.read_text()) == rig_schema(), (
         "run: rigd schema rig > schemas/rig.schema.json"

@@ -11,7 +11,7 @@ from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_folder
 
 
-def test_by_name_in_file_and_by_file_name() -> None:
+def test_rig_is_found_by_name_and_path() -> None:
     shipped = shipped_folder("configs") / "sim_lugre.yaml"
     assert find_file("lugre-1", "configs").resolve() == shipped
     assert find_file("sim_lugre", "configs").resolve() == shipped

@@ -1,4 +1,4 @@
-"""Where a sweep goes on whose recording is damaged."""
+"""The point at which a sweep with a damaged recording continues."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Everything in docs/ runs: commands, Python and files, in the order in which they stand.
 
-A fenced block says by its info string what becomes of it:
+The info string of a fenced block decides what becomes of it:
 
-- ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` where it must end with N;
+- ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` if it must end with N;
 - ``python``: run in that folder, warnings are errors;
 - ``python file=NAME``: a module, written to that folder for the commands behind it;
 - ``yaml file=NAME``: a whole file, written to that folder and checked (``rig=NAME``: on that rig);
@@ -157,7 +157,7 @@ def ended(command: list[str], folder: Path, expected: int) -> str:
 
 
 def ended_in_shell(script: str, folder: Path, expected: int) -> str:
-    """Do the same with a script, whose rigd does not import all anew."""
+    """Do the same with a script, whose rigd does not import all again."""
     with warm.in_shell() as first:
         path = os.pathsep.join((str(first), str(Path(sys.executable).parent), os.environ["PATH"]))
         return _ended(["sh", "-euc", script], folder, expected, path)

@@ -128,7 +128,7 @@ def test_two_drives_never_share_an_output() -> None:
     assert rig.enable_line, "one that never had an output leaves it alone"
 
 
-def test_the_status_word_tells_what_the_drive_does() -> None:
+def test_status_word_shows_state_of_drive() -> None:
     rig = Rig()
     assert rig.cycle(9.0)[-1] == READY | ONE_SHOT
     rig.servo.arm()

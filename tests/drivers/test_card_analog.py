@@ -31,7 +31,7 @@ def sensors(*inputs: dict[str, Any]) -> tuple[CardAnalog, Terminals, BenchMf624]
     return driver, terminals, link
 
 
-def test_values_and_volts_in_order_of_file() -> None:
+def test_row_has_values_and_volts_in_order() -> None:
     driver, terminals, link = sensors(ACCELERATION, FORCE)
     terminals.volts_in[0], terminals.volts_in[3] = 2.0, 1.5
     link.begin(0)

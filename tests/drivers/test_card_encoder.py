@@ -1,4 +1,4 @@
-"""Encoders on a card: unwrapped, zeroed, scaled, and jumps told from motion."""
+"""Encoders on a card: unwrapped, zeroed, scaled, and jumps separated from motion."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class Rig:
         return tuple(self.encoder.read(0))
 
 
-def test_an_angle_behind_a_gear() -> None:
+def test_gear_ratio_scales_the_angle() -> None:
     angle, counts, index = Rig(start=77).at(77 + 20736)
     assert (counts, index) == (20736, 0)
     assert angle == pytest.approx(2 * math.pi)
 
 
-def test_a_position_the_other_way_round() -> None:
+def test_inverted_encoder_reverses_the_position() -> None:
     options = {"quantity": "position", "distance_per_count": "30 um/count", "inverted": True}
     rig = Terminals()
     link = BenchMf624(rig.card())
@@ -73,12 +73,12 @@ def test_a_counter_of_32_bits_is_unwrapped(start: int, steps: list[int]) -> None
         assert rig.at(made)[1] == made - start
 
 
-def test_it_begins_at_zero_or_where_counter_is() -> None:
+def test_encoder_begins_at_zero_or_counter_value() -> None:
     assert Rig(start=-5).at(-4)[1] == 1
     assert Rig(start=-5, zero_at_open=False).at(-4)[1] == -4
 
 
-def test_the_index_is_shown() -> None:
+def test_index_of_own_encoder_is_in_row() -> None:
     rig = Rig()
     rig.terminals.index[1] = True
     assert rig.at(0)[-1] == 0, "that of another encoder"
@@ -86,7 +86,7 @@ def test_the_index_is_shown() -> None:
     assert rig.at(0)[-1] == 1
 
 
-def test_counter_that_was_reset_is_told_from_motion() -> None:
+def test_reset_counter_is_not_read_as_motion() -> None:
     rig = Rig(start=-40_000_000, zero_at_open=False, fastest="100000 count/s")
     rig.card.inject("index_reset", encoder=0)
     with pytest.raises(DeviceError, match=r"encoder 0 jumped by 40000000 counts"):
@@ -99,7 +99,7 @@ def test_standing_encoder_may_flicker_by_one_count() -> None:
 
 
 def test_encoder_that_counts_wrong_way_shows_it() -> None:
-    """Nothing in the signal tells; a run finds it by its end conditions."""
+    """The signal does not show it; a run finds it by its end conditions."""
     rig = Rig()
     rig.at(1000)
     rig.card.inject("sign_flip", encoder=0)

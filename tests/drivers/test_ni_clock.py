@@ -41,7 +41,7 @@ def test_times_follow_true_ones_and_rate_is_found(ppm: float) -> None:
     clock, times, truth = stamped(120, ppm, stall_s=0.1)
     error_ns = times - truth
     settled = error_ns[len(error_ns) // 4 :]
-    assert 0.1e6 < settled.mean() < 0.6e6  # the smallest delay is what cannot be told
+    assert 0.1e6 < settled.mean() < 0.6e6  # the smallest delay cannot be determined
     assert np.abs(settled - settled.mean()).max() < 0.3e6
     assert clock.rate_hz == pytest.approx(RATE_HZ * (1 + ppm * 1e-6), rel=3e-6)
     assert clock.count == len(times)
@@ -63,7 +63,7 @@ def test_no_sample_precedes_start_or_follows_arrival() -> None:
     assert np.all(np.diff(times) > 0)
 
 
-def test_a_first_sample_alone_stands_at_its_arrival() -> None:
+def test_single_first_sample_gets_its_arrival_time() -> None:
     clock = SampleClock(10.0, START_NS)
     assert clock.stamp(1, START_NS + 7).tolist() == [START_NS + 7]
     assert clock.stamp(1, START_NS + 100_000_007).tolist() == [START_NS + 100_000_007]

@@ -80,7 +80,7 @@ def rows(driver: NiDaq, count: int) -> Block:
     )
 
 
-def test_channels_say_what_is_measured() -> None:
+def test_channels_have_names_units_and_raw_partners() -> None:
     driver = NiDaq(config())
     channels = driver.declaration.channels
     assert [(channel.name, channel.unit, channel.raw_of) for channel in channels] == [
@@ -99,7 +99,7 @@ def test_channels_say_what_is_measured() -> None:
     assert (channels[2].low, channels[2].high) == (-1000.0, 1000.0)
 
 
-def test_identity_values_and_status(opened: Opened) -> None:
+def test_opened_card_gives_identity_values_and_status(opened: Opened) -> None:
     driver = opened()
     assert driver.identity == "USB-6009, serial number 01C0FFEE, NI-DAQmx 24.5.0"
     assert driver.rate_hz == 9600.0
@@ -166,7 +166,7 @@ def test_task_left_by_killed_client_is_cleared(card: tuple[SimNi, OnLoop], opene
     assert on_loop(part.state)["tasks"] == 1
 
 
-def test_a_task_that_somebody_reads_is_left_alone(opened: Opened) -> None:
+def test_task_in_use_by_client_is_kept(opened: Opened) -> None:
     first = opened()
     first.start()
     ended = threading.Event()
@@ -209,13 +209,13 @@ def test_short_blocks_lose_nothing(card: tuple[SimNi, OnLoop], opened: Opened) -
     assert np.array_equal(index, 48 + np.arange(len(index)))
 
 
-def test_nothing_in_time_is_none(opened: Opened) -> None:
+def test_read_without_timely_block_returns_none(opened: Opened) -> None:
     driver = opened(rate="0.5 Hz", block=1)
     driver.start()
     assert driver.read_block(0.05) is None
 
 
-def test_overrun_says_what_to_change(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
+def test_overrun_error_names_option_to_change(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
     part, on_loop = card
     driver = opened()
     driver.start()
@@ -226,7 +226,7 @@ def test_overrun_says_what_to_change(card: tuple[SimNi, OnLoop], opened: Opened)
     assert "`buffer`" in str(caught.value.hint)
 
 
-def test_samples_that_nobody_fetches_overrun_by_themselves(opened: Opened) -> None:
+def test_samples_not_fetched_in_time_overrun(opened: Opened) -> None:
     driver = opened(buffer="0.1 s", block=10)
     driver.start()
     rows(driver, 10)
@@ -235,7 +235,7 @@ def test_samples_that_nobody_fetches_overrun_by_themselves(opened: Opened) -> No
         rows(driver, 10)
 
 
-def test_a_card_pulled_out(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
+def test_removed_card_raises_device_error(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
     part, on_loop = card
     driver = opened()
     driver.start()
@@ -245,7 +245,7 @@ def test_a_card_pulled_out(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
         rows(driver, 1000)
 
 
-def test_a_server_that_dies() -> None:
+def test_ended_device_server_raises_link_error() -> None:
     part = SimNi("daq", VOLTS)
     with served(part):
         driver = NiDaq(config(server=f"127.0.0.1:{part.port}"))
@@ -254,7 +254,7 @@ def test_a_server_that_dies() -> None:
         rows(driver, 96)
     with pytest.raises(LinkError, match=r"NI card .*StatusCode\.UNAVAILABLE"):
         rows(driver, 100_000)
-    driver.close()  # silent: what is lost has been told
+    driver.close()  # silent: the loss has been reported
     driver.close()
 
 
@@ -287,7 +287,7 @@ def test_server_that_hangs_does_not_hold_driver(
         ),
     ],
 )
-def test_what_the_card_is_not_or_cannot(
+def test_wrong_card_or_unsupported_options_are_refused(
     opened: Opened, options: dict[str, Any], words: str, hint: str
 ) -> None:
     kinds = (LinkError, ProtocolError, DeviceError)
@@ -308,7 +308,7 @@ def test_without_the_python_package(monkeypatch: pytest.MonkeyPatch) -> None:
         NiDaq(config()).open()
 
 
-def test_no_server_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_device_server_raises_link_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 0.3)
     driver = NiDaq(config(server="127.0.0.1:9"))
     with pytest.raises(LinkError, match=r"gRPC .* 127\.0\.0\.1:9"):

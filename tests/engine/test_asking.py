@@ -57,7 +57,7 @@ class WeighingAxis(Axis):
 
 @dataclass
 class Person:
-    """Answers what ``replies`` says, one after the other; each may do something first."""
+    """Answers with ``replies``, one after the other; each may do something first."""
 
     replies: Iterator[Callable[[], Answer]]
     objections: list[str] = field(default_factory=list)
@@ -261,7 +261,7 @@ def test_person_can_stop_while_rig_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize(("agrees", "code"), [(True, Exit.OK), (False, Exit.FAILED)])
-def test_exit_codes(agrees: bool, code: Exit) -> None:
+def test_agreement_of_answer_decides_exit_code(agrees: bool, code: Exit) -> None:
     bench = Bench(axis=WeighingAxis())
     bench.other.make_safe = lambda: None  # type: ignore[method-assign]
     result = run(bench, load_prompt(), change=putting_on(bench, 1.0 if agrees else 0.5))

@@ -83,7 +83,7 @@ def test_waiting_child_is_woken_once() -> None:
     child = Child(python("input()"), stdin=True)
     assert child.wake()
     assert child.wait(PATIENCE_S)
-    assert not child.wake()  # nobody is there to read it
+    assert not child.wake()  # no process is there to read it
     assert child.code == 0
 
 

@@ -1,4 +1,4 @@
-"""The cycle as a whole: whatever is played, limits hold and the rig ends safe."""
+"""The cycle as a whole: for any program limits hold and the rig ends safe."""
 
 from __future__ import annotations
 

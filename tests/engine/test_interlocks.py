@@ -1,4 +1,4 @@
-"""Interlocks trip on limits, on NaN and on silence, and clear as the alarm model says."""
+"""Interlocks trip on limits, on NaN and on silence, and clear as in the alarm model."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_delay_needs_an_unbroken_violation() -> None:
 
 
 @pytest.mark.parametrize("limit", [Interlock("i", "a.x", high=1.0, delay_s=10.0)])
-def test_nan_trips_at_once_whatever_the_delay(limit: Interlock) -> None:
+def test_nan_trips_at_once_with_any_delay(limit: Interlock) -> None:
     (trip,) = feed(bank(limit), [math.nan])[0]
     assert "not a number" in trip.reason
 
@@ -59,7 +59,7 @@ def test_nan_trips_without_bounds_and_as_bound() -> None:
     assert feed(bank(Interlock("far", "a.x", high="a.limit")), [0.0], limit=math.nan)[0]
 
 
-def test_stale_data_trips_whatever_its_value_and_delay() -> None:
+def test_stale_data_trips_with_any_value_and_delay() -> None:
     found = bank(Interlock("alive", "a.x", delay_s=10.0, stale_after_s=0.002))
     trips = feed(found, [0.0] * 5, fresh=False)
     assert [len(t) for t in trips] == [0, 0, 0, 1, 0]

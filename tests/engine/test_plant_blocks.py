@@ -255,7 +255,7 @@ def test_last_rows_are_recorded_as_run_ends(tmp_path: Path) -> None:
     assert rows["t_ns"][-1] == kept.all("cycle")["t_ns"][-1] - ROW_NS
 
 
-def test_a_way_out_closes_the_window(tmp_path: Path) -> None:
+def test_early_end_of_program_closes_window(tmp_path: Path) -> None:
     far = Interlock("far", "grid.number", high=300.0, action=Severity.END_TRIAL, stale_after_s=1.0)
     record = {"grid": Recorded(1, frozenset({"drive"})), "cycle": Recorded(1, frozenset({"drive"}))}
     host, kept, _ = host_of(rig(PlantGrid, tmp_path, interlocks=(far,)), record)
@@ -264,7 +264,7 @@ def test_a_way_out_closes_the_window(tmp_path: Path) -> None:
     end(host)
     (tripped,) = [t_ns for t_ns, kind, _ in kept.events if kind == "interlock"]
     assert kept.all("grid")["t_ns"][-1] == tripped - ROW_NS
-    # What the cycle says of itself is recorded by the same rule.
+    # What the cycle reports of itself is recorded by the same rule.
     assert kept.all("cycle")["t_ns"][[0, -1]].tolist() == [
         kept.entered()["drive"], tripped - PERIOD_NS,
     ]  # fmt: skip
@@ -286,7 +286,7 @@ def test_a_device_of_real_time_still_needs_it(tmp_path: Path) -> None:
         wire(real, VirtualClock(PERIOD_NS, START_NS), Control(), 1)
 
 
-def test_its_stream_is_the_same_in_both_forms(tmp_path: Path) -> None:
+def test_plant_block_stream_equals_wired_stream(tmp_path: Path) -> None:
     found = rig(PlantGrid, tmp_path)
     wired = wire(found, VirtualClock(PERIOD_NS, START_NS), Control(), 1).cycle.rig.streams
     assert tuple(streams_of(found)) == wired

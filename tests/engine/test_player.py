@@ -69,7 +69,7 @@ def test_unnamed_setpoints_hold_and_profiles_start_from_them() -> None:
     assert history == [(1.0, 2.0), (1.0, 2.0), (0.75, 2.0), (0.5, 2.0), (0.25, 2.0)]
 
 
-def test_condition_held_for_time_starts_anew_when_broken() -> None:
+def test_broken_condition_starts_its_time_again() -> None:
     segment = Segment("s", until=((above(0.5, for_s=0.002),),), timeout_s=1.0)
     xs = [1, 1, 0, 1, 1, 1, 1]
     history, outcome = play(CycleProgram((segment,)), [(x, 0) for x in xs])
@@ -77,7 +77,7 @@ def test_condition_held_for_time_starts_anew_when_broken() -> None:
     assert len(history) == 5
 
 
-def test_any_row_of_all_conditions() -> None:
+def test_until_ends_if_any_row_holds_whole() -> None:
     low_y = Condition("a.y", Comparison.BELOW, 0.1, magnitude=True)
     segment = Segment("s", until=((above(0.5), low_y), (above(9.0),)), timeout_s=1.0)
     both, outcome = play(CycleProgram((segment,)), [(1, -1), (1, -0.05)])

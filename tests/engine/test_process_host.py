@@ -1,4 +1,4 @@
-"""The cycle in a process of its own: what it plays, and that the rig is safe whoever dies."""
+"""The cycle in a process of its own: its programs, and a safe rig after any death."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_next_program_begins_in_next_cycle_without_daemon(tmp_path: Path) -> Non
         assert host.play(move(1.0, 0.2), brake).severity is Severity.DONE
         time.sleep(0.3)  # the daemon is away
         assert host.play(brake).severity is Severity.DONE
-        # Where it is over before anybody asks for it, that is what is told.
+        # If it is over before the first request, that is what is reported.
         short = move(-1.0, 0.05)
         assert host.play(move(1.0, 0.2), short).severity is Severity.DONE
         time.sleep(0.3)
@@ -168,7 +168,7 @@ def test_a_request_ends_the_program(tmp_path: Path) -> None:
 
 
 def pass_on(host: ProcessHost, folder: RunFolder) -> None:
-    """Let the cycle heed what was asked for, while nobody waits for an outcome."""
+    """Let the cycle act on requests while no caller waits for an outcome."""
     board = folder.board()
     enough, deadline = board[Word.CYCLES] + 10, time.monotonic() + 20
     while board[Word.CYCLES] < enough and time.monotonic() < deadline:
@@ -227,7 +227,7 @@ def once_open(path: Path, control: Control) -> None:
     control.request(Severity.STOP, "stopped by SIGINT")
 
 
-def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
+def test_stop_request_acts_while_devices_open(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, control):
         stopping = threading.Thread(target=once_open, args=(path, control))
@@ -241,8 +241,8 @@ def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
         assert word(path) == "rescued"
 
 
-def test_what_was_never_ours_is_not_made_safe(tmp_path: Path) -> None:
-    """A run that dies while it waits for a link must not stop the drives of who holds it."""
+def test_device_of_another_holder_is_not_commanded(tmp_path: Path) -> None:
+    """A run that dies while it waits for a link must not stop the drives of its holder."""
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, link_held=True)) as (host, _, control):
         threading.Timer(1.5, control.request, (Severity.STOP, "stopped by SIGINT")).start()
@@ -291,7 +291,7 @@ def test_lost_or_hanging_cycle_leads_to_rescue(tmp_path: Path, number: signal.Si
         assert word(path) == "rescued"
 
 
-def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
+def test_hanging_driver_ends_run_like_dead_cycle(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, hang_after_s=0.5)) as (host, _, _):
         ready(host)
@@ -307,7 +307,7 @@ def test_cycle_lost_in_preflight_blocks_by_its_reason(tmp_path: Path) -> None:
         assert set(host.identities()) == {"axis"}
         assert (host.active_interlocks(), host.loads(), host.lockout_reason()) == ((), {}, "")
         os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
-        assert host.identities() == {}  # what nobody says is not made up
+        assert host.identities() == {}  # an identity that is not reported is not invented
         assert (host.active_interlocks(), host.loads()) == ((), {})
         (arming_blockers,) = host.arming_blockers()
         assert "the cycle process ended by itself (signal SIGKILL)" in arming_blockers
@@ -363,7 +363,7 @@ def test_a_signal_to_the_cycle_process_aborts(tmp_path: Path, number: signal.Sig
         assert word(path) == "still"
 
 
-def test_a_silent_daemon_is_a_dead_one(tmp_path: Path) -> None:
+def test_cycle_makes_safe_if_daemon_is_silent(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, daemon_silence_s=0.4)) as (host, folder, _):
         ready(host)
@@ -420,7 +420,7 @@ def test_arming_waits_for_the_device_and_gives_up(tmp_path: Path) -> None:
         assert word(tmp_path / "axis") == "safe"
 
 
-def test_a_ring_that_nobody_drains_ends_the_run(tmp_path: Path) -> None:
+def test_ring_without_reader_ends_run(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path), capacity=200) as (host, _, _):
         ready(host)

@@ -23,7 +23,7 @@ print(json.dumps([sorted(before), sorted(within), sorted(after), real_time.grant
 """
 
 
-def test_it_keeps_to_one_processor_until_it_leaves() -> None:
+def test_realtime_process_stays_on_one_processor() -> None:
     done = subprocess.run(
         [sys.executable, "-c", ENTER_AND_LEAVE], check=True, capture_output=True, timeout=60
     )

@@ -1,4 +1,4 @@
-"""Whatever ends a run, the rig ends safe; `finish` moves only where nothing went wrong."""
+"""After any end of a run the rig is safe; `finish` moves only if the rig has no fault."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_trial_ended_early_is_marked_and_rig_returns(early: str) -> None:
     assert "1 of 2 trials" in result.reason
 
 
-def test_a_fault_in_a_trial_plays_nothing_more() -> None:
+def test_fault_in_trial_plays_no_later_step() -> None:
     bench = Bench()
 
     def fail(t_ns: int) -> Sequence[float]:
@@ -286,7 +286,7 @@ def spike(bench: Bench, from_s: float, to_s: float) -> None:
     bench.axis.answer = answer
 
 
-def test_finish_plays_after_stop_whose_cause_has_gone() -> None:
+def test_finish_plays_after_cause_of_stop_ends() -> None:
     bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Severity.STOP),))
     spike(bench, 0.2, 0.205)
     result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()

@@ -21,7 +21,7 @@ def test_nothing_is_known_before_first_trial_has_ended() -> None:
     assert left.left_s(at(5.0, 1, 0)) is None
 
 
-def test_a_dry_run_tells_until_then() -> None:
+def test_dry_run_estimates_time_before_first_trial() -> None:
     left = TimeLeft(expected_s=60.0)
     left.watch(at(1.0, 1, 0))
     assert left.left_s(at(5.0, 1, 0)) == pytest.approx(55.0)

@@ -43,7 +43,7 @@ def test_window_holds_its_opening_and_not_its_closing() -> None:
 
 
 def test_late_rows_are_judged_by_their_own_time() -> None:
-    """Also where two windows have passed since, one of them between two rows of a block."""
+    """Also if two windows have passed since, one of them between two rows of a block."""
     windows = Windows.unshared()
     for t_ns, is_open in ((10, True), (12, False), (13, True), (20, False), (30, False)):
         windows.decide(t_ns, is_open=is_open)
@@ -126,7 +126,7 @@ def test_rows_arriving_too_late_are_counted_as_lost() -> None:
         late.take(rows(1))
 
 
-def test_one_process_decides_and_another_looks() -> None:
+def test_window_decision_is_seen_by_other_process() -> None:
     memory = memoryview(bytearray(Windows.BYTES))
     cycle, helper = Windows(memory), Windows(memory)
     assert helper.decided_ns == 0

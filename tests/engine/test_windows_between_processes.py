@@ -1,4 +1,4 @@
-"""Recording windows where cycle and block device are processes of their own."""
+"""Recording windows with cycle and block device in processes of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person says of a run is text, bounded, and steers no terminal."""
+"""What a person states on a run is text, bounded, and steers no terminal."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_operator_has_one_line() -> None:
         About(operator="A\nB")
 
 
-def test_what_is_too_long_is_refused() -> None:
+def test_note_or_metadata_beyond_bounds_is_refused() -> None:
     with pytest.raises(ValueError, match="the note has"):
         About(note="x" * (MOST_NOTE_LETTERS + 1))
     with pytest.raises(ValueError, match="at most"):

@@ -24,7 +24,7 @@ def test_abort_estop_and_fault_are_possible_while_moving(state: RunState) -> Non
 
 
 @pytest.mark.parametrize("state", [state for state in RunState if state in FINAL])
-def test_nothing_leads_on_from_an_end(state: RunState) -> None:
+def test_final_state_has_no_next_state(state: RunState) -> None:
     assert not [event for event in RunEvent if next_state(state, event)]
 
 

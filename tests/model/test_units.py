@@ -43,7 +43,7 @@ def test_text_becomes_si(text: str, value: float) -> None:
 @pytest.mark.parametrize(
     "text", ["", "A", "1.5 furlong", "1 m/", "nan m", "inf A", "1,5 A", "0x10 A", "1 m^", "5 k"]
 )
-def test_what_is_no_quantity_is_refused(text: str) -> None:
+def test_text_without_valid_quantity_is_refused(text: str) -> None:
     with pytest.raises(ValueError):
         parse_quantity(text)
 
@@ -60,7 +60,7 @@ def test_what_is_no_quantity_is_refused(text: str) -> None:
         ("rad/s", "Hz", False),
     ],
 )
-def test_kinds(first: str, second: str, same: bool) -> None:
+def test_units_have_same_kind_if_convertible(first: str, second: str, same: bool) -> None:
     assert parse_unit(first).same_kind(parse_unit(second)) is same
 
 

@@ -136,7 +136,7 @@ def test_tests_and_benches_import_what_is_declared() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(DECLARED))
-def test_what_is_declared_is_imported(name: str) -> None:
+def test_declared_dependency_is_imported(name: str) -> None:
     found, _ = imports(tuple(PRODUCT))
     if name in LOADED:
         path, words = LOADED[name]

@@ -40,5 +40,5 @@ def told() -> Iterator[str]:
                 yield f"{inside}:{number}: {line.strip()}"
 
 
-def test_no_word_of_a_family_stands_in_rigd() -> None:
+def test_rigd_contains_no_name_of_rig_family() -> None:
     assert list(told()) == []

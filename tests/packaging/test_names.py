@@ -1,4 +1,4 @@
-"""Names: a public class of ``rigd`` stands for one thing, a test says what it shows briefly."""
+"""Names: a public class of ``rigd`` stands for one thing, the name of a test is brief."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
+def test_wheel_contains_exactly_the_needed_files(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {
         "rigd/cli/main.py",

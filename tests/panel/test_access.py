@@ -65,7 +65,7 @@ def test_cookie_is_unreachable_for_scripts_and_other_sites(panel: ServedPanel) -
     ],
 )
 @pytest.mark.parametrize("path", ["/api/stop/estop", "/api/command/lease_take", "/api/invite"])
-def test_what_does_not_come_from_page_changes_nothing(
+def test_request_from_elsewhere_changes_nothing(
     panel: ServedPanel, path: str, header: dict[str, str | None], status: int
 ) -> None:
     visitor = panel.visitor()
@@ -114,7 +114,7 @@ def test_a_report_is_a_page_without_rights(panel: ServedPanel) -> None:
     assert Visitor(panel).get(f"/api/run/{run}/report")[0] == 401
 
 
-def test_a_recording_comes_whole(panel: ServedPanel) -> None:
+def test_recording_download_is_complete(panel: ServedPanel) -> None:
     status, headers, body = panel.visitor().get(f"/api/run/{panel.rig.runs[0].run}/recording")
     assert (status, body) == (200, RECORDING)
     assert headers["content-disposition"].startswith("attachment")
@@ -140,14 +140,14 @@ def test_a_page_of_another_site_gets_no_socket(panel: ServedPanel) -> None:
         assert refused.value.response.status_code == 403
 
 
-def test_socket_without_session_is_closed_and_says_why(panel: ServedPanel) -> None:
+def test_socket_without_session_is_closed_with_reason(panel: ServedPanel) -> None:
     with Visitor(panel).page() as page:
         with pytest.raises(ConnectionClosed) as closed:
             page.recv(10)
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4401
 
 
-def test_who_logs_out_leaves_no_page_open(panel: ServedPanel) -> None:
+def test_logout_closes_all_pages_of_user(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     with visitor.page() as page:
         assert visitor.post("/api/logout")[0] == 200
@@ -159,7 +159,7 @@ def test_who_logs_out_leaves_no_page_open(panel: ServedPanel) -> None:
 
 
 @pytest.mark.parametrize("said", ["something", "", b"drawn", "x" * 900])
-def test_a_socket_that_says_anything_else_is_closed(panel: ServedPanel, said: str | bytes) -> None:
+def test_socket_with_unknown_message_is_closed(panel: ServedPanel, said: str | bytes) -> None:
     with panel.visitor().page() as page:
         page.send(said)
         with pytest.raises(ConnectionClosed):
@@ -218,7 +218,7 @@ def test_beyond_this_machine_only_with_tls(tmp_path: Path) -> None:
         Listen(port=taken.getsockname()[1]).bind()
 
 
-def test_who_only_connects_keeps_no_stop_out(panel: ServedPanel) -> None:
+def test_idle_connections_do_not_block_stop(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     upgrade = (
         f"GET /api/live HTTP/1.1\r\nhost: 127.0.0.1:{panel.port}\r\norigin: {panel.origin}\r\n"
@@ -233,7 +233,7 @@ def test_who_only_connects_keeps_no_stop_out(panel: ServedPanel) -> None:
         assert visitor.post("/api/stop/stop")[0] == 200
 
 
-def test_a_request_that_drips_in_is_cut_off(
+def test_slow_request_head_closes_connection(
     panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rigd.panel.connections.HEAD_S", 0.3)
@@ -249,7 +249,7 @@ def test_a_request_that_drips_in_is_cut_off(
                         raise ConnectionError
 
 
-def test_who_watches_leaves_room_for_who_commands(
+def test_watching_pages_leave_room_for_commanding_page(
     panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rigd.panel.feed.MOST_WATCHING", 1)

@@ -55,7 +55,7 @@ def test_waiting_question_is_audible_and_in_the_title(heard: Page) -> None:
     wait_until(lambda: tones(heard) == 4)
 
 
-def test_it_is_heard_again_until_it_is_answered(heard: Page) -> None:
+def test_unanswered_question_sounds_again(heard: Page) -> None:
     ask(heard)
     wait_until(lambda: tones(heard) >= 4)
 
@@ -79,6 +79,6 @@ def test_page_not_yet_allowed_to_play_reports_it(heard: Page, watched: Watched) 
     assert watched.complaints == []
 
 
-def test_a_trip_is_heard(panel: ServedPanel, heard: Page) -> None:
+def test_trip_makes_a_sound(panel: ServedPanel, heard: Page) -> None:
     panel.rig.trip()
     wait_until(lambda: tones(heard) == 4)

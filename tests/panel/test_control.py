@@ -83,7 +83,7 @@ def test_two_users_of_one_name_share_no_lease(panel: ServedPanel) -> None:
         assert code_of_pause(other) == "no_lease"
 
 
-def test_two_takes_at_once_leave_one_holder(panel: ServedPanel) -> None:
+def test_concurrent_takes_leave_one_holder(panel: ServedPanel) -> None:
     ada = panel.visitor()
     bob = further(panel, ada, "Bob")
     with ada.page(), bob.page(), ThreadPoolExecutor(2) as pool:
@@ -91,7 +91,7 @@ def test_two_takes_at_once_leave_one_holder(panel: ServedPanel) -> None:
         assert sorted(take.result() for take in takes) == [200, 409]
 
 
-def test_control_passes_to_a_user_who_asked(panel: ServedPanel) -> None:
+def test_control_passes_to_requesting_user(panel: ServedPanel) -> None:
     ada = panel.visitor()
     bob = further(panel, ada, "Bob")
     to_bob = {"to": "panel", "user": "Bob"}
@@ -143,7 +143,7 @@ def test_lease_is_renewed_only_while_page_is_open(panel: ServedPanel) -> None:
     assert code_of_pause(ada) == "no_lease"
 
 
-def test_page_loaded_anew_keeps_control(panel: ServedPanel) -> None:
+def test_reloaded_page_keeps_control(panel: ServedPanel) -> None:
     ada = panel.visitor()
     with ada.page():
         lease(ada, "take")

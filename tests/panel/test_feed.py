@@ -43,7 +43,7 @@ def hear(page: ClientConnection, what: str, **wanted: Any) -> dict[str, Any]:
     raise TimeoutError(f"no {what} with {wanted}")
 
 
-def test_page_that_joins_late_knows_everything_at_once(panel: ServedPanel) -> None:
+def test_late_page_gets_description_and_past_events(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     with visitor.page() as page:  # the panel has described its rig before events come
         hear(page, "describe")
@@ -105,7 +105,7 @@ def test_silent_daemon_is_shown_lost_then_found(panel: ServedPanel) -> None:
         hear(page, "panel", alive=True)
 
 
-def test_a_change_is_told_at_once(panel: ServedPanel) -> None:
+def test_change_is_sent_at_once(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     with visitor.page() as page:
         hear(page, "status")
@@ -125,7 +125,7 @@ def test_pages_of_one_session_are_bounded(panel: ServedPanel) -> None:
             stack.enter_context(visitor.page()).recv(20)
 
 
-def test_a_frame_that_is_none_harms_nobody(
+def test_malformed_frame_does_not_disturb_pages(
     panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from support import played_rig

@@ -47,7 +47,7 @@ def test_clock_that_was_set_back_breaks_no_bound() -> None:
     assert merge(a_frame(9, 10**12), a_frame(9, 0), 8).time_s.size <= 8
 
 
-def test_nothing_measured_hides_nothing() -> None:
+def test_empty_interval_does_not_hide_merged_values() -> None:
     first, second = a_frame(1), a_frame(1, 10**6, seed=1)
     first.low[0, 0] = first.high[0, 0] = np.nan
     merged = merge(first, second, 1)

@@ -36,7 +36,9 @@ def visitor(panel: ServedPanel, host: Visitor) -> Iterator[Visitor]:
 
 
 @pytest.mark.parametrize(("method", "known"), DOORS)
-def test_random_requests(panel: ServedPanel, visitor: Visitor, method: str, known: str) -> None:
+def test_random_requests_to_panel_change_nothing(
+    panel: ServedPanel, visitor: Visitor, method: str, known: str
+) -> None:
     random_ = random.Random(f"{method} {known}")
     before = panel.rig.changes
     seen: set[int] = set()

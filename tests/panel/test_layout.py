@@ -135,7 +135,7 @@ def test_a_dialog_leaves_state_and_stops_uncovered(panel: ServedPanel, watched: 
         assert page.evaluate(COVERED) == [], f"at {width} x {height}"
 
 
-def test_the_head_is_as_high_at_every_step(panel: ServedPanel, browser: Browser) -> None:
+def test_page_head_keeps_its_height(panel: ServedPanel, browser: Browser) -> None:
     watched = Watched(browser, 390, 844)
     page = running(panel, watched)
     heights = []

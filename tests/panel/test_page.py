@@ -228,7 +228,7 @@ def test_a_maintainer_takes_over_and_tares(browser: Browser, watched: Watched) -
         assert given(panel, "act") == [{"device": "scale", "action": "tare"}]
 
 
-def test_who_only_watches_can_stop_and_nothing_else(panel: ServedPanel, watched: Watched) -> None:
+def test_watching_user_can_stop_and_nothing_else(panel: ServedPanel, watched: Watched) -> None:
     page = watched.enter(panel.links["observer"], "Olga")
     panel.rig.state = "running"
     panel.rig.trip()
@@ -241,7 +241,7 @@ def test_who_only_watches_can_stop_and_nothing_else(panel: ServedPanel, watched:
     state(page, "Stopping")
 
 
-def test_what_the_rig_says_is_never_markup(panel: ServedPanel, watched: Watched) -> None:
+def test_text_of_rig_is_never_markup(panel: ServedPanel, watched: Watched) -> None:
     evil = "<img src=x onerror=\"document.title='owned'\"><b>bold</b>"
     page = watched.enter(panel.links["operator"], evil[:40])
     panel.rig.trips.append(TRIP.model_copy(update={"message": evil}))
@@ -253,7 +253,7 @@ def test_what_the_rig_says_is_never_markup(panel: ServedPanel, watched: Watched)
     assert page.title() != "owned"
 
 
-def test_what_the_rig_says_turns_no_line(panel: ServedPanel, watched: Watched) -> None:
+def test_text_of_rig_cannot_reverse_line(panel: ServedPanel, watched: Watched) -> None:
     said = "wheel\u202ecleaned"
     page = watched.enter(panel.links["operator"], "A. Miller")
     panel.rig.trips.append(TRIP.model_copy(update={"message": said}))

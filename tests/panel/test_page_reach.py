@@ -40,7 +40,7 @@ SMALL = """least => [...document.querySelectorAll("button, a, input, select, sum
   .filter(one => one.getBoundingClientRect().height < least - 0.5)
   .map(one => one.outerHTML.slice(0, 120))"""
 
-#: Words for who cannot see: every control has a name, every field a label.
+#: Words for users who cannot see: every control has a name, every field a label.
 NAMELESS = """[...document.querySelectorAll("button, a, input, select, iframe, summary")]
   .filter(one => !one.labels?.length && !one.getAttribute("aria-label"))
   .filter(one => !one.textContent.trim() && !one.title)

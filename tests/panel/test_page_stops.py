@@ -8,7 +8,7 @@ from support.page import given, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
 
 
-def test_a_page_cut_off_says_so_and_returns(panel: ServedPanel, watched: Watched) -> None:
+def test_page_cut_off_shows_it_and_recovers(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     panel.line.is_cut = True
     state(page, "Not connected")
@@ -81,7 +81,7 @@ def test_abort_and_estop_take_one_press(panel: ServedPanel, watched: Watched) ->
     assert not given(panel, "stop")
 
 
-def test_one_press_stops_whatever_is_open(panel: ServedPanel, watched: Watched) -> None:
+def test_one_press_stops_with_dialog_open(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     told = page.locator(".stop-result")
     press(page, "Ada")

@@ -1,6 +1,6 @@
-"""Presses that nobody meant move nothing: held keys, double clicks, buttons that took a place.
+"""Unintended presses move nothing: held keys, double clicks, buttons that took a place.
 
-The clock of the page stands still where a test says so: the time between two presses is then
+The clock of the page stands still when a test stops it: the time between two presses is then
 exactly what the test makes it, on a loaded machine too.
 """
 
@@ -25,7 +25,7 @@ SAFETY = tuple(
 )
 #: Within this time after a change of the page, a press counts for nothing, in ms.
 SETTLE_MS = 600
-#: The page looks where its buttons are at least this often, in ms.
+#: The page checks the positions of its buttons at least this often, in ms.
 LOOK_MS = 100
 #: The clock is stopped so far ahead, in s: it cannot be stopped in the past.
 AHEAD_S = 1.0
@@ -198,7 +198,7 @@ def test_enter_pressed_again_too_soon_answers_nothing(panel: ServedPanel, clocke
     settle(page)
     page.mouse.click(*middle(yes))
     expect(page.get_by_role("heading", name="Safety question 2?")).to_be_visible()
-    for _ in range(5):  # a remote desktop repeats keys without saying so
+    for _ in range(5):  # a remote desktop repeats keys without reporting it
         yes.focus()
         page.keyboard.press("Enter")
         page.keyboard.press("Space")
@@ -257,7 +257,7 @@ def test_enter_held_on_start_only_opens_the_dialog(panel: ServedPanel, watched: 
     expect(dialog).to_be_visible()
 
 
-def test_a_second_tap_answers_no_second_question(panel: ServedPanel, touched: Watched) -> None:
+def test_second_tap_does_not_answer_next_question(panel: ServedPanel, touched: Watched) -> None:
     page = asked(panel, touched)
     stand_still(page)
     settle(page)

@@ -40,7 +40,7 @@ def test_an_observer_stops_by_the_line(panel: ServedPanel) -> None:
     assert panel.rig.users("stop") == ["Olga"]
 
 
-def test_an_estop_waits_for_no_stop(panel: ServedPanel) -> None:
+def test_estop_does_not_wait_for_stop(panel: ServedPanel) -> None:
     panel.rig.state = "running"
     panel.line.held = "stop"
     with panel.visitor().page(path=LINE) as line:

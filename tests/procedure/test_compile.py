@@ -33,7 +33,7 @@ def only_program(steps: tuple[object, ...]) -> CycleProgram:
     return program
 
 
-def test_small_procedure(compile_text: Compile, small: str) -> None:
+def test_small_procedure_compiles_to_its_trials(compile_text: Compile, small: str) -> None:
     compiled = compile_text(small)
     assert compiled.parameters == {"floor": "stone", "speed": 0.1, "rolling": 0.009}
     assert compiled.units == {"current": "A", "speed": "mm/s", "rolling": "1"}
@@ -93,7 +93,7 @@ def test_procedure_decides_what_a_vanished_client_means(
     assert chosen.on_client_loss is choice
 
 
-def test_overrides(compile_text: Compile, small: str) -> None:
+def test_override_replaces_parameters_tables_and_sweep(compile_text: Compile, small: str) -> None:
     compiled = compile_text(small, floor="pvc", speed="0.2 m/s", current="0.7 A")
     assert compiled.parameters == {
         "floor": "pvc", "speed": 0.2, "rolling": 0.022, "current": 0.7,
@@ -161,7 +161,9 @@ def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
          TableProfile((0.0, 1.0), (0.0, 1.0), hold=True)),
     ],
 )  # fmt: skip
-def test_profiles(compile_text: Compile, small: str, source: str, profile: object) -> None:
+def test_profile_text_compiles_to_its_profile(
+    compile_text: Compile, small: str, source: str, profile: object
+) -> None:
     text = small.replace("wheel_servo.current: ${current}", f"wheel_servo.current: {source}")
     (drive,) = only_program(compile_text(text).trials[0].steps).segments
     assert drive.setpoints["wheel_servo.current"] == profile
@@ -191,7 +193,7 @@ def test_prompt_once_per_value(rig: RigConfig) -> None:
     procedure = load_procedure("validation_masses")
     compiled = compile_procedure(procedure, rig)
     assert masses_asked(compiled) == [(1, 3.9593), (9, 2.9593), (17, 1.9593)]
-    # Resumed after trial 10: whoever starts again is asked for the weights again.
+    # Resumed after trial 10: the operator is asked for the weights again.
     resumed = compile_procedure(procedure, rig, done=range(1, 11))
     assert (11, 2.9593) in masses_asked(resumed)
     assert compiled.identify is not None
@@ -208,7 +210,9 @@ def test_prompt_once_per_value(rig: RigConfig) -> None:
         ("validation_masses", 24),
     ],
 )
-def test_shipped_procedures(rig: RigConfig, name: str, trials: int) -> None:
+def test_shipped_procedures_compile_with_all_streams(
+    rig: RigConfig, name: str, trials: int
+) -> None:
     compiled = compile_procedure(load_procedure(name), rig)
     assert len(compiled.trials) == trials
     assert compiled.record == dict.fromkeys([*rig.devices, "cycle"], Recorded())

@@ -1,4 +1,4 @@
-"""What an editor tells by the schema: the plain slips, and never anything that check accepts."""
+"""What an editor reports by the schema: the plain slips, and never anything that check accepts."""
 
 from __future__ import annotations
 

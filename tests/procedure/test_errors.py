@@ -149,7 +149,7 @@ END = "until: carriage.position > 1 m"
          "mass\n", ["the prompt asks for N, but mass takes 0.5 kg to 20 kg"]),
     ],
 )  # fmt: skip
-def test_problem_at_its_place(
+def test_problem_is_reported_at_its_place_in_file(
     compile_text: Compile, small: str, old: str, new: str, token: str, parts: list[str]
 ) -> None:
     assert small.count(old) == 1, f"{old!r} stands {small.count(old)} times"
@@ -190,7 +190,7 @@ def test_override_of_a_row_is_refused(compile_text: Compile, small: str) -> None
         compile_text(small.replace("  grid:", "  zip:"), current="1 A")
 
 
-def test_zip_of_different_lengths(compile_text: Compile, small: str) -> None:
+def test_zip_with_unequal_lengths_is_refused(compile_text: Compile, small: str) -> None:
     text = small.replace("  grid:", "  zip:\n    floor: [stone, pvc]")
     with pytest.raises(ConfigError, match=r"length \(floor: 2, current: 3\)"):
         compile_text(text)

@@ -39,14 +39,14 @@ SCOPE: dict[str, Value] = {
         ("1 + 2 * 3", 7.0, "1"),
     ],
 )
-def test_value(text: str, value: float, unit: str) -> None:
+def test_expression_gives_value_and_dimension(text: str, value: float, unit: str) -> None:
     result = parse_expression(text).value(SCOPE)
     assert isinstance(result, Number)
     assert result.value == pytest.approx(value, rel=1e-12)
     assert result.dimension == parse_unit(unit).dimension
 
 
-def test_name_for_a_word_is_the_word() -> None:
+def test_reference_to_word_parameter_gives_word() -> None:
     assert parse_expression(" ${floor} ").value(SCOPE) == "stone"
 
 

@@ -1,4 +1,4 @@
-"""Whatever stands in a procedure file: a program, or a ConfigError with places."""
+"""Any text of a procedure file: a program, or a ConfigError with places."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def check(text: str) -> None:
 
 @FUZZ
 @given(st.data())
-def test_spoilt_file(data: st.DataObject) -> None:
+def test_spoilt_file_gives_value_or_located_error(data: st.DataObject) -> None:
     text = TEXTS[data.draw(st.sampled_from(sorted(TEXTS)))]
     at = data.draw(st.integers(0, len(text)))
     length = data.draw(st.integers(0, 40))
@@ -47,7 +47,7 @@ def test_spoilt_file(data: st.DataObject) -> None:
 
 @FUZZ
 @given(st.data())
-def test_values_exchanged(data: st.DataObject) -> None:
+def test_exchanged_values_give_result_or_located_error(data: st.DataObject) -> None:
     """Any value at the place of any other: right YAML, wrong meaning."""
     text = TEXTS[data.draw(st.sampled_from(sorted(TEXTS)))]
     lines = text.split("\n")
@@ -60,7 +60,7 @@ def test_values_exchanged(data: st.DataObject) -> None:
 
 @FUZZ
 @given(st.text(max_size=200))
-def test_any_text(text: str) -> None:
+def test_any_text_gives_value_or_located_error(text: str) -> None:
     check(text)
 
 

@@ -47,7 +47,7 @@ PlanWith = Callable[..., IdentifyPlan]
         ("${speed}", None, "mm/s"),
     ],
 )
-def test_uncertainty_and_unit_of_a_constant(
+def test_constant_keeps_its_uncertainty_and_unit(
     plan_with: PlanWith, written: str, u: Uncertainty | None, unit: str
 ) -> None:
     plan = plan_with(f"{{mass: {written if written[0] == '{' else repr(written)}}}")

@@ -19,7 +19,7 @@ from rigd.procedure.profiles import (
 )
 
 
-def test_constant_and_ramp() -> None:
+def test_constant_and_ramp_give_values_over_time() -> None:
     assert ConstantProfile(2.0).at(5.0, 1.0) == 2.0
     ramp = Ramp(None, 3.0, 2.0)
     assert [ramp.at(t, 1.0) for t in (0.0, 1.0, 2.0, 9.0)] == [1.0, 2.0, 3.0, 3.0]

@@ -55,7 +55,7 @@ def prompt_of(text: str, rig: RigConfig) -> Prompt:
     return prompt
 
 
-def test_a_share_of_the_answer_that_is_given(rig: RigConfig) -> None:
+def test_agreement_share_is_of_the_given_answer(rig: RigConfig) -> None:
     prompt = prompt_of(TEXT, rig)
     assert prompt.agrees == Agreement("scale.mass", 0.05, True, 1.0, STABLE)
     check = check_of(prompt, 5.02)  # what was typed, not what was planned
@@ -73,7 +73,7 @@ def test_share_of_negative_answer_is_band_too() -> None:
     assert band(agrees, -2.0) == pytest.approx((-2.1, -1.9))
 
 
-def test_a_distance_in_the_unit_of_the_channel(rig: RigConfig) -> None:
+def test_agreement_distance_is_in_channel_unit(rig: RigConfig) -> None:
     prompt = prompt_of(TEXT.replace("5 %", "100 g").replace(", for: 1 s", ""), rig)
     assert prompt.agrees == Agreement("scale.mass", 0.1, False, 0.0, STABLE)
     assert band(prompt.agrees, 0.0) == (-0.1, 0.1)
@@ -127,7 +127,7 @@ def test_step_waits_for_word_of_status(rig: RigConfig) -> None:
         ("stable for 0.2 s", "stable for 0.2 m", "0.2 m", ["is in m, expected s"]),
     ],
 )  # fmt: skip
-def test_problem_at_its_place(
+def test_problem_is_reported_at_its_place_in_file(
     rig: RigConfig, old: str, new: str, token: str, parts: list[str]
 ) -> None:
     assert TEXT.count(old) == 1

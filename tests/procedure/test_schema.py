@@ -15,7 +15,7 @@ from rigd.sdk.shipped import shipped_folder
 FILES = sorted(shipped_folder("procedures").glob("*.yaml"))
 
 
-def test_file_is_current() -> None:
+def test_schema_file_matches_the_code() -> None:
     file = shipped_folder("schemas") / "procedure.schema.json"
     assert json.loads(file.read_text()) == procedure_schema(), "run: rigd schema procedure"
 

@@ -1,4 +1,4 @@
-"""A resumed run goes on in the same recording, and only where that makes sense."""
+"""A resumed run continues the same recording, and only if that is valid."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_two_writers_exclude_each_other(
         RecordingWriter.append(tmp_path / "run.mcap", streams=(servo, force))
 
 
-def test_nothing_appended_changes_nothing(
+def test_append_without_rows_keeps_every_value(
     create: Create, rows: MakeRows, servo: Stream, force: Stream, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"

@@ -1,4 +1,4 @@
-"""Whatever is damaged, every row of every chunk that is not touched is read, bit for bit.
+"""After any damage, every row of every chunk that is not touched is read, bit for bit.
 
 Each damage is done to one of two recordings; `benchmarks/every_case.py` does it to both.
 """
@@ -122,7 +122,7 @@ def rows_by_mcap(path: Path) -> dict[str, list[bytes]]:
 
 
 def check(whole: Whole, damaged: bytes, path: Path) -> None:
-    """Assert that nothing untouched is lost, and that what is lost is said."""
+    """Assert that nothing untouched is lost, and that what is lost is reported."""
     path.write_bytes(damaged)
     expected = whole.untouched(damaged)
     passed_over = Recording.open(path, partial=True)
@@ -240,7 +240,7 @@ def test_damage_in_every_part_of_a_file(whole: Whole, tmp_path: Path) -> None:
             raise AssertionError(f"damage of {size} bytes in the {name}") from error
 
 
-def test_an_index_that_lost_bytes_costs_no_chunk(whole: Whole, tmp_path: Path) -> None:
+def test_truncated_index_costs_no_chunk(whole: Whole, tmp_path: Path) -> None:
     """The length that it gives reaches into the chunk behind it, which is sound."""
     chunks = whole.recording.contents.chunks
     first, lost = chunks[2], chunks[5]
@@ -389,7 +389,7 @@ def test_a_lost_answer_leaves_no_later_trial_complete(
 def test_layout_that_hides_mcap_file_is_not_mixed(
     create: Create, rows: MakeRows, whole: Whole, tmp_path: Path
 ) -> None:
-    """An attachment that is itself a recording: where it is damaged, its chunks are not ours."""
+    """An attachment that is itself a recording: if it is damaged, its chunks are not ours."""
     inner = Attachment("other.mcap", "application/octet-stream", whole.content)
     given = rows(FAST, 300, rate_hz=RATE_HZ, seed=9)
     with create("outer.mcap", streams=STREAMS, attachments=(inner,)) as writer:

@@ -1,4 +1,4 @@
-"""Events keep what they were given, whatever it is, and outlive damage behind them."""
+"""Events keep any data they were given, and outlive damage behind them."""
 
 from __future__ import annotations
 

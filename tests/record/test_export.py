@@ -53,7 +53,7 @@ def check_columns(columns: dict[str, NDArray[np.float64]], given: NDArray[np.voi
     np.testing.assert_array_equal(columns["trial"], expected)
 
 
-def test_parquet(given: NDArray[np.void], tmp_path: Path) -> None:
+def test_parquet_export_has_columns_and_events(given: NDArray[np.void], tmp_path: Path) -> None:
     paths = export(Recording.open(tmp_path / "run.mcap"), tmp_path / "out", "parquet")
     assert [path.name for path in paths] == [
         "wheel_servo.parquet",
@@ -71,7 +71,7 @@ def test_parquet(given: NDArray[np.void], tmp_path: Path) -> None:
     assert json.loads(events[0]["data"]) == {"note": 'a "quoted", µ'}
 
 
-def test_csv(given: NDArray[np.void], tmp_path: Path) -> None:
+def test_csv_export_has_columns_and_events(given: NDArray[np.void], tmp_path: Path) -> None:
     paths = export(Recording.open(tmp_path / "run.mcap"), tmp_path / "out", "csv")
     table = pyarrow.csv.read_csv(paths[0])
     assert table.column_names[:6] == [
@@ -89,7 +89,7 @@ def test_csv(given: NDArray[np.void], tmp_path: Path) -> None:
     check_columns(columns, given)
 
 
-def test_mat(given: NDArray[np.void], tmp_path: Path) -> None:
+def test_mat_export_has_columns_units_and_events(given: NDArray[np.void], tmp_path: Path) -> None:
     paths = export(Recording.open(tmp_path / "run.mcap"), tmp_path / "out", "mat")
     content = scipy.io.loadmat(paths[0], squeeze_me=True, simplify_cells=True)
     check_columns(content, given)

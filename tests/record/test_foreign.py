@@ -1,4 +1,4 @@
-"""Files that something else wrote are read where that makes sense, and refused where not."""
+"""Files that something else wrote are read if that is valid, and else refused."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MakeRows = Callable[..., NDArray[np.void]]
 
 
 def repack(source: Path, target: Path, **options: object) -> None:
-    """Write all messages of a file anew with the mcap library, in order of time."""
+    """Write all messages of a file again with the mcap library, in order of time."""
     with source.open("rb") as file, target.open("wb") as out:
         writer = Writer(out, **options)  # type: ignore[arg-type]  # any of its keywords
         writer.start("ros2", "another")
@@ -149,7 +149,7 @@ def test_files_without_all_indexes_are_refused(
 
 
 def test_no_flipped_byte_goes_unnoticed(ours: Path) -> None:
-    """Whatever byte is wrong: an error, or the same rows; never other rows, never a crash.
+    """With any byte wrong: an error, or the same rows; never other rows, never a crash.
 
     Walking the file finds every wrong byte, as the CRC of the data section covers all.
     """

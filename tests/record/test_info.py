@@ -1,4 +1,4 @@
-"""What a recording says of its run, and finding runs by it."""
+"""What a recording states on its run, and finding runs by it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def play(writer: RecordingWriter, rows: NDArray[np.void], *, end: bool = True) -
         writer.event(int(rows["t_ns"][-1]), "run_end", None, {"state": "done", "reason": "all"})
 
 
-def test_a_run_is_summed_up(create: Create, rows: MakeRows, servo: Stream, tmp_path: Path) -> None:
+def test_run_info_summarises_a_recording(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
     with create() as writer:
         play(writer, rows(servo, 4_001))
     info = run_info(Recording.open(tmp_path / "run.mcap"))

@@ -81,7 +81,7 @@ CURRENTS = "current: {from: 0.15 A, to: 1.5 A, step: 0.15 A}"
 
 @dataclass(frozen=True)
 class Ended:
-    """A command that has ended, and what it told."""
+    """A command that has ended, and what it printed."""
 
     code: int
     told: str

@@ -1,4 +1,4 @@
-"""Whatever is cut off or torn, what was on disk before stays, and a second repair does nothing.
+"""After any cut or tear, what was on disk before stays, and a second repair does nothing.
 
 One place in four is cut or torn; `benchmarks/every_case.py` tries all.
 """
@@ -215,7 +215,7 @@ def test_a_file_that_changes_is_not_called_damaged(
     assert Recording.open(path).read("wheel_servo").tobytes() == given.tobytes()
 
 
-def test_a_file_being_written_is_left_alone(create: Create, tmp_path: Path) -> None:
+def test_recover_refuses_file_being_written(create: Create, tmp_path: Path) -> None:
     with create(), pytest.raises(RecordingError, match="being written"):
         recover(tmp_path / "run.mcap")
 

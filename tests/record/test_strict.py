@@ -71,7 +71,7 @@ def check() -> Check:
 
 
 def digest(rows: NDArray[np.void]) -> dict[str, Any]:
-    """Return what check.mjs says of a topic that holds ``rows``."""
+    """Return what check.mjs reports on a topic that holds ``rows``."""
     hashed = hashlib.sha256()
     for row in rows:
         encoded = row.tobytes()
@@ -80,7 +80,7 @@ def digest(rows: NDArray[np.void]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_closed_recordings(
+def test_closed_recordings_pass_the_strict_check(
     check: Check,
     create: Create,
     rows: MakeRows,
@@ -138,7 +138,7 @@ def test_recovered_and_continued_recordings(
     assert check(path)["/wheel_servo"] == digest(moved)
 
 
-def test_the_check_itself_finds_a_wrong_offset(
+def test_strict_check_finds_a_wrong_offset(
     check: Check, create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"

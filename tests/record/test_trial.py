@@ -92,7 +92,7 @@ def test_samples_and_trials_become_data_frames(
     assert table["start"].tolist() == [0.5, 1.0, 2.0, 3.5]
     assert table["end"].fillna(-1).tolist() == pytest.approx([1.0, 1.2, 3.0, -1])
     assert table["floor"].tolist() == ["pvc", "pvc", "pvc", ""]
-    # In SI, whatever unit the procedure uses.
+    # In SI, with any unit in the procedure.
     assert table["current"].fillna(-1).tolist() == [0.1, 0.2, 0.2, -1]
     assert table.attrs["units"]["current"] == "A"
 

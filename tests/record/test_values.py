@@ -46,7 +46,7 @@ def odd_rows(rows: MakeRows, stream: Stream) -> NDArray[np.void]:
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_all_readers_agree(
+def test_all_readers_return_equal_values(
     create: Create, rows: MakeRows, tmp_path: Path, compression: Compression
 ) -> None:
     path = tmp_path / "run.mcap"

@@ -34,6 +34,6 @@ def over_tls(certificates: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="module")
 def on_loopback() -> Iterator[Served]:
-    """A rig as it is served unless its file says otherwise."""
+    """A rig as it is served unless its file overrides it."""
     with serve() as served:
         yield served

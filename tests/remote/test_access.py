@@ -1,4 +1,4 @@
-"""Who may do what: each verb of each role, over TLS sessions in processes of their own."""
+"""Permissions: each verb of each role, over TLS sessions in processes of their own."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def clients(over_tls: Served) -> Iterator[Mapping[str, ZenohClient]]:
 
 
 def holder_for(name: str, verb: str) -> str:
-    """Who must hold the lease, so that nothing but the role decides."""
+    """The identity that must hold the lease, so that nothing but the role decides."""
     return {"lease_request": "another", "lease_seize": "another"}.get(verb, name)
 
 

@@ -1,4 +1,4 @@
-"""The administration of zenoh shows nothing of a rig, whoever asks."""
+"""The administration of zenoh shows nothing of a rig, to any client."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with certificates is said by the end that has them."""
+"""What is wrong with certificates is reported by the end that has them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever is sent, the server lives, tells why not, counts it, and goes on answering others."""
+"""With any message the server lives, reports the reason, counts it, and answers others."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_stop_is_accepted_with_any_clock(on_loopback: Served, client: ZenohClien
 
 
 def test_lease_is_renewed_with_any_clock(on_loopback: Served, client: ZenohClient) -> None:
-    """Else a clock that is set would end the run of who is there."""
+    """Else a clock change would end the run of a client that is connected."""
     on_loopback.rig.hold_lease("eve")
     payload = request("lease_renew", sent_ns=0)
     first, second = (client.ask(key("cmd", "eve", "lease_renew"), payload) for _ in range(2))
@@ -278,7 +278,7 @@ def test_frozen_subscriber_delays_no_other(on_loopback: Served, client: ZenohCli
         assert client.received(least=before + 1, within_s=20)[f"rigd/{RIG}/live/wheel"] > before
 
 
-def test_an_end_without_a_word_frees_the_place(on_loopback: Served) -> None:
+def test_connection_ended_without_close_frees_place(on_loopback: Served) -> None:
     for _ in range(3):
         with on_loopback.client() as client:
             client.subscribe(f"rigd/{RIG}/status")

@@ -1,4 +1,4 @@
-"""Who does not come as a client is refused, and the rig is commanded all the same."""
+"""A session in another mode than client is refused, and the rig is commanded all the same."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ async def rigs_found(served: Served, tries: int) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("mode", ["peer", "router"])
-def test_a_guest_in_another_mode_is_disconnected(on_loopback: Served, mode: str) -> None:
+def test_peer_or_router_session_is_disconnected(on_loopback: Served, mode: str) -> None:
     transports = on_loopback.server.transports
     with suppress(Refused), guest(on_loopback, mode):
         deadline = time.monotonic() + TIMEOUT_S

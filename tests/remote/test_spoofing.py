@@ -1,4 +1,4 @@
-"""A client that is let in reaches its own keys, and no other: nobody speaks for the rig."""
+"""A client that is let in reaches its own keys, and no other: none can pose as the rig."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PUBLIC = ("status", "event", "live/wheel")
 
 @pytest.fixture(scope="module", params=["over_tls", "on_loopback"])
 def served(request: pytest.FixtureRequest) -> Served:
-    """Both ways to serve a rig keep everybody from speaking for it."""
+    """Both ways to serve a rig keep every client from posing as it."""
     served: Served = request.getfixturevalue(request.param)
     return served
 
@@ -98,7 +98,7 @@ def test_no_request_is_made_for_several_at_once(
     assert served.rig.done == before
 
 
-def test_the_name_is_that_of_the_certificate(over_tls: Served) -> None:
+def test_identity_is_the_certificate_name(over_tls: Served) -> None:
     before = list(over_tls.rig.done)
     with over_tls.client("bob") as bob:
         for kind, verb in (("cmd", "lease_take"), ("ask", "latest"), ("stop", "stop")):

@@ -1,4 +1,4 @@
-"""Who has no certificate of the lab gets nothing, and a client trusts no false rig."""
+"""A client without a certificate of the lab gets nothing, and a client trusts no false rig."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Configure = Callable[[Served, Path], dict[str, Any]]
 
 
 def of_another_lab(served: Served, folder: Path) -> dict[str, Any]:
-    """A certificate that says alice, signed by somebody else."""
+    """A certificate with the name alice, signed by another authority."""
     setup_tls(folder, ["localhost"], ["alice"])
     made = config(served.endpoint, folder, "alice")
     assert served.certificates is not None

@@ -1,4 +1,4 @@
-"""Certificates: what they say, who can read the keys, and that none is written over."""
+"""Certificates: their content, the readers of the keys, and that none is overwritten."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_server_is_known_by_its_names_and_addresses(folder: Path) -> None:
     assert found == [*HOSTS, HERE]  # the last for the panel on its own machine
 
 
-def test_they_end(folder: Path) -> None:
+def test_certificates_end_after_their_validity(folder: Path) -> None:
     assert read(folder / "alice.crt").not_valid_after_utc == NOW + VALID
 
 
@@ -119,7 +119,7 @@ def test_a_server_needs_a_name(tmp_path: Path) -> None:
         setup_tls(tmp_path, [], ["alice"])
 
 
-def test_half_a_pair_is_not_guessed_at(folder: Path) -> None:
+def test_certificate_without_its_key_is_refused(folder: Path) -> None:
     (folder / "rigd.key").unlink()
     with pytest.raises(ConfigError, match="without the other file of its pair"):
         setup_tls(folder, HOSTS, [])

@@ -182,7 +182,7 @@ class Helpless(Good):
 
 
 class Inventive(Good):
-    """Gives rows whatever happens; never safe to believe."""
+    """Gives rows after any failure; never to be believed."""
 
     def read(self, t_ns: int) -> Sequence[float] | None:
         return self.row()
@@ -262,7 +262,7 @@ def test_mistake_is_found_by_its_rule(rule: str, driver: type[Driver], words: st
 
 
 class Pretending(WireLink):
-    """A link that says it is open whatever it finds."""
+    """A link that reports being open in any state."""
 
     def open(self) -> None:
         pass

@@ -183,7 +183,7 @@ class Euler(Cart):
 
 
 class PerStep(Cart):
-    """A friction that acts once per step, whatever its length."""
+    """A friction that acts once per step, with any length."""
 
     def step(self, step_s: float) -> None:
         super().step(step_s)

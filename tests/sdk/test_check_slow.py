@@ -122,7 +122,7 @@ class Mute(Good):
 class Blocking(Good):
     async def run(self, emit: EmitRow) -> None:
         while True:
-            time.sleep(0.5)  # what an author does who calls a blocking library
+            time.sleep(0.5)  # as an author who calls a blocking library
             emit(self.row())
             await asyncio.sleep(0)
 

@@ -1,4 +1,4 @@
-"""What a Config offers, told as a person needs it."""
+"""What a Config offers, described for a person."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_every_option_is_listed() -> None:
     assert list(told).index("inputs.zero") == list(told).index("inputs") + 1
 
 
-def test_a_number_without_a_unit_shows() -> None:
+def test_option_with_unitless_number_is_marked() -> None:
     assert [item.name for item in options_of(Config) if item.bare] == [
         "inputs.gain",
         "reference.gain",

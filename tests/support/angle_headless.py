@@ -50,7 +50,7 @@ class SimulatedRun:
     normal_force_v: FloatArray | None
     stop_s: float  #: of the command to stop
     watchdog: bool  #: stopped by the watchdog
-    scale_kg: float  #: what the scale showed before the start; NaN where it showed nothing
+    scale_kg: float  #: what the scale showed before the start; NaN if it showed nothing
     scale_stable: bool
     truth: dict[str, FloatArray]
     #: N m per V of (gauge a - gauge b), as a calibration with the arm's nominal length finds it.
@@ -91,7 +91,7 @@ def simulate(
 
     The stop acts on the newest block: on the median of its last samples, at the time at which the
     block can be had. ``seed`` gives noise and the scatter of load and surface, ``individual`` the
-    rig; ``parameters`` are the shipped ones, where they are not given.
+    rig; ``parameters`` are the shipped ones, if they are not given.
 
     Raises:
         ValueError: no such set or fault, or a load or voltage that cannot be.

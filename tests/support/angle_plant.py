@@ -1,4 +1,4 @@
-"""Plants of the approach-angle rig for tests: varied, set up, and what their history says."""
+"""Plants of the approach-angle rig for tests: varied, set up, and their history."""
 
 from __future__ import annotations
 

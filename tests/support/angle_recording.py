@@ -66,7 +66,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Recorded:
-    """A run as one trial of a campaign, and what its recording has to say of it."""
+    """A run as one trial of a campaign, and what its recording reports."""
 
     run: SimulatedRun
     repeat: int = 1

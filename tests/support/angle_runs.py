@@ -35,7 +35,7 @@ class Trial:
 
 
 def drawn_rig(seed: int) -> AngleRig:
-    """Return what a calibration with errors drawn by ``seed`` says of the plant (0: no errors)."""
+    """Return a calibration of the plant with errors drawn by ``seed`` (0: no errors)."""
     rng = np.random.default_rng(seed)
 
     def found(true: float, relative_u: float) -> Known:

@@ -1,6 +1,6 @@
 """A real browser before a panel: headless Chromium, which `make test` installs if need be.
 
-Where there is the package `chromium-headless-shell`, it is that, which has no windows: a page opens
+If there is the package `chromium-headless-shell`, it is that, which has no windows: a page opens
 in two thirds of the time.
 """
 

@@ -30,7 +30,7 @@ from rigd.record import Recording
 SHARED = 12
 #: After a fault is cleared, what it leaves behind shows within this time.
 SETTLE_S = 0.5
-#: Drives are safe at most so long after the run knows: the cycle tells them at once, a host may
+#: Drives are safe at most so long after the run knows: the cycle commands them at once, a host may
 #: stall, and behind it stands their watchdog (0.1 s).
 SAFE_S = 0.5
 #: A crowded host makes some rows late; a fault marks at least this share more of them, and twice
@@ -45,7 +45,7 @@ class Outcome:
 
     detected_by: str  #: device fault, interlock, marked rows, refused, nothing
     detected_s: float | None
-    safe_s: float | None  #: until every drive was without torque, where the run ended
+    safe_s: float | None  #: until every drive was without torque, if the run ended
     moved: bool  #: refused: whether anything was driven all the same
     whole: bool  #: every cycle that ran is in the recording, and its end
     exit_code: int | None  #: None: the run went on
@@ -250,7 +250,7 @@ def started(rig: Path, place: Path, state: Path) -> Iterator[subprocess.Popen[st
 
 
 def verdict(case: Case, outcome: Outcome) -> list[str]:
-    """Return what is wrong with ``outcome``, a sentence each; empty where all is as it must be."""
+    """Return what is wrong with ``outcome``, a sentence each; empty if all is as it must be."""
     wrong = []
     if not outcome.whole:
         wrong.append("the recording is not whole")
@@ -290,7 +290,7 @@ def _drives(rig: WireRig) -> bool:
 
 
 def _sentence(told: str) -> str:
-    """Return what a run says of its end, without what stands before and after."""
+    """Return the text of a run on its end, without what stands before and after."""
     text = " ".join(told.split())
     text = text.partition("no sweep ")[2] or text
     return text.partition(" go on with:")[0]
@@ -308,7 +308,7 @@ def _detected(recording: Recording, _shown: _Shown, offset_ns: int) -> tuple[str
     for event in recording.events():
         if event.kind in ("fault", "interlock") and began <= event.t_ns <= ended:
             return ("device fault" if event.kind == "fault" else "interlock"), event.t_ns
-    part = _shown.case.part  # a bus has no rows of its own: those of all devices tell
+    part = _shown.case.part  # a bus has no rows of its own: those of all devices show it
     streams = [part] if part in recording.streams else sorted({*recording.streams} - {"cycle"})
     marks = [_first_mark(recording, name, began, ended) for name in streams]
     first = min((mark for mark in marks if mark is not None), default=None)
@@ -335,7 +335,7 @@ def _first_mark(recording: Recording, stream: str, began: int, ended: int) -> in
 def _marks(
     rows: NDArray[np.void], t_ns: NDArray[np.int64], before: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which rows say of themselves that they are not what they seem."""
+    """Return which rows report of themselves that they are not valid."""
     marked = np.zeros(len(t_ns), bool)
     for name in rows.dtype.names or ():
         values = rows[name]

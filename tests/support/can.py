@@ -15,7 +15,7 @@ from rigd_sim.wire.service import precise_loop
 T = TypeVar("T")
 P = ParamSpec("P")
 
-#: Linux `struct can_frame`, written down anew: the hub's own must agree with it.
+#: Linux `struct can_frame`, written again: the hub's own must agree with it.
 CAN_FRAME = struct.Struct("<I B 3x 8s")
 #: Nothing takes so long, not even on a machine that stalls.
 PATIENCE_S = 10.0

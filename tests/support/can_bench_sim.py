@@ -15,7 +15,7 @@ from rigd_sim.wire.hub import CanHub
 
 
 class Shaft:
-    """A motor that turns as it is told and counts 4096 a turn."""
+    """A motor that turns as commanded and counts 4096 a turn."""
 
     def __init__(self) -> None:
         self.demand = Demand()

@@ -165,5 +165,5 @@ class ScriptedBus(Port):
         self.closed += 1
 
     def say(self, identifier: int, data: bytes | str) -> None:
-        """Let a frame come, from whatever node."""
+        """Let a frame come, from any node."""
         self.coming.append((identifier, bytes.fromhex(data) if isinstance(data, str) else data))

@@ -13,5 +13,5 @@ EVERY_CASE: Final = "RIGD_TESTS_EVERY_CASE"
 
 
 def some(cases: Sequence[Case], one_in: int, begin: int = 0) -> Sequence[Case]:
-    """Return one case in ``one_in`` from that at ``begin`` on; all where they are wanted."""
+    """Return one case in ``one_in`` from that at ``begin`` on; all if they are wanted."""
     return cases if EVERY_CASE in os.environ else cases[begin::one_in]

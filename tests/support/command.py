@@ -34,7 +34,7 @@ class Ended:
 
 
 def rigd(*arguments: str | Path, cwd: Path, state: Path | None = None) -> Ended:
-    """Run a command to its end; in tests, without importing all anew.
+    """Run a command to its end; in tests, without importing all again.
 
     ``state`` is where the rings of its runs stand, if not where they usually do.
     """
@@ -60,7 +60,7 @@ def rigd(*arguments: str | Path, cwd: Path, state: Path | None = None) -> Ended:
 
 @dataclass
 class Running:
-    """A command that runs; :meth:`wait_for` reads what it says as it says it."""
+    """A command that runs; :meth:`wait_for` reads its output as it comes."""
 
     process: subprocess.Popen[str]
     lines: list[str] = field(default_factory=list)

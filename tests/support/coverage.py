@@ -1,4 +1,4 @@
-"""How often intervals hold the truth, and whether a study varies enough to say so."""
+"""How often intervals hold the truth, and whether a study varies enough to show it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 from scipy.stats import binomtest
 
-#: Estimate, low and high of one experiment, each over the truth; None where no number is quoted.
+#: Estimate, low and high of one experiment, each over the truth; None if no number is quoted.
 Found = tuple[float, float | None, float | None]
 #: The standard deviation of errors over the half width of an interval, as it is where an interval
 #: of 95 % is right and errors are normal.
 RIGHT_RATIO: Final = 0.51
-#: Below this share of :data:`RIGHT_RATIO` errors vary so little that coverage says nothing.
+#: Below this share of :data:`RIGHT_RATIO` errors vary so little that coverage has no meaning.
 TOO_LITTLE: Final = 0.2
 
 
@@ -22,7 +22,7 @@ TOO_LITTLE: Final = 0.2
 class Coverage:
     """Of one quantity over many experiments; errors and widths in % of the truth.
 
-    ``bias``, ``sd``, ``worst`` are those of the quoted estimates, of all where none is quoted;
+    ``bias``, ``sd``, ``worst`` are those of the quoted estimates, of all if none is quoted;
     ``half_width`` is the mean over the quoted intervals, NaN without.
     """
 
@@ -36,7 +36,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Share of the quoted intervals that hold the truth, in %; NaN where none is quoted."""
+        """Share of the quoted intervals that hold the truth, in %; NaN if none is quoted."""
         return 100.0 * self.covered / self.quoted if self.quoted else float("nan")
 
     @property
@@ -49,17 +49,17 @@ class Coverage:
 
     @property
     def ratio(self) -> float:
-        """How much errors spread, over the half width: about 0.5 where intervals are right."""
+        """How much errors spread, over the half width: about 0.5 if intervals are right."""
         return self.sd / self.half_width
 
     @property
     def varies(self) -> bool:
-        """Whether experiments differ enough for their coverage to say anything."""
+        """Whether experiments differ enough for their coverage to have a meaning."""
         return bool(self.ratio >= TOO_LITTLE * RIGHT_RATIO)
 
 
 def coverage(found: Sequence[Found]) -> Coverage:
-    """Return what ``found``, one quantity in several experiments, says."""
+    """Return the coverage of ``found``, one quantity in several experiments."""
     quoted = [(e, low, high) for e, low, high in found if low is not None and high is not None]
     errors = 100.0 * (np.array([item[0] for item in (quoted or found)]) - 1.0)
     widths = [50.0 * (high - low) for _, low, high in quoted]

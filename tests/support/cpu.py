@@ -59,7 +59,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Report where it is asked for; a worker knows the option from the process that started it."""
+    """Report if it is asked for; a worker knows the option from the process that started it."""
     file = config.getoption("--cpu-report")
     if file:
         config.pluginmanager.register(Report(Path(str(file)).absolute()))

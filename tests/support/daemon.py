@@ -95,11 +95,11 @@ class Daemon:
 
     @property
     def told(self) -> str:
-        """What it has said."""
+        """What it has printed."""
         return self._told.read_text()
 
     def notified(self, text: str) -> None:
-        """Wait until the service manager is told ``text``."""
+        """Wait until the service manager gets ``text``."""
         deadline = time.monotonic() + TIMEOUT_S
         with self._news:
             while not any(text in item for item in self._notified):
@@ -108,7 +108,7 @@ class Daemon:
                 self._news.wait(0.2)
 
     def _listen(self) -> None:
-        """Take what the service manager is told, until the socket is closed."""
+        """Take what the service manager gets, until the socket is closed."""
         while message := self._notify.recv(1000):
             with self._news:
                 self._notified.append(message.decode())

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "eds"
-#: Of the scripted nodes, which do not tell their product and revision.
+#: Of the scripted nodes, which do not report their product and revision.
 VENDOR = {"DeviceInfo/VendorNumber": "0xFB"}
 
 

@@ -1,6 +1,6 @@
 """What must happen for every fault of every device of the shipped rig at the wire.
 
-A missed detection is a failure: whatever the simulation can show must stand here.
+A missed detection is a failure: all that the simulation can show must stand here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class Must(Enum):
     END = "end"  #: end the run, with every drive safe
     MARK = "mark"  #: go on, with the rows marked: stale, flagged, missing or no number
     BLOCK = "block"  #: refuse before arming; nothing moves
-    GO_ON = "go on"  #: go on: it does no harm, or cannot be told from a sound device
+    GO_ON = "go on"  #: go on: it does no harm, or cannot be distinguished from a sound device
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Case:
     fault: str
     must: Must
     options: Mapping[str, Any] = field(default_factory=dict)
-    words: tuple[str, ...] = ()  #: patterns of what the operator must be told, among the rest
+    words: tuple[str, ...] = ()  #: patterns that the message to the operator must contain
     within_s: float = 0.5  #: END: from the injection until the run knows
-    watch_s: float = 1.0  #: how long the fault is shown where the run goes on
+    watch_s: float = 1.0  #: how long the fault is shown if the run goes on
     before: bool = False  #: shown before the run starts
     edit: tuple[str, str] | None = None  #: no fault of a device, but of the rig file: text, wrong
 
@@ -44,7 +44,7 @@ class Case:
 
     @property
     def spoils(self) -> bool:
-        """Whether the simulation must be begun anew: what it did is not undone by clearing."""
+        """Whether the simulation must be started again: what it did is not undone by clearing."""
         return self.fault == "cut" or (self.fault == "jump" and self.must is Must.END)
 
 
@@ -73,7 +73,7 @@ def _node(part: str) -> Iterator[Case]:
         yield Case(part, fault, BLOCK, words=(part,), before=True)
     yield Case(part, "watchdog_dead", GO_ON)
     yield Case(part, "heartbeat_missing", END, words=(part, "heartbeat"), within_s=1.0)
-    # One answer follows each SYNC, whichever it answers: TPDOs do not say.
+    # One answer follows each SYNC, whichever it answers: TPDOs do not contain it.
     yield Case(part, "slow", GO_ON, {"delay_s": 0.005})
     yield Case(part, "slow", END, {"delay_s": 0.5}, words=(part,))
     yield Case(part, "twin", END, words=(part,))
@@ -89,7 +89,7 @@ def _servo(part: str) -> Iterator[Case]:
 
 def _encoder(part: str) -> Iterator[Case]:
     yield from _node(part)
-    # What it counts wrongly shows where an interlock watches it, or another sensor is compared.
+    # What it counts wrongly shows if an interlock watches it, or another sensor is compared.
     yield Case(part, "missed_counts", GO_ON, {"fraction": 0.5})
     yield Case(part, "sign_flip", GO_ON)
     yield Case(part, "index_reset", GO_ON)
@@ -175,7 +175,7 @@ SECOND: Final = "second_rigd"
 
 
 def _set_up() -> Iterator[Case]:
-    """What is wrong around the devices: the rig file, or somebody else on the bus."""
+    """What is wrong around the devices: the rig file, or another master on the bus."""
 
     def wrong(part: str, fault: str, right: str, written: str, *words: str) -> Case:
         return Case(part, fault, BLOCK, words=words, before=True, edit=(right, written))

@@ -1,4 +1,4 @@
-"""An axis that is a file: what it was last told outlives the process that told it."""
+"""An axis that is a file: its last command outlives the process that sent it."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class HeldLinkConfig(LinkConfig):
 
 
 class HeldLink(Link):
-    """A link that somebody else holds: opening it waits for them."""
+    """A link that another process holds: opening it waits for them."""
 
     def open(self) -> None:
         time.sleep(60)
@@ -143,7 +143,7 @@ class HeldLink(Link):
 
 
 def word(path: Path) -> str:
-    """Return what the axis was last told."""
+    """Return the last command of the axis."""
     told = json.loads(path.read_text())["word"]
     assert isinstance(told, str)
     return told

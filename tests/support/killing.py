@@ -22,12 +22,12 @@ from rigd.engine.shared import RecorderState, RunFolder, Word, state_folder
 from rigd.model.errors import Exit
 from rigd.record import Recording
 
-#: Who can be hit, and with what.
+#: Processes that can be hit, and signals.
 VICTIMS = ("daemon", "cycle", "recorder", "all")
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 #: A crowded machine arms the rig within this time.
 START_S = 90.0
-#: Whatever happened, a run has ended this long after.
+#: After any event a run has ended this long after.
 END_S = 60.0
 
 #: A host that stalls for 20 ms, or 50 ms as interlocks allow unless told otherwise, would end a run
@@ -42,7 +42,7 @@ QUARTER = PATIENT | {"cycle: 1 kHz": "cycle: 250 Hz"}
 
 @dataclass(frozen=True)
 class Movement:
-    """What a rig is to be killed at, and how the simulation says that nothing drives any more."""
+    """What a rig is to be killed at, and how the simulation shows that nothing drives any more."""
 
     procedure: str
     drives: tuple[str, ...]  #: parts whose ``safe_since_ns`` is not 0 once they are safe
@@ -98,7 +98,7 @@ class Killed:
     last_row_s: float  #: of the last sample in the file, relative to the kill
     gaps: int  #: cycles that ran and are not in the file
     exit_code: int | None
-    ending: str  #: what the recording says of its end
+    ending: str  #: its end by the recording
     told: str  #: what the operator read
 
 
@@ -157,7 +157,7 @@ class Victim:
         return RunFolder.at(path)
 
     def told(self) -> str:
-        """What the run has told its operator."""
+        """What the run has printed for its operator."""
         self._log.flush()
         self._log.seek(0)
         return self._log.read().decode()
@@ -194,7 +194,7 @@ class Victim:
         return self._examine(at_ns, safe_ns)
 
     def end(self) -> None:
-        """End whatever is left of it."""
+        """End what is left of it."""
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
@@ -277,7 +277,7 @@ def gaps(recording: Recording, stream: str) -> int:
 
 
 def own_state(folder: Path) -> Path:
-    """Return a state folder of its own below ``folder``, in memory where the usual one is."""
+    """Return a state folder of its own below ``folder``, in memory if the usual one is."""
     path = state_folder() / f"test-{folder.name}-{os.getpid()}"
     path.mkdir(mode=0o700)
     return path
@@ -286,10 +286,10 @@ def own_state(folder: Path) -> Path:
 def bound_s(
     rig: WireRig, victim: str, number: signal.Signals, movement: Movement = SHAKING
 ) -> float:
-    """Return after how long the drives must be without torque, by what the rig file says."""
+    """Return after how long the drives must be without torque, by the rig file."""
     config = load_rig(rig.rig)
     watchdog = movement.watchdog_s
-    stalled = 0.15  # what a host may be away for on top, and the telling of it
+    stalled = 0.15  # what a host may be away for on top, and its report
     if victim == "recorder":
         return END_S  # the run goes on, and is ended by its operator
     if number is signal.SIGSTOP and victim == "daemon":

@@ -136,7 +136,7 @@ class Bench:
 
     @property
     def constants(self) -> LugreConstants:
-        """Return what a rig file says about this bench."""
+        """Return the rig-file constants of this bench."""
         return LugreConstants(
             mass_kg=self.mass_kg,
             wheel_radius_m=RADIUS_M,
@@ -195,7 +195,7 @@ class Bench:
 
 
 def known_rig(constants: LugreConstants, **changed: Known) -> RigConstants:
-    """Return what the rig file of the independent simulator would say."""
+    """Return the rig-file constants of the independent simulator."""
     bearing = 0.002 * 0.01 * constants.normal_force_n * (0.07 + 0.03) / 0.04
     stated = {
         "mass": Known(constants.mass_kg, 1e-3),

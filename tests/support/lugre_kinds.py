@@ -57,7 +57,7 @@ KINDS: Final = (
     Wrong("mass changes", "loaded", (0.01, 0.05, 0.2), "share"),
     Wrong("trials on another floor", "swapped", (1, 2, 4), "trials"),
     Wrong("two floors", "edge_share", (0.03, 0.15, 1.0), "share"),
-    # Sensors that look late, or not when they say.
+    # Sensors that sample late, or not at their stated time.
     Wrong("wheel encoder late", "wheel.delay_s", (3e-4, 1e-3, 5e-3), "s", ("delay",)),
     Wrong("guide encoder late", "guide.delay_s", (3e-4, 3e-3, 8e-3), "s", ("delay",)),
     Wrong("accelerometer late", "accelerometer.delay_s", (1e-3, 5e-3, 0.02), "s"),

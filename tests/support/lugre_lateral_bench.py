@@ -56,7 +56,7 @@ class LateralBench:
 
     @property
     def constants(self) -> LateralConstants:
-        """Return what a rig file says about the coupling."""
+        """Return the rig-file constants of the coupling."""
         return LateralConstants(
             lever=Known(0.012, 6e-4),
             height=Known(HEIGHT_M, 1e-3),

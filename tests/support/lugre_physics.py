@@ -29,7 +29,7 @@ STEP_S = 25e-6  #: the fastest rate is the current loop's 6283 1/s
 
 
 class Physics(NamedTuple):
-    """What moves, in SI. Angles and torques are at the wheel unless a name says motor."""
+    """What moves, in SI. Angles and torques are at the wheel unless a name contains motor."""
 
     v_s: float
     mu_c: float

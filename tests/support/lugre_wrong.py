@@ -1,4 +1,4 @@
-"""Worlds in which one thing is not as the model and the rig file say, as data."""
+"""Worlds in which one thing is not as in the model and the rig file, as data."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ GUIDE_RADIUS_M = 0.02
 class World:
     """What is true of a rig and its sensors, what happens over the trials, and what is stated.
 
-    ``stated`` multiplies what the rig file says of a constant; ``unknown`` moves what is true of it
+    ``stated`` multiplies a constant of the rig file; ``unknown`` moves what is true of it
     by so many of its uncertainties, which is no wrongness.
     """
 
@@ -220,7 +220,7 @@ def control(number: int) -> World:
 
 
 def right(floor: str, **changed: Any) -> World:
-    """Return a world in which all is as the rig file says; ``changed`` are fields of it."""
+    """Return a world in which all is as in the rig file; ``changed`` are fields of it."""
     f = FLOORS[floor]
     q = Physics(f.v_s, f.mu_c, f.mu_s, f.s0, f.s1, f.s2, f.mu_rol)
     return World(floor, q, **changed)

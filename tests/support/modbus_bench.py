@@ -45,7 +45,7 @@ def rows_of(driver: Driver, count: int) -> Rows:
 
 @dataclass
 class Physics:
-    """What stands in for a plant: a force in N, and a motor that turns as it is told, in rad/s."""
+    """What stands in for a plant: a force in N, and a motor that turns as commanded, in rad/s."""
 
     force: float = 12.5
     speed: float = 0.0

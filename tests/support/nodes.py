@@ -22,7 +22,7 @@ SPEED_DRIVE = Ratings(Mode.CSV, 5.0, 10.0, 0.2, counts_per_turn=4096, lever=0.02
 
 @dataclass
 class Physics:
-    """What the test says is measured, and what the node has done to it."""
+    """The measured values set by the test, and what the node has done to it."""
 
     sensed: Sensed = field(default_factory=lambda: Sensed(0, 0.0, 0.0))
     counts: float = 0.0

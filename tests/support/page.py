@@ -12,7 +12,7 @@ from support.panel import ServedPanel
 
 expect.set_options(timeout=PATIENCE_MS)
 
-#: Returns when the page has been drawn anew, twice; by its observers, as tests replace its clock.
+#: Returns when the page has been drawn again, twice; by its observers, as tests replace its clock.
 DRAWN = """(async () => {
     const frame = () => new Promise(done => new IntersectionObserver(done).observe(document.body));
     await frame();

@@ -113,7 +113,7 @@ class ServedPanel:
         return f"http://127.0.0.1:{self.port}"
 
     def visitor(self, role: str = "operator", name: str = "Ada") -> Visitor:
-        """Return someone who has logged in by the link of their role, or by a further one."""
+        """Return a visitor logged in by the link of its role, or by a further one."""
         visitor = Visitor(self)
         code = self.links.pop(role, "").partition("#")[2]
         if not code:
@@ -139,7 +139,7 @@ class ServedPanel:
 
 
 class Visitor:
-    """Somebody with a browser of their own, spoken by hand: plain HTTP, one cookie."""
+    """A user with a browser of its own, spoken by hand: plain HTTP, one cookie."""
 
     def __init__(self, panel: ServedPanel) -> None:
         self.panel = panel

@@ -157,7 +157,7 @@ TRIP = TripView(
     message="carriage.position 1.68 m is above 1.65 m. The carriage is about to leave the far end "
     "of the travel.",
 )  # fmt: skip
-#: What `rigd info --json` says of a recording, as far as the page reads it.
+#: What `rigd info --json` returns for a recording, as far as the page reads it.
 DETAILS: dict[str, Any] = {
     "seed": "1",
     "parameters": {"floor": "stone", "brake_at": "1.15 m", "longest_drive": "4 s"},

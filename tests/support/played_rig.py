@@ -126,7 +126,7 @@ class PlayedRig:
         self.said = 0  #: statuses
         self.fails = ""  #: the verb that raises ``error``
         self.error: Exception = RuntimeError("a bug of the rig's own")
-        self.keeps_running = False  #: whatever stops it
+        self.keeps_running = False  #: after any stop
         self.computes_s = 0.0  #: processor time that each reply to a question takes
         self.begun = threading.Event()  #: a verb hangs
         self.let_go = threading.Event()
@@ -161,7 +161,7 @@ class PlayedRig:
         ]
 
     def users(self, verb: str) -> list[str]:
-        """Return for whom each request for ``verb`` was made."""
+        """Return the user of each request for ``verb``."""
         return [item.requester.user for item in self.requests if item.verb.name == verb]
 
     def hold_lease(self, identity: str, user: str = "") -> None:

@@ -1,4 +1,4 @@
-"""LuGre rigs drawn at random within what is realistic, and what rigd is told of them: the truth.
+"""LuGre rigs drawn at random within what is realistic, and their true constants, which rigd gets.
 
 A number gives one rig: friction of its floor, masses, drag, drive, vibration, noise of its sensors,
 and where it stands at the start. Its rig file and its procedure hold the constants that a person
@@ -186,5 +186,5 @@ def _with_unit(quantity: str | float, value: float) -> str:
 
 
 def _number(quantity: str | float) -> float:
-    """Return the number of a quantity as it is written, in whatever unit that is."""
+    """Return the number of a quantity as it is written, in any unit."""
     return float(str(quantity).partition(" ")[0])

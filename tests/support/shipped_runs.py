@@ -58,7 +58,7 @@ def play(pair: Pair, seed: int, output: Path, trials: int | None = None) -> RunR
 
 
 def wrong(result: RunResult) -> str:
-    """Return why the run is not whole, or "" where it is."""
+    """Return why the run is not whole, or "" if it is."""
     if not result.exit_code and not result.trips:
         return ""
     words = (f"{result.ending}: {result.reason}", *result.trips, *map(str, result.incomplete))

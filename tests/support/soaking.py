@@ -63,7 +63,7 @@ def soaked(folder: Path) -> Daemon:
 
 
 def soak(daemon: Daemon, *, unauthenticated: int, clients: int, flood_s: float) -> None:
-    """Do one round; it ends once nobody but the daemon's own client is connected."""
+    """Do one round; it ends once only the daemon's own client is connected."""
     port = int(daemon.endpoint.rpartition(":")[2])
     with ExitStack() as connected:
         for number in range(unauthenticated):  # half of them silent

@@ -11,7 +11,7 @@ import random
 from collections.abc import Iterator
 from typing import Any
 
-#: Values where another is expected.
+#: Values of an unexpected type.
 _ODD: tuple[Any, ...] = (
     None, [], {}, "", "x" * 5000, -1, 2**63, 2**70, 1e308, {"a": {"a": {"a": []}}}, ["v"], "\x00",
 )  # fmt: skip

@@ -40,7 +40,7 @@ def witnessed() -> Iterator[Callable[[], float]]:
     """Yield what returns the seconds that were withheld from this process since the beginning.
 
     A thread that only sleeps is woken late by what the machine, or another thread of this process,
-    takes from it. Whoever else waits in the meantime is served as late.
+    takes from it. Any other process that waits meanwhile is served as late.
     """
     began, periods, ended = time.monotonic(), 0, threading.Event()
 

@@ -132,7 +132,7 @@ def write_procedure(path: Path, drives: Sequence[Drive], rest_s: float = 0.8) ->
 def drive_to_stops(
     rig: WireRig, procedure: Path, recording: Path, state: Mapping[str, str]
 ) -> tuple[list[Stop], str]:
-    """Run ``procedure`` in processes of its own; return its stops, and what the run said."""
+    """Run ``procedure`` in processes of its own; return its stops, and what the run printed."""
     log = recording.with_suffix(".log")
     with log.open("wb") as out:
         run = subprocess.Popen(

@@ -65,13 +65,13 @@ class Terminal:
             return self.process.wait()
 
     def close(self) -> None:
-        """End it, whatever it does."""
+        """End it in any state."""
         self.process.kill()
         self.process.wait()
         os.close(self.master)
 
     def _read(self) -> bool:
-        """Take what stands on the screen next; False where the command has ended."""
+        """Take what stands on the screen next; False if the command has ended."""
         try:
             piece = os.read(self.master, 4096)
         except OSError:  # Linux reports the end of a pty so

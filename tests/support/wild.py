@@ -33,7 +33,7 @@ def let_a_flood_through(patch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def in_control(panel: ServedPanel, host: Visitor) -> Iterator[Visitor]:
-    """Somebody who has control, so that a request is refused for what it says alone."""
+    """A user who has control, so that a request is refused for its content alone."""
     visitor = Visitor(panel)
     visitor.login(host.post("/api/invite", role="operator")[1]["code"], "Mallory")
     with visitor.page():
@@ -46,7 +46,7 @@ def in_control(panel: ServedPanel, host: Visitor) -> Iterator[Visitor]:
 
 
 def send_wild(random_: random.Random, visitor: Visitor, method: str, known: str) -> tuple[int, Any]:
-    """Send one request; return its status and all of it, 0 where it was cut off."""
+    """Send one request; return its status and all of it, 0 if it was cut off."""
     wild: dict[str, str | None] = {}
     if random_.random() < 0.2:
         name = random_.choice(["origin", "x-rigd", "content-type", "content-length", "cookie"])

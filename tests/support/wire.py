@@ -107,7 +107,7 @@ ANGLE = Shipped(
 
 
 def free_ports(count: int) -> list[int]:
-    """Return ports of this machine that nobody has at present."""
+    """Return ports of this machine that no program has at present."""
     with ExitStack() as stack:
         sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
         for item in sockets:

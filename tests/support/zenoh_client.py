@@ -1,4 +1,4 @@
-"""A zenoh session in a process of its own, which does what a test tells it, fair or foul.
+"""A zenoh session in a process of its own, which does what a test commands, right or wrong.
 
 It shares no code with rigd: it reads one JSON order per line and writes one JSON answer per line.
 """
@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
-#: A client that says nothing for as long has hung.
+#: A client that sends nothing for so long hangs.
 TIMEOUT_S = 60
 
 

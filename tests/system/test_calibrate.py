@@ -286,7 +286,7 @@ def test_a_recording_that_calibrates_nothing_is_refused(bench: Path) -> None:
     assert "rig lugre-1 names no calibration file" in bare.err
 
 
-def test_a_calibration_that_was_cut_short_is_none(torque: Path, bench: Path) -> None:
+def test_calibration_from_truncated_recording_is_refused(torque: Path, bench: Path) -> None:
     """Six of its seven points would still make a line."""
     text = (bench / FILE).read_text()
     data = torque.read_bytes()

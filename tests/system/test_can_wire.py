@@ -266,7 +266,7 @@ def test_problem_at_opening_is_reported_and_nothing_moves(
     bench.ask(do="clear")
 
 
-def test_drive_whose_watchdog_is_dead_is_not_proven(bench: WireRig, rig: Rig) -> None:
+def test_drive_with_dead_watchdog_is_not_proven(bench: WireRig, rig: Rig) -> None:
     rig.open()
     bench.ask(do="fault", part="wheel_servo", fault="watchdog_dead", options={})
     with pytest.raises(DeviceError, match="did not switch itself off within"):

@@ -110,7 +110,9 @@ def card(rig: RigConfig) -> dict[str, Any]:
     return dict(simulation.ask({"do": "state"})["parts"]["card"])
 
 
-def test_a_run_over_the_served_card(served: RigConfig, rig_file: Path, tmp_path: Path) -> None:
+def test_run_completes_over_the_served_card(
+    served: RigConfig, rig_file: Path, tmp_path: Path
+) -> None:
     ended = rigd("run", "quick", "--rig", rig_file, "--yes", "--json", cwd=tmp_path)
     assert ended.code == 0, ended.err
     assert json.loads(ended.out)["state"] == "complete"

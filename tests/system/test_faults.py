@@ -124,7 +124,7 @@ def test_a_run_is_refused_before_anything_moves(small: WireRig, tmp_path: Path, 
     assert not judged(small, tmp_path, (name,))
 
 
-def test_a_verdict_misses_nothing() -> None:
+def test_verdict_reports_each_deviation_from_expected() -> None:
     case = KNOWN["wheel_servo emergency(code=29445)"]
     sound = Outcome("device fault", 0.02, 0.03, False, True, int(Exit.TRIPPED),
                     "wheel_servo: emergency 0x7305")  # fmt: skip

@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_compare_says_what_the_data_support(folder: Path) -> None:
+def test_compare_names_law_that_data_support(folder: Path) -> None:
     done = rigd(
         "identify", "pvc.mcap", "--compare", "--starts", "2", "--report", "compared.html",
         cwd=folder,

@@ -179,7 +179,7 @@ def drawn(page: Page) -> int:
     return int(page.locator(".traces").get_attribute("data-drawn") or 0)
 
 
-def test_everything_an_operator_does(ada: Watched, page: Page, folder: Path) -> None:
+def test_operator_can_complete_a_session_in_panel(ada: Watched, page: Page, folder: Path) -> None:
     with Client(NAME, endpoint=ENDPOINT, identity="bob") as bob, bob.control():
         expect(page.locator("#control")).to_contain_text("bob has control")
         press(page, "Request it")

@@ -19,7 +19,7 @@ def test_a_dry_run_never_opens_devices(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("option", [("--pace", "2"), ("--start", "2026-11-21T08:00:00")])
-def test_real_devices_live_by_the_wall_clock(tmp_path: Path, option: tuple[str, str]) -> None:
+def test_virtual_time_is_refused_on_real_devices(tmp_path: Path, option: tuple[str, str]) -> None:
     rig = write_rig(tmp_path, "wire-pace").rig
     done = rigd("run", "quick", "--rig", rig, *option, cwd=tmp_path)
     assert done.code == 2

@@ -37,7 +37,7 @@ def folder(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
     return tmp_path
 
 
-def test_a_run_from_a_terminal(folder: Path) -> None:
+def test_terminal_can_start_and_answer_a_run(folder: Path) -> None:
     terminal = Terminal.open(["remote", "start", "asking.yaml", "--watch"], folder)
     try:
         terminal.expect("lugre-1 records")
@@ -57,7 +57,7 @@ def test_a_run_from_a_terminal(folder: Path) -> None:
     assert (info.state, info.trials_done) == ("complete", 2)
 
 
-def test_a_run_from_a_script(folder: Path) -> None:
+def test_script_can_start_and_watch_a_run(folder: Path) -> None:
     with Client(RIG) as rig, rig.control():
         run = rig.start(folder / "asking.yaml", {"current": "0.2 A"}, answers="procedure").run
         assert run is not None

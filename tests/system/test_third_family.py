@@ -48,7 +48,7 @@ def test_a_third_family_is_listed_and_checked(lab: Path) -> None:
     assert "3 trials on pendulum-1: right" in checked.out
 
 
-def test_its_plan_is_refused_by_line(lab: Path) -> None:
+def test_incomplete_plan_is_refused_at_its_line(lab: Path) -> None:
     text = (lab / "swing.yaml").read_text()
     (lab / "wrong.yaml").write_text(text.replace("    inertia: ${rig.inertia}\n", ""))
     refused = rigd("check", "wrong.yaml", "--rig", "rig.yaml", cwd=lab)
@@ -58,7 +58,7 @@ def test_its_plan_is_refused_by_line(lab: Path) -> None:
     assert "model pendulum needs the constant inertia" in refused.err
 
 
-def test_its_friction_is_found_and_drawn(recording: Path) -> None:
+def test_third_family_friction_is_found_and_drawn(recording: Path) -> None:
     found = rigd("identify", "swing.mcap", "--json", cwd=recording.parent)
     assert found.code == 0, found.err
     for name, truth in TRUTH.items():
@@ -70,7 +70,7 @@ def test_its_friction_is_found_and_drawn(recording: Path) -> None:
     assert "torque of friction" in page
 
 
-def test_its_model_is_refused_by_validation(recording: Path) -> None:
+def test_third_family_model_is_refused_by_validate(recording: Path) -> None:
     found = rigd("identify", "swing.mcap", "--json", "--no-report", cwd=recording.parent)
     (recording.parent / "model.json").write_text(found.out)
     refused = rigd("validate", "model.json", "swing.mcap", cwd=recording.parent)
@@ -78,7 +78,7 @@ def test_its_model_is_refused_by_validation(recording: Path) -> None:
     assert "models of pendulum cannot be validated" in refused.err
 
 
-def test_its_recording_has_a_page(recording: Path) -> None:
+def test_third_family_recording_has_a_page(recording: Path) -> None:
     drawn = rigd("report", "swing.mcap", cwd=recording.parent)
     assert drawn.code == 0, drawn.err
     assert "encoder" in (recording.parent / "swing-run.html").read_text()

@@ -62,7 +62,7 @@ class ApproachAngleAnalysis(Analysis):
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
-        """Return what the recordings of one campaign say together."""
+        """Return the result of the recordings of one campaign."""
         from rigd_analyses.approach_angle.evaluation import evaluate
 
         return evaluate(sweeps, options, notify)

@@ -49,7 +49,7 @@ class Sizes:
     """Standard uncertainties (k = 1) that neither the calibration nor the rig file gives.
 
     ``zero_nm`` is what is left of the gauges' zero: the spread of the zeros before the triggers,
-    and ``tare_nm`` the noise of one such zero, which is all that is left where ``tared``.
+    and ``tare_nm`` the noise of one such zero, which is all that is left if ``tared``.
     ``crosstalk`` is the amplitude of N m per N of load (0: unknown), ``crosstalk_u`` what is left
     of it after its removal. ``scatter`` is the relative spread between equal runs.
     """
@@ -61,7 +61,7 @@ class Sizes:
     crosstalk: float
     crosstalk_u: float
     scatter: float
-    scatter_kind: str  #: "A" where the campaign gave it
+    scatter_kind: str  #: "A" if the campaign gave it
     inertia: float  #: relative
     load_reading_n: float
     load_change: float  #: relative, of N in a run beside its rise with the travel
@@ -73,10 +73,10 @@ class Sizes:
 class BudgetTerm:
     """One source of uncertainty of F_r/N, k = 1, relative to mu.
 
-    ``paper`` is what it costs the paper's T/(R N), where a known bias that is left uncorrected
-    counts with its full size (for comparison only: GUM 6.3.1 note wants it corrected), ``better``
-    what remains of it here. ``input_u`` in ``unit`` and ``sensitivity`` = d(ln mu)/d(input) give
-    ``better`` = |sensitivity| input_u.
+    ``paper`` is what it costs the paper's T/(R N), if a known bias that is left uncorrected
+    counts with its full size (for comparison only: GUM 6.3.1 note requires its correction),
+    ``better`` what remains of it here. ``input_u`` in ``unit`` and ``sensitivity`` = d(ln
+    mu)/d(input) give ``better`` = |sensitivity| input_u.
     """
 
     name: str
@@ -90,7 +90,7 @@ class BudgetTerm:
     )
     systematic: bool  #: the same in all runs of a set: repeating does not lessen it
     uncorrected: bool  #: the paper's column holds a bias that is not corrected
-    source: str  #: where the size comes from, one sentence
+    source: str  #: origin of the size, one sentence
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object."""
@@ -192,7 +192,7 @@ def set_budget(
 ) -> Budget:
     """Return the budget of a set: the medians of the conditions and sizes of its runs.
 
-    ``scatter`` is the relative spread between runs that the set shows, None where it shows none.
+    ``scatter`` is the relative spread between runs that the set shows, None if it shows none.
     """
     at = Conditions(
         **{f.name: _median([getattr(b.at, f.name) for b in runs]) for f in fields(Conditions)}
@@ -231,7 +231,7 @@ def _term(
     systematic: bool = True,
     uncorrected: bool = False,
 ) -> BudgetTerm:
-    """Return a term; the paper's column is the same as ours unless ``paper`` says otherwise."""
+    """Return a term; the paper's column is the same as ours unless ``paper`` is given."""
     better = abs(sensitivity * input_u)
     return BudgetTerm(
         name, input_u, unit, sensitivity, better if paper is None else abs(paper), better,
@@ -248,7 +248,7 @@ def _torque_terms(
     # A mean over whole turns holds no crosstalk; over a part of one it holds up to its amplitude.
     share = 1.0 / np.sqrt(2.0) / max(1.0, np.pi * at.turns)
     crosstalk = sizes.crosstalk * at.normal_force_n * share
-    # What is wrong at the start's angle goes into the zero and stays, whatever the wheel turns.
+    # What is wrong at the start's angle goes into the zero and stays at any turn of the wheel.
     left = sizes.crosstalk_u * at.normal_force_n * math.hypot(1.0, math.sqrt(2.0) * share)
     return (
         _term("torque calibration", scale.u, "N m/V", at.torque_nm * per_nm / scale.value,
@@ -301,13 +301,13 @@ def _load_terms(
     change = 0.0 if cell else unseen
     return (
         _term("span of the normal force", span * at.normal_force_n, "N", to_load,
-              "calibration of the scale, or of the high-rate load cell where it was used",
+              "calibration of the scale, or of the high-rate load cell if it was used",
               paper=scale),
         _term("reading of the scale", reading, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
               "rise along the rails (calibration) and tilting, setting of the ground (assumed); "
-              "seen by the high-rate load cell where it was used",
+              "seen by the high-rate load cell if it was used",
               paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True),
         _term("roller vibration of the normal force", sizes.vibration, "1", 1.0,
               "assumed: it averages out over a run", systematic=False),

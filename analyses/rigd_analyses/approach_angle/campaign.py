@@ -28,11 +28,11 @@ def analyse_campaign(
     better: BetterSettings | None = None,
     repeats: int | None = None,
 ) -> CampaignResult:
-    """Return what the campaign says; never raises for bad runs, however many.
+    """Return the result of the campaign; never raises for bad runs, in any number.
 
     ``reference`` is printed beside and never used. ``repeats`` is how often each combination of
     set, load, and voltage was to run; by default up to the highest repeat that was recorded. Sets
-    come in the order of their wheels and angles, whatever the order of the recordings.
+    come in the order of their wheels and angles, for any order of the recordings.
     """
     paper, better = paper or PaperSettings(), better or BetterSettings()
     moved = [_moved(known, better) for known in runs]
@@ -100,12 +100,12 @@ def _both(
         ours: BetterRun = no_numbers(flags)
     else:
         ours = evaluate(moves, better, flags=flags, bending=bending)
-    told = {flag.code: flag for flag in (*by_paper.flags, *ours.flags)}
-    return RunResult(run, by_paper, ours, tuple(told.values()))
+    flags = {flag.code: flag for flag in (*by_paper.flags, *ours.flags)}
+    return RunResult(run, by_paper, ours, tuple(flags.values()))
 
 
 def _cells(runs: Sequence[KnownRun]) -> Mapping[tuple[str, float, float], int]:
-    """Return how often each set, load, and voltage was recorded, 0 where never."""
+    """Return how often each set, load, and voltage was recorded, 0 if never."""
     sets = dict.fromkeys(k.run.set_name for k in runs)
     loads = sorted({k.run.announced_load_kg for k in runs})
     voltages = sorted({k.run.voltage_v for k in runs})
@@ -169,11 +169,11 @@ def _statements(bending: Bending | None, settings: BetterSettings) -> tuple[str,
         zero,
         "F_r is the torque at the gauges less wheel inertia, bearing friction, and rolling "
         "resistance, over the effective radius; all by the calibration.",
-        f"Friction is quoted where the wheel slides, in means over {1e3 * settings.block_s:.0f} "
+        f"Friction is quoted while the wheel slides, in means over {1e3 * settings.block_s:.0f} "
         "ms; elsewhere F_r/N is what the motion asked for.",
         "The maximum of a set is that of one robust curve through the sliding blocks of all its "
         "runs; its uncertainty is the spread between runs and the systematic terms of the budget.",
-        "All tables show the rolling-direction coefficient F_r/N unless they say otherwise.",
+        "All tables show the rolling-direction coefficient F_r/N unless they name another.",
     )
 
 

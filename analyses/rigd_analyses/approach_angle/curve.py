@@ -41,7 +41,7 @@ class Pooled:
 
     ``maximum_u`` is its standard uncertainty from the spread between runs (k = 1; with few runs
     widened so that 2 u covers 95 %), ``scatter`` the robust relative standard deviation of the
-    runs about the curve. ``at_edge``: "slow" or "fast" where the curve still rises at that end of
+    runs about the curve. ``at_edge``: "slow" or "fast" if the curve still rises at that end of
     the speeds; ``maximum_u`` then holds what it may rise further.
     """
 
@@ -58,7 +58,7 @@ def pool(
     """Return the curve through the sliding blocks of the runs, one array per run each.
 
     ``numbers`` name the runs in the result. Raises ValueError for fewer runs than the curve has
-    parameters plus one, for which the spread between runs says nothing.
+    parameters plus one, for which the spread between runs has no meaning.
     """
     if len(mu) <= PARAMETERS:
         raise ValueError(f"{len(mu)} runs for a curve of {PARAMETERS} parameters")

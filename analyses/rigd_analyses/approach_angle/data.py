@@ -35,7 +35,7 @@ class Known:
     u: float = 0.0
 
 
-#: Rise of N per metre of travel where nobody has measured it: about 3 % over 0.5 m, either way.
+#: Rise of N per metre of travel if it has not been measured: about 3 % over 0.5 m, either way.
 UNKNOWN_RISE = Known(0.0, 0.05)
 
 
@@ -47,7 +47,7 @@ class AngleCalibration:
     wheel: Known  #: rad per V of the wheel's potentiometer
     platform: Known  #: m per V of the platform's potentiometer
     load: Known = Known(1.0)  #: true load per indicated load of the scale
-    normal_force: Known | None = None  #: N per V of the high-rate load cell, where there is one
+    normal_force: Known | None = None  #: N per V of the high-rate load cell, if there is one
     normal_force_zero: Known = Known(0.0)  #: V of the load cell that mean 0 N
 
 
@@ -78,7 +78,7 @@ class AngleRig:
 class Severity(Enum):
     """Whether a flagged run still gives a number."""
 
-    NOTE = "note"  #: used, and told
+    NOTE = "note"  #: used, and reported
     EXCLUDED = "excluded"  #: shown with its reason; enters no maximum, no curve, no trend
 
 
@@ -105,7 +105,7 @@ class AngleRun:
     """One run: raw volts over the time since the relay COMMAND; negative times are pre-trigger.
 
     The signals have shape (n,); ``stop_s`` is the time of the stop command. ``load_n`` is the
-    normal force N that the scale showed before the start, NaN where it showed none that was
+    normal force N that the scale showed before the start, NaN if it showed none that was
     stable. A run whose recording is not whole is still a run: its arrays may be empty, and
     ``flags`` has the reason.
     """
@@ -128,7 +128,7 @@ class AngleRun:
     wheel: str = ""  #: which wheel ran, such as clean; the sets of one wheel make a trend
     number: int = 0  #: of the trial
     recording: str = ""
-    flags: tuple[Flag, ...] = ()  #: what the recording says against the run, such as incomplete
+    flags: tuple[Flag, ...] = ()  #: what is wrong with the run by its recording, such as incomplete
 
 
 @dataclass(frozen=True)

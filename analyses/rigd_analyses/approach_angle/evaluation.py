@@ -43,7 +43,7 @@ class CampaignEvaluation(Evaluation):
 
     @property
     def heading(self) -> Heading:
-        """Where the data are from."""
+        """Origin of the data."""
         return self.provenance.heading
 
     def report(self) -> str:
@@ -89,12 +89,12 @@ class CampaignEvaluation(Evaluation):
     @property
     def calibrations_told(self) -> tuple[str, ...]:
         """Which calibration was used for which recordings, and what it changed, a line each."""
-        told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        names_of: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for path, calibration in self.calibrations.items():
-            told.setdefault((calibration.told, calibration.changes), []).append(path.name)
-        several = len(told) > 1
+            names_of.setdefault((calibration.described, calibration.changes), []).append(path.name)
+        several = len(names_of) > 1
         lines = []
-        for (words, changes), names in told.items():
+        for (words, changes), names in names_of.items():
             of = f" ({', '.join(names)})" if several else ""
             changed = f": {'; '.join(changes)}" if changes else ""
             lines.append(f"Calibration {words}{of}{changed}.")
@@ -104,7 +104,7 @@ class CampaignEvaluation(Evaluation):
 def evaluate(
     sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> CampaignEvaluation:
-    """Return what ``sweeps``, the recordings of one campaign, say together.
+    """Return the result of ``sweeps``, the recordings of one campaign.
 
     Runs that are bad or not whole are flagged and shown, never dropped without a word.
 
@@ -127,7 +127,7 @@ def evaluate(
         sweeps,
         used,
         {"paper's method": "angle.paper", "better method": "angle.better"},
-        [{"calibration": calibrations[sweep.path].told} for sweep in sweeps],
+        [{"calibration": calibrations[sweep.path].described} for sweep in sweeps],
     )
     titles = dict.fromkeys(sweep.info.procedure.replace("_", " ") for sweep in sweeps)
     rigs = dict.fromkeys(sweep.info.rig for sweep in sweeps)
@@ -152,7 +152,7 @@ def _known_runs(
 
 
 def _reference(sweeps: Sequence[RecordedSweep]) -> SetReference | None:
-    """Return the published maximum of each set, None where the plans have none."""
+    """Return the published maximum of each set, None if the plans have none."""
     values = {
         name.rpartition(".")[0]: value
         for sweep in sweeps

@@ -62,7 +62,7 @@ from rigd_analyses.approach_angle.samples import readable
 REST_S = 0.005
 #: Fewer samples than these between command and stop cannot be computed with at all.
 FEWEST_SAMPLES = 100
-#: The end of a range is believed from this many samples on; one is a spike.
+#: The end of a range counts from this many samples on; one is a spike.
 AT_END_SAMPLES = 10
 #: Speeds of potentiometers are judged over so long, s.
 JUMP_S = 0.0025
@@ -90,18 +90,18 @@ class _Pot:
 def raw_flags(
     run: AngleRun, calibration: AngleCalibration, rig: AngleRig, limits: Limits | None = None
 ) -> tuple[Flag, ...]:
-    """Return what is wrong with ``run``: what its recording says, then what is found here.
+    """Return what is wrong with ``run``: what its recording reports, then what is found here.
 
     Empty for a good run. Signals that are not :func:`whole` are judged no further. That a run which
-    was never driven has no samples of a drive is not said once more.
+    was never driven has no samples of a drive is not reported twice.
     """
     limits = Limits() if limits is None else limits
-    told = {flag.code for flag in run.flags}
-    found = [] if "not_driven" in told else list(_record(run, limits))
+    known = {flag.code for flag in run.flags}
+    found = [] if "not_driven" in known else list(_record(run, limits))
     found += load_flags(run, calibration, rig, limits)
     if whole(run):
         found += _signals(run, calibration, limits)
-    return (*run.flags, *(flag for flag in found if flag.code not in told))
+    return (*run.flags, *(flag for flag in found if flag.code not in known))
 
 
 def driven(run: AngleRun) -> NDArray[np.bool_]:
@@ -216,7 +216,7 @@ def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> It
     )  # fmt: skip
     rest, early = t_s <= REST_S, (t_s > REST_S) & (t_s <= limits.early_s)
     if not np.any(rest) or not np.any(early):
-        return  # begins too late, which is told
+        return  # begins too late, which is reported
     for pot in pots:
         before = pot.moved(float(t_s[0]), 0.0)
         if abs(before) > pot.least:

@@ -26,11 +26,11 @@ class Calibrated:
 
     used: Calibration
     replayed: bool  #: another file than the one that the recording carries
-    changes: tuple[str, ...] = ()  #: of the values, a line each, where it is replayed
+    changes: tuple[str, ...] = ()  #: of the values, a line each, if it is replayed
 
     @property
-    def told(self) -> str:
-        """Which calibration it is, in words; the hash tells two of one name and day apart."""
+    def described(self) -> str:
+        """Which calibration it is, in words; the hash separates two of one name and day."""
         made = "" if self.used.made is None else f" of {self.used.made.isoformat()}"
         origin = "given with --calibration" if self.replayed else "as recorded"
         return f"{self.used.name}{made} (sha256 {self.used.sha256[:8]}), {origin}"

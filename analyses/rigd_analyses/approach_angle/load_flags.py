@@ -51,7 +51,7 @@ def _load_cell(
     cell: Known,
     limits: Limits,
 ) -> Iterator[Flag]:
-    """Tell a load cell that is dead, or does not show what the scale shows."""
+    """Report a load cell that is dead, or does not show what the scale shows."""
     used = run.t_s <= run.stop_s
     t_s, zero = run.t_s[used], calibration.normal_force_zero
     bad = int(np.count_nonzero(~readable(volts[used])))

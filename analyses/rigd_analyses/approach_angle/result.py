@@ -24,7 +24,7 @@ from rigd_analyses.approach_angle.data import (
 )
 from rigd_analyses.approach_angle.paper.result import PaperRun
 
-#: What each coefficient is, for who reads the JSON object alone.
+#: What each coefficient is, for readers of the JSON object alone.
 _MEANING: Final = {
     Coefficient.ROLLING: "F_r/N, along the rolling direction: what the torque measures",
     Coefficient.USABLE: "(F_r cos(alpha) - F_a sin(alpha))/N, the push along the travel",
@@ -43,7 +43,7 @@ class RunResult:
 
     @property
     def excluded(self) -> bool:
-        """Whether anything speaks against using the run at all."""
+        """Whether a flag excludes the run."""
         return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
 
     def shape(self) -> dict[str, object]:
@@ -107,7 +107,7 @@ class PaperMaximum:
 
     ``value`` is the maximum over the used runs, ``value_raw`` over all that gave a number at all,
     as the paper's own 0.5324 was before runs were taken out. ``None`` without such a run.
-    ``regime`` is what the wheel did in the run of ``value``: a limit only where it slid.
+    ``regime`` is what the wheel did in the run of ``value``: a limit only if it slid.
     """
 
     value: float | None
@@ -173,7 +173,8 @@ class SetResult:
 
     ``maximum`` is the maximum of the pooled curve; its u holds the spread between runs and the
     systematic terms of the budget. ``usable`` and ``resultant`` follow from it and the rollers'
-    drag. All three are ``None`` where the data do not determine them, and ``warnings`` says why.
+    drag. All three are ``None`` if the data do not determine them, and ``warnings`` gives the
+    reason.
     """
 
     name: str
@@ -221,7 +222,7 @@ class LineFit:
     """mu = intercept + slope angle over the clean sets; slope per degree, u of k = 1.
 
     ``slope_low``, ``slope_high``: 95 % interval, of the scatter by the t-distribution with ``dof``
-    degrees, or of what the maxima are uncertain by where that is wider.
+    degrees, or of what the maxima are uncertain by if that is wider.
     """
 
     slope_per_deg: float
@@ -295,7 +296,7 @@ class CampaignResult:
     runs: tuple[RunResult, ...]
     sets: tuple[SetResult, ...]
     trends: Mapping[str, Trend]
-    reference: str  #: where the published values are from; empty without
+    reference: str  #: origin of the published values; empty without
     statements: tuple[str, ...]  #: what was done to the data, in words
     warnings: tuple[str, ...] = ()
 

@@ -19,7 +19,7 @@ from rigd.analysis.source import STALE, STATUS_FIELD, TIME_FIELD, RecordedSweep,
 from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
-#: where so much was recorded. The analyses want 0.1 s before and 50 ms after.
+#: if so much was recorded. The analyses need 0.1 s before and 50 ms after.
 BEFORE_NS: Final = 500_000_000
 AFTER_NS: Final = 200_000_000
 #: Channel of a card's own clock, as driver ``ni-daq`` names it: sample number over rate, in s.
@@ -38,7 +38,7 @@ Rows = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Signals:
-    """Where one recording holds the signals of a plan."""
+    """Places in one recording of the signals of a plan."""
 
     card: Stream
     fields: Mapping[str, str]  #: of the card, by signal
@@ -54,13 +54,13 @@ class _Drive:
 
     start_ns: int | None
     stop_ns: int | None
-    count: int = 1  #: how often it was told to close in the trial
+    count: int = 1  #: how often it was commanded to close in the trial
 
 
 def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
     """Return ``trial`` as a run. What its recording lacks becomes a flag, not an error.
 
-    The angle is the one that was mounted, where a prompt asked, not the one that was planned.
+    The angle is the one that was mounted, if a prompt asked, not the one that was planned.
 
     Raises:
         RecordingError: a chunk of the recording is damaged.
@@ -102,7 +102,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
 
 
 def find_signals(sweep: RecordedSweep) -> Signals:
-    """Return where the signals of the plan stand in the recording.
+    """Return the places of the plan's signals in the recording.
 
     Raises:
         DataError: one was not recorded, or those of the card stand in several streams.
@@ -138,21 +138,21 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 
 
 def _answered(trial: TrialInfo, planned: Mapping[str, tuple[float, str]]) -> list[Flag]:
-    """Return a note where load or angle, as answered, are not those that were planned."""
-    told = []
+    """Return a note if load or angle, as answered, are not those that were planned."""
+    differing = []
     for name, (value, unit) in planned.items():
         answer = trial.answers.get(name)
         if _is_number(answer) and not math.isclose(answer, value, rel_tol=1e-6):
             given, expected = (format_quantity(v, unit) for v in (answer, value))
-            told.append(f"{name} {given} (planned {expected})")
-    if not told:
+            differing.append(f"{name} {given} (planned {expected})")
+    if not differing:
         return []
-    reason = f"Who stood at the rig announced another {' and '.join(told)}."
+    reason = f"The operator announced another {' and '.join(differing)}."
     return [Flag("other_than_planned", reason, Severity.NOTE)]
 
 
 def _drive(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> _Drive:
-    """Return when the relay was told to close in ``trial``, and when to open after that."""
+    """Return when the relay was commanded to close in ``trial``, and when to open after that."""
     rows = sweep.recording.read(signals.relay, trial.start_ns, trial.end_ns)
     closed = rows[signals.command] > 0.5
     if not closed.any():
@@ -165,20 +165,20 @@ def _drive(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> _Drive:
 
 
 def _unfinished(trial: TrialInfo, drive: _Drive) -> list[Flag]:
-    """Return what the recording says against the trial as a whole."""
+    """Return what is wrong with the trial as a whole."""
     flags = []
     if not trial.complete:
         reason = (trial.reason or "the recording ends within it").rstrip(".")
         flags.append(Flag("incomplete", f"The trial was not completed: {reason}."))
     if drive.start_ns is None:
-        flags.append(Flag("not_driven", "The relay was never told to close."))
+        flags.append(Flag("not_driven", "The relay was never commanded to close."))
     elif drive.stop_ns is None:
-        flags.append(Flag("no_stop", "The relay was not told to open again within the trial."))
+        flags.append(Flag("no_stop", "The relay was not commanded to open again within the trial."))
     elif drive.count > 1:
         flags.append(
             Flag(
                 "driven_twice",
-                f"The relay was told to close {drive.count} times within the trial: the platform "
+                f"The relay was commanded to close {drive.count} times in the trial: the platform "
                 "did not begin each push at rest, at its start.",
             )
         )
@@ -186,7 +186,7 @@ def _unfinished(trial: TrialInfo, drive: _Drive) -> list[Flag]:
 
 
 def _card_rows(sweep: RecordedSweep, trial: TrialInfo, signals: Signals, drive: _Drive) -> Rows:
-    """Return the card's rows around the drive; none where there was no drive."""
+    """Return the card's rows around the drive; none if there was no drive."""
     if drive.start_ns is None:
         rows = sweep.recording.read(signals.card.name, trial.start_ns, trial.start_ns)
     else:
@@ -201,7 +201,7 @@ def _card_rows(sweep: RecordedSweep, trial: TrialInfo, signals: Signals, drive: 
 
 
 def _times_s(card: Rows, zero_ns: int) -> FloatArray:
-    """Return the times of the card's rows since ``zero_ns``, evenly spaced where it has a clock.
+    """Return the times of the card's rows since ``zero_ns``, evenly spaced if it has a clock.
 
     rigd's time of a row is an estimate that moves a little from block to block. Over the second of
     a run the card's own clock is the better one; the median difference lays it over rigd's.
@@ -215,7 +215,7 @@ def _times_s(card: Rows, zero_ns: int) -> FloatArray:
 
 
 def _clocks(card: Rows, t_s: FloatArray, zero_ns: int) -> list[Flag]:
-    """Return a flag where the card's own clock, which ``t_s`` follows, is not rigd's."""
+    """Return a flag if the card's own clock, which ``t_s`` follows, is not rigd's."""
     apart = np.abs(t_s - (card[TIME_FIELD] - zero_ns) * 1e-9)
     bad = int(np.count_nonzero(~(apart <= CLOCKS_S)))
     if not bad:
@@ -231,23 +231,23 @@ def _clocks(card: Rows, t_s: FloatArray, zero_ns: int) -> list[Flag]:
 
 
 def _rails(signals: Signals, card: Rows) -> list[Flag]:
-    """Return a flag where inputs stood at an end of their range: bit i is of the i-th input."""
+    """Return a flag if inputs stood at an end of their range: bit i is of the i-th input."""
     if not signals.card.has_status or not len(card):
         return []
     inputs = [channel.name for channel in signals.card.channels if channel.raw_of is not None]
-    told = []
+    at_end = []
     for name, field in signals.fields.items():
         if field not in inputs:
             continue
         count = int(np.count_nonzero(card[STATUS_FIELD] & (1 << inputs.index(field))))
         if count:
-            told.append(f"{name} in {count} of {len(card)} samples")
-    if not told:
+            at_end.append(f"{name} in {count} of {len(card)} samples")
+    if not at_end:
         return []
     return [
         Flag(
             "at_rail",
-            f"The card says that inputs were at an end of their range: {', '.join(told)}.",
+            f"The card reports inputs at an end of their range: {', '.join(at_end)}.",
         )
     ]
 
@@ -258,8 +258,8 @@ def _scale_kg(
     """Return the mass that the scale showed at rest before the start, and whether it was at rest.
 
     That is the mean of its last readings in a row that it called stable: earlier ones may be of
-    the weights before. NaN where there is none of the last :data:`REST_NS`. A scale without a
-    status word cannot say that it is not at rest: its last reading counts as if it were.
+    the weights before. NaN if there is none of the last :data:`REST_NS`. A scale without a
+    status word cannot report that it is not at rest: its last reading counts as if it were.
     """
     end = drive.start_ns if drive.start_ns is not None else trial.end_ns
     rows = sweep.recording.read(signals.scale, trial.start_ns, end)
@@ -283,9 +283,9 @@ def _set_name(sweep: RecordedSweep, trial: TrialInfo) -> str:
 
 
 def _wheel(sweep: RecordedSweep, trial: TrialInfo) -> str:
-    """Return which wheel was said to be fitted, else the one that was planned; "" for none."""
-    said = trial.answers.get("wheel", trial.parameters.get("wheel"))
-    return str(said) if said is not None else sweep.info.parameters.get("wheel", "")
+    """Return the wheel that the answer names, else the one that was planned; "" for none."""
+    answer = trial.answers.get("wheel", trial.parameters.get("wheel"))
+    return str(answer) if answer is not None else sweep.info.parameters.get("wheel", "")
 
 
 def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:

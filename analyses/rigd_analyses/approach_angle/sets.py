@@ -28,7 +28,7 @@ from rigd_analyses.approach_angle.result import Estimate, PaperMaximum, RunResul
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
 MIN_RUNS, FEW = 5, 10
-#: What is the same in all runs of one rig, whatever calibration they were made under.
+#: What is the same in all runs of one rig, under any calibration.
 CONSTANTS = ("wheel_radius_m", "wheel_inertia", "platform_mass_kg", "gravity")
 #: Sets whose angles differ by more than this are mixed up, rad.
 SAME_ANGLE = math.radians(0.05)

@@ -37,7 +37,7 @@ NAMED: Final = 3
 
 
 def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]) -> TerminalReport:
-    """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
+    """Return tables and paragraphs on ``result``; ``calibrations`` names those used."""
     rows = set_rows(result)
     shown: list[TerminalTable | str] = [_table_1(rows), _legend(rows)]
     if result.trends:

@@ -27,7 +27,7 @@ def trend(
     """Return line and demand form through (angle, mu), or None with less than three angles.
 
     Both are plain least squares: the scatter of the sets about the line is many times what each
-    is uncertain by, and it is what the interval of the slope must hold. Where the scatter is small
+    is uncertain by, and it is what the interval of the slope must hold. If the scatter is small
     by chance, as three sets allow, what the standard uncertainties ``u`` of the maxima make of the
     line is larger, and taken instead.
     """
@@ -91,8 +91,8 @@ def _sentence(line: LineFit, demand: DemandFit, alpha: FloatArray) -> str:
     by_chance = line.dof < 2  # either form has two parameters: one of them may fit three points
     if by_chance or 0.5 < demand.rms / max(line.rms, 1e-300) < 2.0:
         return (
-            f"{both}. {alpha.size} maxima alone cannot tell a friction limit that rises with the "
-            "angle from a demand that does; what tells them apart is whether the wheel slid in "
+            f"{both}. {alpha.size} maxima alone cannot separate a friction limit that rises "
+            "with the angle from a demand that does; the difference is whether the wheel slid in "
             "the runs they come from."
         )
     better = "demand form" if demand.rms < line.rms else "line"

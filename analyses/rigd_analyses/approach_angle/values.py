@@ -39,7 +39,7 @@ CALIBRATABLE: Final = {
         "1/m", "relative rise of N per travel of the platform", "calibrate_rise", "any"
     ),
     "rail_constant": Calibratable(
-        "N", "friction of the rails, whatever load and speed", "calibrate_friction"
+        "N", "friction of the rails, at any load and speed", "calibrate_friction"
     ),
     "rail_load": Calibratable("1", "friction of the rails per load on them"),
     "rail_viscous": Calibratable("N s/m", "friction of the rails per speed", "calibrate_friction"),

@@ -19,7 +19,7 @@ from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, ResidualTest
 from rigd_analyses.lugre.model import LugreModel
 
-#: A recording with fewer trials says too little of itself.
+#: A recording with fewer trials does not determine its own fit.
 LEAST_TRIALS = 3
 #: Repeats of one simulated rig give less in 1 of 100 pairs; what changed friction gives 1e-10.
 LEVEL = 1e-3

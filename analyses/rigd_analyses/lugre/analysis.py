@@ -54,7 +54,7 @@ class LugreAnalysis(Analysis):
         group: str,
         notify: Callable[[str], None],
     ) -> Validation:
-        """Return what ``sweeps`` say of friction that was identified from others."""
+        """Return how ``sweeps`` agree with friction that was identified from others."""
         from rigd_analyses.lugre.validation.validate import validate
 
         return validate(models, sweeps, group, notify)

@@ -1,6 +1,6 @@
 """Fits any installed friction law to the slip and traction of method A, and compares all of them.
 
-Both have errors (errors-in-variables), which move sigma_1 whatever the law; see :mod:`.preprocess`.
+Both have errors (errors-in-variables), which move sigma_1 under any law; see :mod:`.preprocess`.
 """
 
 from __future__ import annotations

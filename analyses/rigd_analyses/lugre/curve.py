@@ -22,7 +22,7 @@ def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tup
     """Return the slip range in m/s that the used samples cover while the bristle slides.
 
     A bristle bent less than half way (|z| < g/2) feels its stiffness, hardly g. The range begins
-    where the slip stands out of ``noise_m_s``, its standard deviation.
+    in which the slip exceeds ``noise_m_s``, its standard deviation.
 
     Raises:
         DataError: no trial slides, or none at a slip that the sensors resolve.

@@ -15,7 +15,7 @@ MIN_REST_S = 0.1  #: shortest rest from which the accelerometer's zero is taken
 #: current falls to what friction needs (0.2 A of 1.5 A commanded), so the share must stay below.
 ON_SHARE = 0.1
 NOISE_FACTOR = 4.0  #: and this many standard deviations of the monitor at rest
-EDGE_SHARE = 0.5  #: the step itself is where the current passes half of the command
+EDGE_SHARE = 0.5  #: at the step the current passes half of the command
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Drive:
 
 
 def find_drive(trial: LugreTrial, period_s: float, window: int) -> Drive:
-    """Return where ``trial`` is driven.
+    """Return the samples in which ``trial`` is driven.
 
     Raises DataError when there is no current step, none after a rest, or one of the wrong sign.
     """

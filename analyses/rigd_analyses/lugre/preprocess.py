@@ -29,9 +29,9 @@ class Guards:
     ``window_s``: Savitzky-Golay window, the same for slip and force. ``order``: its polynomial.
     ``min_speed_m_s``: below this carriage speed Eq. 34 does not hold (friction at rest equals
     the applied force). ``min_travel_m``, ``min_peak_m_s``: a trial that moves less, or never
-    faster, creeps or does not move, and its few samples near standstill say nothing about sliding
+    faster, creeps or does not move, and its few samples near standstill do not describe sliding
     (0.15 A on stone peaks at 33 mm/s). ``still_m`` and ``settle_s``: the accelerometer's zero is
-    taken where the carriage has stayed within the one for at least the other (0.5 s of "rest" on
+    taken when the carriage has stayed within the one for at least the other (0.5 s of "rest" on
     PVC that begin with a moving carriage cost sigma_0 17 %). ``min_used_s``: a trial with less
     usable data than this is left out.
     """

@@ -20,7 +20,7 @@ from rigd_analyses.lugre.quantities import PROFILED, Quantity
 GRID_POINTS = 19
 POLISH_ROUNDS = 3
 POLISH_GAIN = 1e-6  #: a relative gain in cost too small to move any verdict
-#: Widest range a profile looks at, as factors of the estimate; an end beyond it counts as open.
+#: Widest range of a profile, as factors of the estimate; an end beyond it counts as open.
 FRICTION_FACTORS = (0.05, 20.0)
 RATIO_GRID = np.concatenate([np.linspace(0.0, 0.5, 11), np.geomspace(0.6, 4.0, 7)])
 ORIGINS = 4  #: points of the V_s ridge from which the other profiles start, beside the optima
@@ -44,7 +44,7 @@ class Scans:
 
 
 def polish(model: LugreModel, best: Fit) -> Fit:
-    """Return the best fit found by walking along the V_s ridge, where plain steps crawl."""
+    """Return the best fit found by walking along the V_s ridge, on which plain steps are slow."""
     speed = PROFILED[0]
     direction = np.array(speed.direction, dtype=np.float64)
     for _ in range(POLISH_ROUNDS):
@@ -114,7 +114,7 @@ def _scan(
 
 
 def _optima(fits: Sequence[Fit]) -> list[FloatArray]:
-    """Return where the fits (best first) ended, one for each different cost."""
+    """Return the end points of the fits (best first), one for each different cost."""
     kept: list[Fit] = []
     for item in fits:
         if not kept or item.cost > kept[-1].cost * (1.0 + OTHER_OPTIMUM):

@@ -17,7 +17,7 @@ class Quantity:
     """A reported quantity: ``value(theta)`` and ``gradient(theta)`` (6,) to natural parameters.
 
     ``direction`` is the combination of scaled coordinates that a profile can hold to hold the
-    logarithm of this quantity; None where there is none. ``index`` is the fitted coordinate that
+    logarithm of this quantity; None if there is none. ``index`` is the fitted coordinate that
     the quantity is, None for a combination.
     """
 

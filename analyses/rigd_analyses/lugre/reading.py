@@ -121,7 +121,7 @@ def arrays(
 
 
 def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
-    """Return what a person calls ``trial``, by its file where there are ``several``."""
+    """Return the label of ``trial``, with its file if there are ``several``."""
     label = sweep.parameter(trial, "current")
     repeat = "" if (trial.repeat or 1) == 1 else f", repeat {trial.repeat}"
     return f"{label}{repeat} of {sweep.path}" if several else f"{label}{repeat}"
@@ -156,7 +156,7 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
     """Return what all ``trials`` have in common; the guide's friction is that at their mass.
 
     The guide carries its load at a lever, so that its friction is proportional to the mass
-    (Eqs. 20 and 21 of the paper); the plan may say at which mass it was measured.
+    (Eqs. 20 and 21 of the paper); the plan may state at which mass it was measured.
 
     Raises:
         DataError: a constant is missing, not possible, or differs between trials.
@@ -187,7 +187,7 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
 
 
 def _gives(trials: Sequence[tuple[RecordedSweep, TrialInfo]], name: str) -> bool:
-    """Whether a constant must be looked up: it is not optional, or some plan gives it."""
+    """Whether a constant must be read: it is not optional, or some plan gives it."""
     return name in CONSTANTS or any(name in sweep.plan.constants for sweep, _ in trials)
 
 

@@ -18,7 +18,7 @@ MOST_READING = 1e6
 
 @dataclass(frozen=True, eq=False)
 class LugreTrial:
-    """One recording: rest, a current step held while the carriage drives, whatever follows.
+    """One recording: rest, a current step held while the carriage drives, and what follows.
 
     All arrays are (n,) on one clock. ``current_a`` is the commanded step, negative for driving
     backwards. ``wheel_angle_rad`` is at the wheel (behind the gear), ``acceleration_m_s2`` is the

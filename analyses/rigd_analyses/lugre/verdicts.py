@@ -1,6 +1,6 @@
 """Gives each LuGre parameter its estimate, its interval, its verdict and advice on further tests.
 
-A verdict says whether the data and the method determine the parameter.
+A verdict states whether the data and the method determine the parameter.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ counts do, as they allow a shorter filter window."
 #: Against known truths (lugre.md section 5, and benchmarks/identify.py).
 BIASES = {
     "sigma_1": "Biased by this method: the smoothing smears the jump of the slip at the current "
-    "step, where sigma_1 acts; against known truths the estimate was +12 to +45 % off whatever its "
+    "step, where sigma_1 acts; against known truths the estimate was +12 to +45 % off at any "
     "standard error. Do not use it as a measurement.",
     "sigma_1+sigma_2": "Biased by this method through sigma_1, by up to +8 % against known truths.",
 }
@@ -51,7 +51,7 @@ BIASES = {
 
 @dataclass(frozen=True)
 class _Judged:
-    """An estimate, and the standard deviation of its logarithm (infinite where it is open).
+    """An estimate, and the standard deviation of its logarithm (infinite if it is open).
 
     ``method_sd`` is the part of it that more data do not shrink.
     """
@@ -90,7 +90,7 @@ def estimates(
 
 
 def _advice(judged: _Judged, computed: Advice | None) -> str:
-    """Return what would help; a computed test only where it leaves the parameter known."""
+    """Return what would help; a computed test only if it leaves the parameter known."""
     entry = judged.entry
     if entry.verdict is Verdict.IDENTIFIABLE:
         return ""
@@ -136,7 +136,7 @@ def derived(
 
 
 def _speed(scans: Scans, cov: Covariance, spread: Spread, visited: tuple[float, float]) -> _Judged:
-    """Return V_s; outside of the visited slip it is extrapolation whatever its interval."""
+    """Return V_s; outside of the visited slip it is extrapolation with any interval."""
     quantity = PROFILED[0]
     value = quantity.value(spread.theta)
     bounds = (PARAMETERS[V_S].low, PARAMETERS[V_S].high)
@@ -170,7 +170,7 @@ def _friction(
 ) -> _Judged:
     """Return mu_c or mu_s, each open on the side on which V_s is.
 
-    Where V_s itself lies outside of the visited slip on that side, it is extrapolation.
+    If V_s itself lies outside of the visited slip on that side, it is extrapolation.
     With V_s free to grow, what is left of the Stribeck effect at the highest slip may be any part
     of it, so that mu_c has no lower end; with V_s free to fall, the rise towards standstill may be
     any height, so that mu_s has no upper end. The ends of their own profiles then show only where
@@ -183,7 +183,7 @@ def _friction(
         if scans.speed.high is None or speed_on_bound(found, found.low, PARAMETERS[V_S].high):
             low, why = (
                 None,
-                "V_s is open upwards, and mu_c with it downwards, whatever its own profile says.",
+                "V_s is open upwards, and mu_c with it downwards, also with a closed profile.",
             )
     else:
         coulomb = _widened(PROFILED[1], scans.coulomb, spread)[0]
@@ -193,7 +193,7 @@ def _friction(
         if scans.speed.low is None or speed_on_bound(found, found.high, PARAMETERS[V_S].low):
             high, why = (
                 None,
-                "V_s is open downwards, and mu_s with it upwards, whatever its own profile says.",
+                "V_s is open downwards, and mu_s with it upwards, also with a closed profile.",
             )
     on_bound = cov.on_bound[MU_C] or (quantity.name == "mu_s" and cov.on_bound[RATIO])
     bound = quantity.value(spread.theta) if on_bound else None
@@ -250,7 +250,7 @@ def _profiled(
 
 
 def _profile_alone(found: ProfileScan) -> str:
-    """Return what the profile would say without the other sources, empty if it is open too."""
+    """Return the range of the profile without the other sources, empty if it is open too."""
     low, high = (None if end is None else f"{math.exp(end):.3g}" for end in (found.low, found.high))
     if low is not None and high is not None:
         closes = f"closes, {low} to {high}"

@@ -25,7 +25,7 @@ class DriveState(Enum):
 
 
 class Mode(IntEnum):
-    """Modes of operation (6060h); bit ``mode - 1`` of 6502h says whether a drive has it."""
+    """Modes of operation (6060h); bit ``mode - 1`` of 6502h is set if a drive has it."""
 
     CYCLIC_VELOCITY = 9
     CYCLIC_TORQUE = 10
@@ -45,7 +45,7 @@ _STATES: Final = (
 
 # Bits of the statusword.
 VOLTAGE: Final = 0x0010  #: the power stage is supplied
-REMOTE: Final = 0x0200  #: the drive heeds the controlword
+REMOTE: Final = 0x0200  #: the drive follows the controlword
 FOLLOWS: Final = 0x1000  #: in the cyclic modes: the drive follows the target
 
 # Controlwords.
@@ -78,7 +78,7 @@ class Enabling:
     """Leads a drive to operation enabled, one controlword per cycle.
 
     A fault is reset by a rising bit 7; every level is held for ``HOLD`` cycles, since a drive may
-    look at its controlword less often than it gets one.
+    read its controlword less often than it gets one.
     """
 
     HOLD: Final = 4

@@ -173,7 +173,7 @@ def _content(path: Path) -> str:
     try:
         content = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        content = data.decode("latin-1")  # the standard says ASCII, makers write °C and µm
+        content = data.decode("latin-1")  # the standard requires ASCII, makers write °C and µm
     return content.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -207,7 +207,7 @@ def _begin(text: EdsText, number: int, line: str) -> Section:
         sub = found[2]
         name = object_name(int(found[1], 16), None if sub is None else int(sub, 16))
     elif names:
-        name = names[1] + "Name"  # as the library looks for it
+        name = names[1] + "Name"  # the key that the library reads
     section = Section(_SPELLINGS.get(name.lower(), name), number)
     other = text.sections.setdefault(name.lower(), section)
     if other is not section:

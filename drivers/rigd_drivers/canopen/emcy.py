@@ -12,7 +12,7 @@ from typing import Final
 
 _EMCY: Final = struct.Struct("<HB5s")
 
-#: What to know of single codes, before their class.
+#: Meaning of single codes, before their class.
 TEXTS: Final = {
     0x0000: "error reset, no error",
     0x1000: "generic error",
@@ -48,7 +48,7 @@ TEXTS: Final = {
     0x8A81: "positive limit switch",
     0x9080: "interlock (safe torque off) active",
 }
-#: What the upper byte, or the upper nibble, of any other code stands for.
+#: What the upper byte, or the upper nibble, of any other code means.
 _CLASSES: Final = {
     0x10: "generic error", 0x20: "current", 0x21: "current at the input",
     0x22: "current inside the device", 0x23: "current at the output", 0x30: "voltage",
@@ -86,13 +86,13 @@ class Emergency:
         return self.code & 0xFF00 == 0
 
     def __str__(self) -> str:
-        said = f"emergency {describe(self.code)}"
+        text = f"emergency {describe(self.code)}"
         causes = [name for bit, name in enumerate(_REGISTER) if self.register >> bit & 1]
         if causes:
-            said += f" (error register: {', '.join(causes)})"
+            text += f" (error register: {', '.join(causes)})"
         if any(self.details):
-            said += f" [{self.details.hex(' ')}]"
-        return said
+            text += f" [{self.details.hex(' ')}]"
+        return text
 
 
 def decode(data: bytes) -> Emergency | None:

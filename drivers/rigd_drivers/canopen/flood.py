@@ -34,7 +34,7 @@ class FloodWatch:
         self.crowded = some
 
     def judge(self, now_ns: int) -> str:
-        """Return what floods the bus, in words; "" where nothing does, or it is not known yet."""
+        """Return what floods the bus, in words; "" if nothing does, or it is not known yet."""
         if now_ns - self._since_ns <= WINDOW_NS:
             return ""
         elapsed_ms = (now_ns - self._since_ns) // 1_000_000

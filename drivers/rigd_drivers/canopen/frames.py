@@ -79,7 +79,7 @@ def describe(identifier: int) -> str:
 
 
 def is_bus_off(identifier: int) -> bool:
-    """Return whether an error frame says that the controller has left the bus."""
+    """Return whether an error frame reports that the controller is off the bus."""
     return bool(identifier & _BUS_OFF)
 
 

@@ -33,7 +33,7 @@ class Pdo:
     entries: tuple[Entry, ...]
 
     def layout(self) -> struct.Struct:
-        """Return how the values stand in the frame.
+        """Return the layout of the values in the frame.
 
         Raises:
             ValueError: more than the 8 bytes of a frame.
@@ -54,7 +54,7 @@ class Pdo:
         return first + self.number - 1
 
     def setup(self) -> Iterator[tuple[Entry, int]]:
-        """Yield what must be written, in this order: switch off, map anew, switch on.
+        """Yield what must be written, in this order: switch off, map, switch on.
 
         A node refuses a mapping that is changed in any other order (abort 0x08000022).
         """

@@ -62,7 +62,7 @@ MISSING: Final = frozenset({0x06020000, 0x06090011})
 
 
 class Aborted(Exception):
-    """The server ended the transfer; ``code`` says why (:data:`ABORTS`)."""
+    """The server ended the transfer; ``code`` is the reason (:data:`ABORTS`)."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"abort 0x{code:08X}, {ABORTS.get(code, 'unknown code')}")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from canopen import ObjectDictionary
     from canopen.objectdictionary import ODVariable
 
-#: What a value is relative to where it says so, such as the identifier of a PDO.
+#: What a value may be relative to, such as the identifier of a PDO.
 _RELATIVE: Final = "$NODEID"
 #: Where the parameters of PDOs stand (CiA 301, 7.5.2.35 to 7.5.2.38).
 _PDO_PARAMETERS: Final = range(0x1400, 0x1C00)
@@ -49,7 +49,7 @@ class Sheet:
         values = {} if info is None else info.values
         self.product_name = values.get("ProductName", "unnamed")
         self.vendor_name = values.get("VendorName", "unknown")
-        #: Vendor, product and revision numbers (object 1018); None where the file leaves it open.
+        #: Vendor, product and revision numbers (object 1018); None if the file leaves it open.
         self.identity = tuple(
             device_number(values, key)
             for key in ("VendorNumber", "ProductNumber", "RevisionNumber")

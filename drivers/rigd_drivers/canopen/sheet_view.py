@@ -17,7 +17,7 @@ _OPEN: Final = "left open"
 
 
 def describe(path: Path) -> DeviceSheet:
-    """Return what the EDS or DCF at ``path`` says.
+    """Return the content of the EDS or DCF at ``path``.
 
     Raises:
         ConfigError: it cannot be read, or is wrong; every problem with its line.

@@ -17,7 +17,7 @@ from rigd_drivers.canopen.objects import Entry
 _DISABLE_VOLTAGE: Final = 2
 #: A drive takes a controlword, and shows a mode, within this, in s.
 _STEP_S: Final = 0.5
-#: Pause between two looks at an object that is waited for, in s.
+#: Pause between two reads of an object that is waited for, in s.
 LOOK_S: Final = 0.002
 #: States in which a drive gives no torque.
 TORQUELESS: Final = (
@@ -47,7 +47,7 @@ def reached(node: Node, states: Collection[DriveState], timeout_s: float) -> boo
 def watch_heartbeat(node: Node, watchdog_s: float) -> None:
     """Have the drive switch itself off after ``watchdog_s`` without a heartbeat of ours.
 
-    Zero is written first, so that it begins anew, with the first heartbeat that it hears.
+    Zero is written first, so that it begins again, with the first heartbeat that it receives.
 
     Raises:
         LinkError, ProtocolError: it does not answer, or refuses.
@@ -87,7 +87,7 @@ def set_mode(node: Node, mode: Mode) -> None:
     deadline = time.monotonic() + _STEP_S
     while (shown := node.read(objects.MODE_DISPLAY)) != mode:
         if time.monotonic() > deadline:
-            raise ProtocolError(f"{node} shows mode {shown} (object 6061), told was {mode:d}")
+            raise ProtocolError(f"{node} shows mode {shown} (object 6061), commanded was {mode:d}")
         node.bus.wait(lambda: False, LOOK_S)
 
 

@@ -25,7 +25,7 @@ class CurrentServoConfig(ServoConfig):
     current_range: Annotated[float, In("A"), Gt(0)]
     """Largest setpoint of either sign."""
     torque_constant: Annotated[float, In("N m/A"), Gt(0)] | None = None
-    """Torque of the motor per current; none: as the drive says (object 3001:5, maxon EPOS4)."""
+    """Torque of the motor per current; none: as the drive reports (object 3001:5, maxon EPOS4)."""
 
 
 class CurrentRow(Row):
@@ -114,7 +114,7 @@ class CurrentServo(Servo[CurrentServoConfig]):
             self.agree(node, "torque constant", "3001:05", reported * 1e-6, given)
         elif given is None:
             raise ProtocolError(
-                f"{node} does not tell its torque constant (object 3001:05)",
+                f"{node} does not report its torque constant (object 3001:05)",
                 hint="give `torque_constant`, from the motor's data sheet",
             )
         constant = given if given is not None else (reported or 0) * 1e-6

@@ -38,7 +38,7 @@ _READ: Final = (
     objects.MODE_DISPLAY,
     objects.POSITION,
 )
-#: Tolerance of a rating against what the rig file says: drives round it to their own unit.
+#: Tolerance of a rating against the value in the rig file: drives round it to their own unit.
 _RATING_TOLERANCE: Final = 0.01
 
 
@@ -50,9 +50,9 @@ class ServoConfig(NodeConfig):
     inverted: bool = False
     """Whether the drive's positive direction is the rig's negative one."""
     zero: Annotated[float, In("count")] | None = None
-    """Count (object 6064) at zero, of a homed or absolute axis; none: where the rig is opened."""
+    """Count (object 6064) at zero, of a homed or absolute axis; none: that at opening."""
     rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
-    """Rated torque that the drive must be set to (object 6076); none: whatever it says."""
+    """Rated torque that the drive must be set to (object 6076); none: any."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
     """The drive switches itself off after so long without a heartbeat of rigd."""
 
@@ -104,7 +104,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     @classmethod
     def contradictions(cls, config: ServoConfigT, link: LinkConfig | None) -> Sequence[str]:
-        """Return what the EDS says against this drive on ``link``."""
+        """Return what in the EDS contradicts this drive on ``link``."""
         plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config))
         beyond = cls._beyond_range(config, cls._declared_target(config))
         return [*contradictions(config, link, plan), *beyond]
@@ -169,7 +169,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             if took_s > limit_s:
                 took_s = self._fall_silent(node, limit_s)  # this host may have stalled: once more
         except BaseException:
-            self.make_safe()  # whatever went wrong, it is not left enabled
+            self.make_safe()  # on any error; it is not left enabled
             raise
         if took_s > limit_s:
             raise DeviceError(
@@ -194,7 +194,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         return self._enabled
 
     def read(self, t_ns: int) -> Row | None:
-        """Return the row that answers the SYNC of the cycle before, or None where none came.
+        """Return the row that answers the SYNC of the cycle before, or None if none came.
 
         Raises:
             DeviceError: an emergency, a fault, a restart, or the drive left operation enabled.
@@ -252,7 +252,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
             if not by_sdo.reached(node, by_sdo.TORQUELESS, RESCUE_TIMEOUT_S):
                 state = by_sdo.state(node).value
-                raise DeviceError(f"{node} was told to switch off, yet is in {state}")
+                raise DeviceError(f"{node} did not switch off: it is in {state}")
         finally:
             bus.close()
 
@@ -301,7 +301,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             )
         if expected is not None and abs(found - expected) > _RATING_TOLERANCE * expected:
             raise ProtocolError(
-                f"{node} has {what} {found:.6g} (object {where}), the rig file says "
+                f"{node} has {what} {found:.6g} (object {where}), the rig file has "
                 f"{expected:.6g}, both in SI units",
                 hint="correct whichever is wrong: the drive's motor data, or the option",
             )
@@ -351,7 +351,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             node.configure(item)
         used = sum(1 for item in pdos if not item.transmit)
         node.switch_off_rest(used, len(self._tpdos))
-        # A second watchdog, where the drive has it: targets must keep coming, not only heartbeats.
+        # A second watchdog, if the drive has it: targets must keep coming, not only heartbeats.
         node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))
 
     @classmethod

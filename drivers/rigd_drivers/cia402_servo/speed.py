@@ -54,7 +54,7 @@ class SpeedServo(Servo[SpeedServoConfig]):
     """Sets the speed of an axis; measures its travel, speed and force at the motor.
 
     Safe means *switched off with the clutch engaged*: the motor has no torque, and the axis is
-    held to the belt, and by whatever brake the drive applies when it is off. A released axis would
+    held to the belt, and by the brake that the drive applies when it is off. A released axis would
     run on; so the clutch must be held by its spring without power, as the brake must be.
     """
 
@@ -172,7 +172,7 @@ class SpeedServo(Servo[SpeedServoConfig]):
             found = "unknown" if unit is None else f"{unit * 60 / (2 * math.pi):g} rpm"
             raise ProtocolError(
                 f"{node} gives velocities in units of {found} (object 60A9 is 0x{code:08X}), the "
-                f"rig file says {self.config.velocity_unit * 60 / (2 * math.pi):g} rpm",
+                f"rig file has {self.config.velocity_unit * 60 / (2 * math.pi):g} rpm",
                 hint="correct `velocity_unit`, or object 60A9 with the maker's tool",
             )
 

@@ -44,7 +44,7 @@ class RegIO(Protocol):
         """Write a 32-bit register."""
 
     def close(self) -> None:
-        """Let go of the registers; closing twice is silent."""
+        """Release the registers; closing twice is silent."""
 
 
 def open_registers(interface: str, resource: str, *, alone: bool) -> RegIO:
@@ -52,7 +52,7 @@ def open_registers(interface: str, resource: str, *, alone: bool) -> RegIO:
 
     Args:
         interface: ``uio``, ``emulator``, or the name of an entry point in :data:`PLUGINS`.
-        resource: device file, socket, or whatever the entry point takes.
+        resource: device file, socket, or what else the entry point takes.
         alone: whether another process that has the card open prevents opening (if that is known).
 
     Raises:
@@ -154,7 +154,7 @@ class MappedRegisters:
 
 
 def _identified(device: Path, facts: Path) -> tuple[int, ...]:
-    """Return where each BAR begins within its page, once the card is seen to be an MF624."""
+    """Return where each BAR begins within its page, after a check that the card is an MF624."""
     try:
         name = (facts / "name").read_text().strip()
         vendor = int((facts / "device/vendor").read_text(), 16)
@@ -186,7 +186,7 @@ class SocketRegisters:
     """Registers served by an emulator: one packet for each access, an answer to each read.
 
     Writes are posted, as on PCI: an emulator that is gone is seen at the next read. Once an answer
-    came late no read can be trusted, for the next answer would be that of the last; writes still
+    came late no read is valid, for the next answer would be that of the last; writes still
     go out, to make safe what can be.
     """
 

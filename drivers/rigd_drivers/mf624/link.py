@@ -86,7 +86,7 @@ class Mf624(Card):
 
     All inputs of a scan are converted at one moment (MF 624 manual: simultaneous sampling), and
     all analogue outputs change together. At rest the outputs give 0 V and the lines stand as
-    ``high_at_rest`` says; that is also how :meth:`close` leaves the card.
+    ``high_at_rest`` sets; :meth:`close` leaves the card in the same state.
     """
 
     Config: ClassVar[type[LinkConfig]] = Mf624Config
@@ -111,7 +111,7 @@ class Mf624(Card):
         self._forget()
 
     def _forget(self) -> None:
-        """Use nothing, own nothing, want everything at rest."""
+        """Use nothing, own nothing, set everything to rest."""
         reference, one_shot = self.config.reference, self.config.one_shot
         self._scan: tuple[int, ...] = () if reference is None else (reference.input,)
         self._adctrl = mf.mask_of(self._scan)
@@ -262,7 +262,7 @@ class Mf624(Card):
                     f"analogue input {reference.input} reads {found:.3f} V, it is wired to "
                     f"{reference.voltage:g} V: the scan came short or shifted, or the converter "
                     "is not right",
-                    hint="no input of this card can be trusted; check the wire of the reference, "
+                    hint="no input of this card is valid; check the wire of the reference, "
                     "then the card",
                 )
 
@@ -314,7 +314,7 @@ class Mf624(Card):
                 raise DeviceError(
                     f"the one-shot was still up {looked_s - edge_s:.3f} s after its last edge; "
                     f"expected at most {one_shot.time:g} s",
-                    hint="nothing would stop the drives when this computer dies; check its "
+                    hint="nothing would stop the drives if this computer failed; check its "
                     f"resistor and capacitor, and the wire to digital input {one_shot.input}",
                 )
 

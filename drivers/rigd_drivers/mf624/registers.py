@@ -35,11 +35,11 @@ IRCCTRL: Final[Register] = (4, 0x6C)  #: 32 bit, written: a byte for each encode
 
 #: The bits of GPIOC that configure the card's own bridge; always written so.
 GPIOC_BASE: Final = 0x024006C0
-EOLC: Final = 1 << 17  #: while a conversion goes on
+EOLC: Final = 1 << 17  #: during a conversion
 LDAC: Final = 1 << 23  #: outputs hold; at its falling edge all take their new codes together
 DACEN: Final = 1 << 26  #: outputs drive; otherwise they are tied to ground
 
-#: What an absent PCI device reads as: nobody pulls the bus low.
+#: What an absent PCI device reads as: no card pulls the bus low.
 ABSENT: Final = 0xFFFF_FFFF
 
 #: Depth of the FIFO of converted inputs.
@@ -95,7 +95,7 @@ def irc_control(*, filtered: bool) -> int:
 def index_bits(status: int) -> int:
     """Return the index signals of the encoders, a bit each, from IRCSTATUS.
 
-    Taken to be bit 0 of each encoder's byte, where IRCCTRL has its byte too; not yet seen on a
+    Taken to be bit 0 of each encoder's byte, as IRCCTRL has its byte too; not yet seen on a
     real card.
     """
     return mask_of(encoder for encoder in range(ENCODERS) if status >> (8 * encoder) & 1)

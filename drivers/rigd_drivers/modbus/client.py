@@ -186,7 +186,7 @@ def _is_final(failure: Failure) -> bool:
 
 
 def refusal(where: str, failure: Failure) -> DeviceError:
-    """Return the error that says what the device declined, and why."""
+    """Return the error that names what the device declined, and why."""
     meaning = EXCEPTIONS.get(failure.code, "of the device's own")
     return DeviceError(
         f"{where} refused the {failure.request.text}: exception {failure.code}, {meaning}",

@@ -57,7 +57,7 @@ class ConnectionConfig(DriverConfig):
         if self.serial_port is not None and self.longest_reply < self.timeout:
             raise ValueError("'longest_reply' must be at least 'timeout'")
         if self.serial_port is not None and self.unit == 0:
-            raise ValueError("unit 0 is the broadcast address: nobody answers it on a serial line")
+            raise ValueError("unit 0 is the broadcast address: no device on a serial line answers")
         return self
 
     def lost_reply_s(self) -> float:

@@ -34,9 +34,9 @@ class ModbusDevice(Driver[ConnectionConfigT, None]):
     """A device with its own connection, which the driver polls at a given rate without waiting.
 
     A reply is seen in the cycle after it arrived; the row belongs to that cycle. What the device
-    measured is older by its own reply time, which Modbus does not tell.
+    measured is older by its own reply time, which Modbus does not report.
 
-    Status bits 8 to 15 say what went wrong since the last row (see :class:`Trouble`), bits 16 to
+    Status bits 8 to 15 report what went wrong since the last row (see :class:`Trouble`), bits 16 to
     23 count it, modulo 256; bits 0 to 7 are the device's.
     """
 
@@ -112,7 +112,7 @@ class ModbusDevice(Driver[ConnectionConfigT, None]):
         """Read the settings that the device must have.
 
         Raises:
-            ProtocolError: one of them is another; says which to set to what.
+            ProtocolError: one of them is another; names the parameter and its value.
 
         """
         for each in expected:
@@ -142,7 +142,7 @@ class ModbusDevice(Driver[ConnectionConfigT, None]):
         return outcome
 
     def failed(self, failure: Failure) -> None:
-        """Heed a request that got no answer; called by :meth:`take`."""
+        """Note a request without an answer; called by :meth:`take`."""
 
     def refused(self, failure: Failure) -> bool:
         """Handle a refusal; return False if the device is then unusable (the default)."""

@@ -121,7 +121,7 @@ class Exchange:
         """Give up the request under way, if any, and leave the line alone for one gap only.
 
         For a write that cannot wait: its answer is an echo that no late reply can be taken for.
-        Whatever is asked after it waits again.
+        Each later request waits again.
         """
         gap_over_ns = now_ns + self.timing.gap_ns
         if self._request is not None:
@@ -165,7 +165,7 @@ class Exchange:
     def _ignore(self, now_ns: int) -> None:
         """Discard unsolicited bytes, and wait until they end."""
         if not self.timing.settle_ns:
-            return  # on TCP it stays in the buffer, where its number will tell what it is
+            return  # on TCP it stays in the buffer, its number will identify it
         self._buffer.clear()
         self._free_ns = max(self._free_ns, now_ns + self.timing.gap_ns)
         if not self._noise:

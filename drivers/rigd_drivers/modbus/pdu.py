@@ -45,7 +45,7 @@ EXCEPTIONS: Final = {
 PASSING: Final = frozenset({5, 6, 10, 11})
 
 
-# What pymodbus cannot read it logs as a warning, which Python prints where nobody set up logging:
+# What pymodbus cannot read it logs as a warning, which Python prints if logging is not set up:
 # in the middle of a run. Here it is counted instead.
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())
 
@@ -61,7 +61,7 @@ DECODER.pdu_table = {
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request: its PDU, the size in bytes of the PDU that answers it, and how to say it.
+    """One request: its PDU, the size in bytes of the PDU that answers it, and its name in words.
 
     ``echo`` is the whole answer to a write; None of a read.
     """

@@ -25,7 +25,7 @@ from rigd_drivers.modbus.shipped import shipped_map
 #: arming is no fault (rigd was busy with other devices, and nothing moved).
 ENABLED: Final = 1
 TRIPPED: Final = 2
-#: Bounds on making safe over the open connection, and over one opened anew, in s.
+#: Bounds on making safe over the open connection, and over one opened again, in s.
 SAFE_S: Final = 0.1
 RESCUE_S: Final = 0.3
 _RESCUE_OPEN_S: Final = 0.2
@@ -51,7 +51,7 @@ class ServoConfig(ConnectionConfig):
     direction.
     """
     watchdog: Annotated[float, In("s"), Gt(0)]
-    """The drive stops by itself when it has heard nothing for so long."""
+    """The drive stops by itself when it has received nothing for so long."""
     rate: Annotated[float, In("Hz"), Gt(0), Le(100)] = 50.0
     """Setpoints and rows per second asked for; as fast as the line allows, if that is less."""
 
@@ -85,7 +85,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
     """A speed drive with a communication watchdog, which rigd sets, reads back and tests.
 
     Safe means without torque, by what the map writes to disable it. Status bits: enabled 1,
-    tripped while nobody talked to it 2, and the line's (see :class:`ModbusDevice`).
+    tripped while no request came 2, and the line's (see :class:`ModbusDevice`).
     """
 
     Config: ClassVar[type[DriverConfig]] = ServoConfig
@@ -174,7 +174,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         silent_s = (time.monotonic_ns() - began_ns) * 1e-9
         if not all_hold(self._map.watchdog.tripped, self.fetch(self._all_reads)):
             raise DeviceError(
-                f"{self.client.where}: the drive heard nothing for {silent_s:.2f} s and did not "
+                f"{self.client.where}: the drive received nothing for {silent_s:.2f} s and did not "
                 f"trip; its watchdog is set to {self.config.watchdog:g} s",
                 hint="check the drive's reaction to a communication fault, and that it is not "
                 "monitored only while it runs",
@@ -183,7 +183,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         return silent_s
 
     def arm(self) -> None:
-        """Begin to enable the drive, at speed zero; goes on in the cycles until :meth:`ready`.
+        """Begin to enable the drive, at speed zero; continues in the cycles until :meth:`ready`.
 
         A drive whose watchdog has acted meanwhile is reset first.
         """
@@ -194,7 +194,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         self._steps = deque([*(resets if self._faulted else ()), *self._map.enable])
 
     def ready(self) -> bool:
-        """Return whether the drive says that it follows its setpoint."""
+        """Return whether the drive reports that it follows its setpoint."""
         return self._armed and not self._steps and self._enabled
 
     def write(self, setpoints: Sequence[float]) -> None:
@@ -286,7 +286,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         return None if self._plan else self._row()
 
     def _written(self) -> None:
-        """Heed that the drive took the setpoint, or a step on the way to enabling it."""
+        """Note that the drive took the setpoint, or a step on the way to enabling it."""
         if self._steps and self._at_rest:
             self._until = self._steps.popleft().until
         self._at_rest = True
@@ -322,7 +322,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         words = ", ".join(f"register {a} is {self._words[a]:#06x}" for a in sorted(at))
         return DeviceError(
             f"{self.client.where}: the drive reports a fault ({words})",
-            hint="read its display; a communication fault means that it heard nothing for "
+            hint="read its display; a communication fault means that it received nothing for "
             f"{self.config.watchdog:g} s",
         )
 

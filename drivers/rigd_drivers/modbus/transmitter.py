@@ -63,7 +63,7 @@ class TransmitterMap(Access):
     status: Mapping[Literal["stable", "overload", "underload", "fault"], Condition] = {}
     """The device's flags; 'fault' ends the run."""
     identity: Mapping[str, Address] = {}
-    """Registers that say which device it is, for the recording."""
+    """Registers that identify the device, for the recording."""
     expect: tuple[Expect, ...] = ()
     """Settings it must have."""
     actions: Mapping[str, Action] = {}
@@ -182,7 +182,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         as soon as there is some, in the cycle.
 
         Raises:
-            ProtocolError: another device, or readings that cannot be: says which option to try.
+            ProtocolError: another device, or readings that cannot be: names the option to try.
 
         """
         self._turn, self._suspects, self._acting = 0, 0, None
@@ -191,7 +191,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         self.identity = ", ".join(
             [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]
         )
-        telling = 0
+        hints = 0
         for _ in range(_PROBES):
             self._words = self.fetch(self._reads)
             row = self._row()
@@ -201,8 +201,8 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
                     f"{self.config.high:g} N",
                     hint="unload the cell, or correct 'scale', 'low' and 'high'",
                 )
-            telling += self._tells_order()
-            if telling >= _SUSPECTS:
+            hints += self._hints_at_order()
+            if hints >= _SUSPECTS:
                 return
             time.sleep(1.0 / self.config.rate)
 
@@ -262,7 +262,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
             self._refused = f"no answer to the {failure.request.text}"
 
     def refused(self, failure: Failure) -> bool:
-        """Heed a refusal; True when it was of an action."""
+        """Note a refusal; return True if it was of an action."""
         if not self._to_write or failure.request is not self._to_write[0]:
             return False
         self._to_write.clear()
@@ -300,11 +300,11 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         force = count * self._scale
         if not self._possible(force) and self._swapped(force):
             return None
-        if self._tells_order():
+        if self._hints_at_order():
             self._suspects = 0
         return ForceRow.of(force=force, force_raw=count, status=flags | self.client.status())
 
-    def _tells_order(self) -> bool:
+    def _hints_at_order(self) -> bool:
         """Return whether the reading depends on the order of its words: that of zero does not."""
         return self._count(self._order) != self._count(self._other_order())
 

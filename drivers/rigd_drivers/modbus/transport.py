@@ -80,7 +80,7 @@ class TcpTransport:
         """See :class:`Transport`."""
         try:
             sent = self._opened().send(frame)
-        except OSError as error:  # also when the buffer is full: nobody has read for minutes
+        except OSError as error:  # also if the buffer is full: the device has not read for minutes
             raise LinkError(f"the connection to {self.where} is lost: {error}") from error
         if sent != len(frame):
             raise LinkError(f"the connection to {self.where} takes no more bytes")
@@ -167,14 +167,14 @@ class SerialTransport:
             self._serial = None
 
     def _set_parity(self, port: serial.Serial) -> None:
-        """Set the parity by itself, so that a port without one says so every time."""
+        """Set the parity by itself, so that a port without one is reported every time."""
         try:
             port.parity = self._parity
         except termios.error as error:
             self.close()
             raise LinkError(
                 f"{self.where} does not take parity {self._parity}: {error}",
-                hint="a simulated port (a pseudo terminal) knows none: set 'parity: none'",
+                hint="a simulated port (a pseudo terminal) has none: set 'parity: none'",
             ) from error
 
     def _opened(self) -> serial.Serial:

@@ -13,7 +13,7 @@ from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.ni_card import NiCard
 from rigd_drivers.ni_daq.config import NiDaqConfig, Terminal
 
-#: A task that nobody reads from for so long, in s, and so many blocks, has lost its client.
+#: A task that no client reads from for so long, in s, and so many blocks, has lost its client.
 ABANDONED_S: Final = 0.5
 _MISSED_BLOCKS: Final = 5
 _LOOK_S: Final = 0.02
@@ -48,7 +48,7 @@ class Daqmx:
         self._reader: Any = None
 
     def open(self) -> str:
-        """Find the card, make the task, and return what the card says it is.
+        """Find the card, make the task, and return how the card identifies itself.
 
         Raises:
             LinkError: NI-DAQmx, its server or the card is not there, or another program uses it.
@@ -133,7 +133,7 @@ class Daqmx:
     def read(self, volts: NDArray[np.float64], timeout_s: float) -> NDArray[np.float64]:
         """Wait for samples and return them as a view into ``volts``, shape (inputs, n).
 
-        n is below the width of ``volts`` (inputs, block) only where the time was up before.
+        n is below the width of ``volts`` (inputs, block) only if the time was up before.
         """
         inputs, block = volts.shape
         with self._card.doing("read"):

@@ -25,7 +25,7 @@ class NiDaq(BlockDriver[NiDaqConfig, None]):
 
     A row is, for every input, its quantity and its volts; then the card's own time (sample number
     over nominal rate, in s) and the card's rate by the machine's clock as estimated so far (in
-    Hz). The status word has bit i set where input i is at an end of its range: its value is then
+    Hz). The status word has bit i set if input i is at an end of its range: its value is then
     a bound, not a measurement.
     """
 
@@ -120,6 +120,6 @@ class NiDaq(BlockDriver[NiDaqConfig, None]):
         return row
 
     def close(self) -> None:
-        """Stop sampling and let go of the card; closing twice is silent."""
+        """Stop sampling and release the card; closing twice is silent."""
         self._daqmx.close()
         self._clock = None

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 #: The quickest arrival of each second is kept, for so many seconds.
 WINDOW_NS: Final = 1_000_000_000
 WINDOWS: Final = 60
-#: The slope is trusted once so many windows are there: an arrival may be 0.1 ms late, which over
+#: The slope is used once so many windows are there: an arrival may be 0.1 ms late, which over
 #: 10 s is 10 ppm.
 WINDOWS_FOR_RATE: Final = 10
 #: Furthest that a card's crystal is taken to be from its nominal rate; within 100 ppm is usual.
 MOST_DRIFT: Final = 200e-6
 #: Fastest that an error of the time is worked off: 1 ms in 1 s.
 MOST_SLEW: Final = 1e-3
-#: Slope at which the times of a block still increase, where it arrived before it was expected.
+#: Slope at which the times of a block still increase, if it arrives before it is expected.
 MOST_HASTE: Final = -0.999
 
 Point = tuple[float, float]
@@ -37,15 +37,15 @@ class SampleClock:
     number runs below all arrivals. It is estimated as the highest line that does, over the last
     minute; the same as the linear programme of Moon, Skelly and Towsley, "Estimation and removal
     of clock skew from network delay measurements", INFOCOM 1999. What is left is the smallest
-    delay, which nobody can tell from an offset.
+    delay, which cannot be distinguished from an offset.
 
     Times always increase, and no sample is later than its arrival. An error that is found is
-    worked off within :data:`MOST_SLEW`; only where a block would be later than its arrival, it is
+    worked off within :data:`MOST_SLEW`; only if a block would be later than its arrival, it is
     within that block.
     """
 
     def __init__(self, nominal_hz: float, started_ns: int) -> None:
-        """``started_ns`` is before sample 0 was taken; the first block's arrival says how long."""
+        """``started_ns`` is before sample 0 was taken; the first block's arrival shows how long."""
         self.nominal_hz = nominal_hz
         self._period_ns = 1e9 / nominal_hz  # nominal
         self._first_ns = started_ns

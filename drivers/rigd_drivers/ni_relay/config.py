@@ -24,7 +24,7 @@ class WatchdogOptions(DriverConfig):
     time: Annotated[float, In("s"), Ge(0.05), Le(1)]
     """Longest time that it stays up after the last edge, its tolerance included."""
     active: Level = "high"
-    """Level of `feedback` while it is up. An open line of a USB-6009 reads high: where the
+    """Level of `feedback` while it is up. An open line of a USB-6009 reads high: if the
     contact shows its state by closing, `low` also finds a broken wire."""
 
 

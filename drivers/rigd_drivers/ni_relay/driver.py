@@ -13,14 +13,14 @@ from rigd_drivers.ni_relay.lines import CALL_S, RelayLines
 
 #: Bits of the status word.
 ARMED: Final = 1  #: its setpoint is followed
-ONE_SHOT: Final = 2  #: the one-shot lets the relay close; set where there is none
+ONE_SHOT: Final = 2  #: the one-shot lets the relay close; set if there is none
 PENDING: Final = 4  #: the card has not confirmed the last setpoint yet
 LIMITED: Final = 8  #: the last setpoint lay beyond 0 to 1
 
-#: The card hears of us this often, in s; within the time of a one-shot so often at least.
+#: The card gets a request this often, in s; within the time of a one-shot so often at least.
 PERIOD_S: Final = 0.05
 _PULSES_PER_TIME: Final = 5
-#: What the card said so long ago, in s, is no row of this cycle any more.
+#: A confirmation of the card older than this, in s, is no row of this cycle any more.
 FRESH_S: Final = 0.15
 #: An order to open that is under way may be confirmed this long after it was given, in s.
 _SAFE_S: Final = 2 * CALL_S
@@ -39,12 +39,13 @@ class NiRelay(Driver[NiRelayConfig, None]):
     """Closes and opens a relay. Safe means open, and no pulses for the one-shot.
 
     Commands to the card go through a thread of its own, which takes the newest setpoint, so
-    that no cycle waits. A row says what the card has confirmed last, and how long the confirmation
-    of the last change took; the contact follows some ms later, as the relay's data sheet says.
+    that no cycle waits. A row contains what the card has confirmed last, and how long the
+    confirmation of the last change took; the contact follows some ms later, as in the relay's data
+    sheet.
 
     The card keeps its outputs when this computer dies. The one-shot is what opens the relay then:
     its contact stands in series, and it drops within ``time`` of the last pulse. Pulses end with
-    this process, and 0.1 s after the last cycle where the cycle hangs.
+    this process, and 0.1 s after the last cycle if the cycle hangs.
     """
 
     Config: ClassVar[type[DriverConfig]] = NiRelayConfig
@@ -180,7 +181,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
         if keeper is None:
             return
         keeper.starve()
-        wish = keeper.want(closed=False, anew=True)
+        wish = keeper.want(closed=False, at_once=True)
         deadline = time.monotonic() + _SAFE_S
         while keeper.known.wish < wish:
             failed = keeper.failed
@@ -198,7 +199,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
         self._lines.rescue()
 
     def close(self) -> None:
-        """Let go of the lines, which keep their levels; closing twice is silent."""
+        """Release the lines, which keep their levels; closing twice is silent."""
         keeper, self._keeper = self._keeper, None
         if keeper is not None:
             keeper.end()
@@ -232,7 +233,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
             )
 
     def _await_drop(self, keeper: Keeper, watchdog: WatchdogOptions) -> float:
-        """Wait, saying nothing, until the one-shot is down; return how long that took, in s."""
+        """Wait, without a pulse, until the one-shot is down; return how long that took, in s."""
         silent_ns = time.monotonic_ns()
         while True:
             self._check_talk(keeper)

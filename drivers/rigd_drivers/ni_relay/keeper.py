@@ -16,7 +16,7 @@ from typing import Final
 
 from rigd_drivers.ni_relay.lines import RelayLines
 
-#: The one-shot gets no more pulses once the cycle has said nothing for so long, in s.
+#: The one-shot gets no more pulses once no request of the cycle came for so long, in s.
 CYCLE_SILENCE_S: Final = 0.1
 #: While the one-shot is to drop it is looked at this often, in s.
 _DROPPING_S: Final = 0.005
@@ -56,11 +56,11 @@ class Keeper:
     """Sets the lines as the cycle requests, and retriggers the one-shot while the cycle calls.
 
     Every method but :meth:`start` and :meth:`end` returns at once. What the thread learns is
-    handed over whole, in one assignment, so that nobody holds a lock.
+    handed over whole, in one assignment, so that no thread holds a lock.
 
     Args:
         lines: open, and the thread's alone from :meth:`start` to :meth:`end`.
-        period_s: the card hears of us at least this often.
+        period_s: the card gets a request at least this often.
     """
 
     def __init__(self, lines: RelayLines, period_s: float) -> None:
@@ -83,13 +83,13 @@ class Keeper:
         """Begin to talk to the card."""
         self._thread.start()
 
-    def want(self, *, closed: bool, anew: bool = False) -> int:
+    def want(self, *, closed: bool, at_once: bool = False) -> int:
         """Request the relay closed or open from now on; return the number of the request.
 
-        ``anew`` sends it to the card at once, even if the request is the same.
+        ``at_once`` sends it to the card now, even if the request is the same.
         """
         number, before, _ = self._wish
-        if anew or closed != before:
+        if at_once or closed != before:
             number += 1
             self._wish = (number, closed, time.monotonic_ns())
             self._bell.put(None)

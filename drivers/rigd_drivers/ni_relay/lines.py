@@ -47,7 +47,7 @@ class RelayLines:
         self._reader: Any = None
 
     def open(self) -> str:
-        """Take the lines, open the relay, and return what the card says it is.
+        """Take the lines, open the relay, and return how the card identifies itself.
 
         Raises:
             LinkError: NI-DAQmx, its server or the card is not there, or another program uses
@@ -112,7 +112,7 @@ class RelayLines:
             self.close()
 
     def close(self) -> None:
-        """Let go of the lines, which keep their levels; closing twice is silent."""
+        """Release the lines, which keep their levels; closing twice is silent."""
         tasks, self._tasks = self._tasks, []
         self._writer = self._reader = None
         try:

@@ -11,7 +11,7 @@ from typing import Final
 
 from rigd_drivers.scale.replies import Load, Reading, Refusal
 
-#: Sent on receipt and on completion of a command where the balance is set to answer so.
+#: Sent on receipt and on completion of a command if the balance is set to answer so.
 ACKNOWLEDGED: Final = b"\x06"
 
 _LOADS: Final = {b"ST": Load.STABLE, b"QT": Load.STABLE, b"US": Load.DYNAMIC}

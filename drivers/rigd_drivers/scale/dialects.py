@@ -19,7 +19,7 @@ class Dialect:
     title: str
     #: Asks for the weight as it is now.
     read: bytes
-    #: Ends a stream, and whatever else goes on.
+    #: Ends a stream, and any other activity.
     cancel: bytes
     parse_reading: Callable[[bytes], Reading | Refusal | None]
     #: What must lie between two commands, in s.

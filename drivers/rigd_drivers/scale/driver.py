@@ -34,7 +34,7 @@ T = TypeVar("T")
 #: A scale answers within 0.1 s; 9600 baud needs 17 ms for a reply.
 REPLY_S: Final = 0.5
 #: Without one good reading for so long the scale is given up, in s. Below ``silent_s``, so that
-#: the message says what was heard instead.
+#: the message contains what was received instead.
 GIVE_UP_S: Final = 2.0
 #: How long an action waits for the load to come to rest, in s; scales themselves give up after
 #: 10 s to 40 s.
@@ -161,7 +161,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         Raises:
             LinkError: the port cannot be opened, or nothing answers.
             ProtocolError: what answers is no scale of this dialect.
-            DeviceError: it shows another unit than the rig file says.
+            DeviceError: it shows another unit than the rig file has.
 
         """
         config = self.config
@@ -194,7 +194,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
             await asyncio.sleep(due - loop.time())
 
     async def act(self, action: str) -> str:
-        """Tare or zero, once the load rests; return what the scale said.
+        """Tare or zero, once the load rests; return the answer of the scale.
 
         Raises:
             DeviceError: the load does not come to rest, or the scale refuses.
@@ -224,12 +224,12 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         return answer.text or f"{action} done"
 
     async def close(self) -> None:
-        """Cancel what goes on at the scale, and close the port."""
+        """Cancel any activity of the scale, and close the port."""
         self._cancel()
         self._port.close()
 
     def _cancel(self) -> None:
-        """End what goes on at the scale, if it is still there."""
+        """End any activity of the scale, if it still answers."""
         with contextlib.suppress(LinkError, DeviceError):  # not open, or gone: nothing to end
             self._port.send(self._dialect.cancel)
 
@@ -240,7 +240,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
             if await self._port.quiet(QUIET_S, timeout_s=1.5):
                 return
         raise ProtocolError(
-            f"the scale at {self.config.port} keeps sending, although told to stop",
+            f"the scale at {self.config.port} keeps sending after the command to stop",
             hint="set it to send on request only (menu: 'command mode', not 'stream' or "
             "'continuous'), and check that baud rate and parity are those of the rig file",
         )

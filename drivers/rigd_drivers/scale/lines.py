@@ -33,7 +33,7 @@ class LineBuffer:
         return lines
 
     def clear(self) -> None:
-        """Forget the line that has begun."""
+        """Discard the line that has begun."""
         self._line.clear()
         self._too_long = False
 

@@ -73,7 +73,7 @@ class LinePort:
             port.close()
 
     def flush(self) -> None:
-        """Forget the lines that have arrived, and the one that has begun."""
+        """Discard the lines that have arrived, and the one that has begun."""
         self._lines.clear()
         self._buffer.clear()
 
@@ -99,7 +99,7 @@ class LinePort:
             )
 
     async def line(self, timeout_s: float) -> bytes | None:
-        """Return the next line, or None where none is complete within ``timeout_s``.
+        """Return the next line, or None if none is complete within ``timeout_s``.
 
         Raises:
             DeviceError: the port is gone.
@@ -163,7 +163,7 @@ class LinePort:
     def _gone(self, error: OSError) -> DeviceError:
         return DeviceError(
             f"the serial port {self.path} is gone ({error.strerror or error})",
-            hint="plug the adapter in again and start anew; it may come back under another "
+            hint="plug the adapter in again and start again; it may come back under another "
             "number: name the port by its path below /dev/serial/by-id",
         )
 

@@ -28,7 +28,7 @@ class Load(Enum):
 
 @dataclass(frozen=True)
 class Reading:
-    """A weight: ``value`` in ``unit`` as shown; NaN and "" where over- or underloaded."""
+    """A weight: ``value`` in ``unit`` as shown; NaN and "" if over- or underloaded."""
 
     load: Load
     value: float = math.nan

@@ -40,8 +40,8 @@ _QUOTED: Final = re.compile(rb'"([^"]*)"')
 def parse_reading(line: bytes) -> Reading | Refusal | None:
     """Return the weight in ``line``; None if it is not a weight reply, or is damaged.
 
-    A value that stands right-aligned in fewer or more characters than the manual says has lost some
-    on the way: the digits would read as another weight.
+    A value that stands right-aligned in fewer or more characters than the manual states has lost
+    some on the way: the digits would read as another weight.
     """
     if match := _READING.fullmatch(line):
         field = match["field"]

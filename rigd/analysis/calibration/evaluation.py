@@ -28,8 +28,8 @@ class CalibrationEvaluation(Evaluation):
     result: CalibrationResult
     recording: Path
     rig: str
-    instruments: Mapping[str, str]  #: what each device that was used said it is
-    made: date | None  #: the day it was recorded; None where that was in virtual time
+    instruments: Mapping[str, str]  #: the reported identity of each device that was used
+    made: date | None  #: the day it was recorded; None if that was in virtual time
     provenance: Provenance
 
     @property
@@ -49,7 +49,7 @@ class CalibrationEvaluation(Evaluation):
 
     @property
     def heading(self) -> Heading:
-        """Where the data are from."""
+        """Origin of the data."""
         return self.provenance.heading
 
     def report(self) -> str:
@@ -102,7 +102,7 @@ class CalibrationEvaluation(Evaluation):
 
 
 def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
-    """Return ``result``, found in the recording of ``steps``, with where it is from."""
+    """Return ``result``, found in the recording of ``steps``, with its origin."""
     sweep = steps.sweep
     run = sweep.info.metadata["run"]
     return CalibrationEvaluation(

@@ -144,15 +144,15 @@ class Steps:
         return parse_calibration(text, f"{self.sweep.path}:{ATTACHMENT}")
 
     def instruments(self) -> dict[str, str]:
-        """Return what each device that gave a signal said it was, where it said so."""
-        said = {
+        """Return the reported identity of each device that gave a signal, if it reported one."""
+        identities = {
             name: str(identity)
             for event in self._events
             if event.kind == "devices"
             for name, identity in event.data.items()
         }
         used = dict.fromkeys(self.sweep.field(name)[0].name for name in self.sweep.plan.signals)
-        return {name: said[name] for name in used if said.get(name)}
+        return {name: identities[name] for name in used if identities.get(name)}
 
     def _of(self, trial: TrialInfo, kind: str) -> list[Event]:
         """Return the events of a kind in this attempt; the next trial may begin as it ends."""

@@ -38,7 +38,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Points with their fit, for a person to look at: (n,) each, and what the axes are."""
+    """Points with their fit, for a figure: (n,) each, and what the axes are."""
 
     title: str
     x_label: str  #: with its unit
@@ -52,8 +52,9 @@ class Series:
 class CalibrationResult:
     """The outcome of one calibration.
 
-    ``refusals`` say why it is no calibration: then nothing may be taken from it. ``kept`` says of
-    values that the data do not tell, why; ``facts`` are what a person will want to read beside.
+    ``refusals`` are the reasons why it is no calibration: then nothing may be taken from it.
+    ``kept`` has for values that the data do not determine the reason; ``facts`` are what a person
+    will want to read beside.
     """
 
     title: str
@@ -65,7 +66,7 @@ class CalibrationResult:
 
 
 def together(title: str, results: Sequence[CalibrationResult]) -> CalibrationResult:
-    """Return several results as one, which is refused where one of them is."""
+    """Return several results as one, which is refused if one of them is."""
     refused = tuple(f"{result.title}: {why}" for result in results for why in result.refusals)
     return CalibrationResult(
         title,

@@ -191,7 +191,7 @@ class _Bench:
                 shown = f"{interval[0]:g} to {interval[1]:g}"
                 yield (
                     f"{name} is {shown}, the truth is {value:g}",
-                    "mend the estimate, or widen its interval by what it does not know",
+                    "correct the estimate, or widen its interval by what it does not include",
                 )
             elif value and half > _WIDEST * abs(value):
                 yield f"{name} is known to ±{half:g} only", "simulate data that hold it"
@@ -200,14 +200,14 @@ class _Bench:
             if interval is not None:
                 yield (
                     f"{name} is {interval[0]:g} to {interval[1]:g}, which these data cannot hold",
-                    "say that it is not identifiable, and give no number",
+                    "report it as not identifiable, and give no number",
                 )
 
     def repeatable(self, case: Case) -> Iterator[tuple[str, str]]:
         try:
             (name, first), second = self.first(case), self.evaluate(case)
         except RigdError:
-            return  # told by the rule on the truth
+            return  # reported by the rule on the truth
         names = name, f"case{self._written}"
         texts = [
             json.dumps(item.to_json(), allow_nan=False).replace(path, "case")

@@ -163,11 +163,11 @@ def _steady(law: type[FrictionLaw]) -> Iterator[tuple[str, str]]:
         for slip in SLIPS:
             values, rollings = np.full(count, slip), np.full(count, rolling)
             force = _force(law, theta, values, period_s, rollings)[-1]
-            said = float(law.steady(theta, np.array([slip]), rolling)[0])
-            if not abs(force - said) <= SETTLED:
+            stated = float(law.steady(theta, np.array([slip]), rolling)[0])
+            if not abs(force - stated) <= SETTLED:
                 yield (
                     f"at a slip of {slip:g} m/s, rolling at {rolling:g} m/s, the force is "
-                    f"{force:.6g} after {count * period_s:g} s, `steady` says {said:.6g}",
+                    f"{force:.6g} after {count * period_s:g} s, `steady` returns {stated:.6g}",
                     "`steady` is what `step` comes to at a constant slip",
                 )
                 return

@@ -29,13 +29,13 @@ from rigd.analysis.uncertainty import Covariance, delta_sd
 POINTS: Final = 60
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
 TRIM: Final = 0.01
-#: How far the memory of residuals is looked for, in s.
+#: Longest memory of residuals that is tested, in s.
 BLOCK_S: Final = 0.15
 
 
 @dataclass(frozen=True, eq=False)
 class SlipData:
-    """Slip and force of the trials of one group, and what a report says and draws of them.
+    """Slip and force of the trials of one group, and what a report states and draws of them.
 
     ``window_s`` is the length of the filter that slip and force went through. ``others`` are the
     same trials processed in other ways. ``least_slip_m_s`` is the slip that the sensors resolve.

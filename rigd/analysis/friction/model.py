@@ -71,16 +71,16 @@ class LawModel:
 
     @property
     def trial_slices(self) -> tuple[slice, ...]:
-        """Return where each trial stands in the stacked residual."""
+        """Return the place of each trial in the stacked residual."""
         return self._slices
 
     @property
     def mask(self) -> FloatArray:
-        """Return (n,) of 1 where a sample counts and 0 where it does not."""
+        """Return (n,) of 1 if a sample counts and 0 if it does not."""
         return self._mask
 
     def predict(self, theta: FloatArray) -> FloatArray:
-        """Return F/F_N (n,), also where the mask is 0."""
+        """Return F/F_N (n,), also if the mask is 0."""
         return compiled.predict(self.law.step, self.law.states, theta, self._inputs)
 
     def residuals(self, theta: FloatArray) -> FloatArray:

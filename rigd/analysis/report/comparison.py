@@ -22,7 +22,7 @@ Chosen = list[tuple[int, ReportSection, TrialFit]]
 
 @dataclass(frozen=True)
 class ComparisonLine:
-    """One parameter over all sections; None where a section does not have it."""
+    """One parameter over all sections; None if a section does not have it."""
 
     symbol: str
     name: str

@@ -28,7 +28,7 @@ class Panel:
 def featured(trials: Sequence[TrialFit]) -> TrialFit:
     """Return the trial with the greatest condition (such as the highest current, either way).
 
-    Where a condition holds no quantity, or several trials share the greatest, the one whose
+    If a condition holds no quantity, or several trials share the greatest, the one whose
     fitted output reaches furthest.
 
     Raises:
@@ -67,11 +67,11 @@ def spread(peaks: Mapping[str, Mapping[str, float]]) -> tuple[Panel, ...]:
 
 
 def names_condition(trial: TrialFit) -> bool:
-    """Return whether the label already says the condition, be it in other digits."""
+    """Return whether the label contains the condition already, also in other digits."""
     if trial.condition in trial.label:
         return True
-    said = _condition(trial.condition)
-    return bool(np.isfinite(said)) and said == _condition(trial.label)
+    value = _condition(trial.condition)
+    return bool(np.isfinite(value)) and value == _condition(trial.label)
 
 
 def _condition(text: str) -> float:

@@ -71,7 +71,7 @@ def render(
 
 
 def _visible(value: object) -> object:
-    """Return what stands on the page for a value: a text turns no line, whoever wrote it."""
+    """Return what stands on the page for a value: a text turns no line, from any author."""
     return visible(value) if type(value) is str else value
 
 

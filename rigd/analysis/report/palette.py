@@ -15,7 +15,7 @@ GRID: Final = "#e2e5e9"
 #: Okabe and Ito's set, which stays apart for all common kinds of colour blindness; the yellow is
 #: left out because it vanishes on white.
 SERIES: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-#: Measured against fitted: told apart by lightness as well as by hue.
+#: Measured against fitted: different in lightness as well as in hue.
 MEASURED: Final = "#7d8b99"
 FITTED: Final = "#c84e00"
 

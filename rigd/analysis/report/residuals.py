@@ -14,7 +14,7 @@ QUANTILES = 240
 
 
 def residual(trial: TrialFit) -> FloatArray:
-    """Return measured minus fitted, (n,) in the trial's unit; NaN where a sample was not used."""
+    """Return measured minus fitted, (n,) in the trial's unit; NaN if a sample was not used."""
     return np.where(trial.used, trial.measured - trial.fitted, np.nan)
 
 
@@ -27,9 +27,9 @@ def pooled(trials: Sequence[TrialFit]) -> FloatArray:
 
 
 def end_to_end(trials: Sequence[TrialFit]) -> tuple[FloatArray, FloatArray, list[float]]:
-    """Return time (s) and residual with the trials laid end to end, and where each one starts.
+    """Return time (s) and residual with the trials laid end to end, and the start of each.
 
-    Only the residual is NaN where samples were not used; the starts are len(trials) + 1 times, the
+    Only the residual is NaN if samples were not used; the starts are len(trials) + 1 times, the
     last of which is the end.
     """
     times: list[FloatArray] = []
@@ -55,6 +55,6 @@ def normal_quantiles(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         return np.empty(0), np.empty(0)
     ordered = np.sort((values - values.mean()) / scale)
     rank = np.unique(np.linspace(0, n - 1, min(n, QUANTILES)).round().astype(np.intp))
-    # The tails are where a departure shows: keep every one of the outermost values.
+    # A departure shows in the tails: keep every one of the outermost values.
     rank = np.union1d(rank, np.r_[0 : min(12, n), max(n - 12, 0) : n])
     return np.asarray(ndtri((rank + 0.5) / n), dtype=np.float64), ordered[rank]

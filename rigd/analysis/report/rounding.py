@@ -12,7 +12,7 @@ DIGITS: Final = 2
 BARE_DIGITS: Final = 4
 #: Powers of ten outside of which a number is written as mantissa and exponent.
 PLAIN_EXPONENTS: Final = range(-4, 6)
-#: Smaller p values say more about the test's assumptions than about the data.
+#: Smaller p values depend more on the test's assumptions than on the data.
 SMALLEST_P: Final = 1e-6
 #: Arms of an interval that differ by less than this share of the wider one read as one ±.
 SYMMETRY: Final = 0.25
@@ -25,7 +25,7 @@ _MINUS: Final = "\N{MINUS SIGN}"
 
 
 def places_for(uncertainty: float) -> int | None:
-    """Return the decimal place that an uncertainty reaches to; None if it says nothing.
+    """Return the decimal place that an uncertainty reaches to; None if it has no value.
 
     Negative places are to the left of the decimal point: 130 gives -1.
     """
@@ -77,7 +77,7 @@ def percent(share: float) -> str:
 
 
 def spread(estimate: float, low: float | None, high: float | None) -> str:
-    """Return ``± 0.12``, or ``+0.30 −0.05`` where the interval is lopsided; empty if it is open."""
+    """Return ``± 0.12``, or ``+0.30 −0.05`` if the interval is lopsided; empty if it is open."""
     if low is None or high is None:
         return ""
     below, above = estimate - low, high - estimate

@@ -22,8 +22,8 @@ class ReportSection:
     """One group of the report, such as a floor: its result and the values to compare with.
 
     ``reference`` maps parameter names to values in the unit of the parameter; names that the
-    result does not know are ignored, so that one table may serve several models.
-    ``reference_label`` says where the values come from.
+    result does not have are ignored, so that one table may serve several models.
+    ``reference_label`` names the origin of the values.
     """
 
     label: str
@@ -69,7 +69,7 @@ class Opening:
 class Heading:
     """The lines under the title of a report.
 
-    ``badge`` says that the data are simulated and how; it is empty for real devices. ``entries``
+    ``badge`` states that the data are simulated and how; it is empty for real devices. ``entries``
     are names and texts: rig, recordings, operator, dates. ``notes`` are what people wrote,
     ``losses`` what of the recordings is damaged or lost.
     """

@@ -13,7 +13,7 @@ SAME_MINIMUM = 1e-3
 
 @dataclass(frozen=True)
 class StartLine:
-    """One start: its cost over the lowest, and where it ended (and began) per parameter."""
+    """One start: its cost over the lowest, and its end (and begin) per parameter."""
 
     cost: str
     rise: str

@@ -21,7 +21,7 @@ from rigd.analysis.report.rounding import (
 from rigd.analysis.report.section import ReportSection
 from rigd.analysis.result import ParameterEstimate, Verdict
 
-#: What stands where a number would be.
+#: Text in place of a missing number.
 NO_VALUE: Final = {Verdict.MISFIT: "does not fit", Verdict.BIASED: "biased, no value"}
 UNKNOWN: Final = "not identifiable"
 NO_INTERVAL: Final = "none given"
@@ -31,9 +31,9 @@ NO_INTERVAL: Final = "none given"
 class SummaryRow:
     """One parameter of one section, as numbers (in ``unit``) and as text ready to print.
 
-    ``estimate`` is None where the data do not determine it; ``low`` and ``high`` are None where
-    that end is open. ``comparison`` says how the reference lies to the interval; it and
-    ``reference_text`` are empty where there is no reference.
+    ``estimate`` is None if the data do not determine it; ``low`` and ``high`` are None if
+    that end is open. ``comparison`` is the position of the reference to the interval; it and
+    ``reference_text`` are empty if there is no reference.
     """
 
     section: str

@@ -95,7 +95,7 @@ class Drawing:
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Apply the report's matplotlib settings within the block, whatever the user's own are."""
+    """Apply the report's matplotlib settings within the block, with any settings of the user."""
     with mpl.rc_context(), warnings.catch_warnings():
         # A script that the measuring font lacks is no fault: the reader's browser has the glyph.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
@@ -110,7 +110,7 @@ def draw(figure: Figure, name: str, alt: str, caption: str = "") -> Drawing:
     Args:
         figure: what to draw; its size in inches gives the proportions only.
         name: unique in the page; the identifiers inside the SVG are derived from it.
-        alt: one sentence that says what the figure shows, for those who do not see it.
+        alt: one sentence on what the figure shows, for readers who do not see it.
         caption: printed beneath the figure.
 
     """

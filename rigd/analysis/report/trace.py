@@ -35,7 +35,7 @@ def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArr
 
     Args:
         x: (n,) ascending.
-        y: (n,), NaN where there is nothing to draw.
+        y: (n,), NaN if there is nothing to draw.
         columns: how many pieces.
 
     Returns:
@@ -59,7 +59,7 @@ def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArr
 
 
 def spans(x: FloatArray, flag: BoolArray, columns: int = COLUMNS) -> list[tuple[float, float]]:
-    """Return (start, length) of the stretches of ``x`` where ``flag`` holds.
+    """Return (start, length) of the stretches of ``x`` in which ``flag`` holds.
 
     Stretches closer together than a column of the figure are joined. A stretch reaches halfway
     to its neighbours, so that a single sample has a width.

@@ -24,7 +24,7 @@ NONE: Final = "–"
 
 @dataclass(frozen=True)
 class PooledRow:
-    """The errors of some trials together, as text; ``passes`` says whether all of them pass."""
+    """The errors of some trials together, as text; ``passes`` is true if all of them pass."""
 
     label: str
     condition: str
@@ -98,7 +98,7 @@ def summary(result: Validation) -> TerminalTable:
 
 
 def overview(result: Validation) -> TerminalTable | None:
-    """Return the errors of the most telling output of each trial, a column for each group.
+    """Return the errors of the most conclusive output of each trial, a column for each group.
 
     None without several trials in a group.
     """
@@ -146,7 +146,7 @@ def _marked(item: Deviation) -> str:
 
 
 def _cell(group: GroupValidation, trial: ValidatedTrial) -> str:
-    """Return what tells ``trial`` from the others of its group."""
+    """Return what distinguishes ``trial`` in its group."""
     names = [*_splitting(group), *_differing_last(group)]
     return ", ".join(trial.conditions[name] for name in names) or trial.label
 

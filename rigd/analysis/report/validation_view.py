@@ -128,13 +128,13 @@ def _shown(group: GroupValidation, output: str) -> Sequence[ValidatedTrial]:
 
 
 def _trial(name: str, trial: ValidatedTrial, result: Validation) -> TrialDrawing:
-    said = ", ".join(
+    errors = ", ".join(
         f"{item.output} {error(item, item.rms)} {unit_of_errors(item)}" for item in trial.deviations
     )
     alt = (
         f"{', '.join(trial.conditions.values())}: measured and modelled "
         f"{', '.join(trace.output for trace in trial.traces)} over time, and their differences; "
-        f"RMS {said}."
+        f"RMS {errors}."
     )
     drawing = draw(agreement.one_trial(trial), name, alt, "Dashed: the most that is explained.")
-    return TrialDrawing(", ".join(trial.conditions.values()), f"RMS {said}", drawing)
+    return TrialDrawing(", ".join(trial.conditions.values()), f"RMS {errors}", drawing)

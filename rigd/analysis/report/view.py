@@ -179,14 +179,14 @@ def _residuals(anchor: str, result: IdentificationResult) -> tuple[Drawing, ...]
 def _profiles(anchor: str, found: Sequence[Profile], symbols: Mapping[str, str]) -> Drawing | None:
     if not found:
         return None
-    said = "; ".join(f"{p.name} {interval(p.low, p.high)} {p.unit}" for p in found)
+    ranges = "; ".join(f"{p.name} {interval(p.low, p.high)} {p.unit}" for p in found)
     caption = (
         "Each parameter is held while the others are refitted. Dashed: threshold of the "
-        "confidence. Shaded: interval; it runs to the end of the grid where the profile never "
+        "confidence. Shaded: interval; it runs to the end of the grid if the profile never "
         "crosses the threshold, and the data then leave that side open."
     )
     figure = profile.profiles(found, symbols)
-    return draw(figure, f"{anchor}-profile", f"Profile likelihoods: {said}.", caption)
+    return draw(figure, f"{anchor}-profile", f"Profile likelihoods: {ranges}.", caption)
 
 
 def _models(anchor: str, result: IdentificationResult) -> ModelsView | None:

@@ -56,7 +56,7 @@ class EventRow:
 def facts(
     recording: Recording, info: RunInfo, events: Sequence[Event], samples: Samples
 ) -> tuple[Fact, ...]:
-    """Return what there is to say of the run as a whole."""
+    """Return the facts on the run as a whole."""
     acted = Counter(str(e.data.get("name", "")) for e in events if e.kind == "interlock")
     missed = sum(_whole(event.data.get("missed_slots")) for event in events if event.kind == "late")
     stale = sum(samples.stale.values())
@@ -79,7 +79,7 @@ def same_in_all(trials: Sequence[TrialInfo], names: Sequence[str]) -> tuple[Fact
 
 
 def warnings(info: RunInfo, events: Sequence[Event]) -> tuple[str, ...]:
-    """Return what a person must know before they believe the page."""
+    """Return what a person must know before they use the page."""
     found = []
     if not events and not info.procedure:
         found.append("This is no recording of a run: it has no events and names no procedure.")

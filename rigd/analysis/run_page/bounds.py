@@ -32,7 +32,7 @@ class Bound:
     delay_s: float = 0.0  #: for how long it may be passed
 
     def passed(self, least: float, greatest: float) -> bool:
-        """Return whether values from ``least`` to ``greatest`` passed it, where none may."""
+        """Return whether values from ``least`` to ``greatest`` passed it, although none may."""
         return self.delay_s == 0.0 and (greatest > self.value if self.upper else least < self.value)
 
 
@@ -74,7 +74,7 @@ def bounds_of(recording: Recording) -> Bounds:
 
 
 def recorded_during(recording: Recording) -> frozenset[str]:
-    """Return the steps that some stream was recorded during, where it was not always."""
+    """Return the steps that some stream was recorded during, if it was not always."""
     attached = recording.attachments.get("procedure.yaml")
     if attached is None:
         return frozenset()

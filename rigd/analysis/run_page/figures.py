@@ -263,7 +263,7 @@ def _bounds_of(channels: Iterable[str], bounds: Mapping[str, Sequence[Bound]]) -
 
 
 def empty(text: str) -> Figure:
-    """Return a figure that says why there is nothing in it."""
+    """Return a figure with the reason why there is nothing in it."""
     figure = Figure(figsize=(WIDTH, 0.6))
     figure.text(0.5, 0.5, text, ha="center", va="center", color=MUTED)
     return figure

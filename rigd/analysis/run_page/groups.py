@@ -11,7 +11,7 @@ from rigd.analysis.report.palette import SERIES
 from rigd.model.units import Quantity, parse_unit
 from rigd.record import RunInfo, TrialInfo
 
-#: More groups than this cannot be told apart by colour: numbers are put into ranges.
+#: More groups than this cannot be distinguished by colour: numbers are put into ranges.
 MOST: Final = 12
 RANGES: Final = 6
 #: Colours of an ordered parameter, from its least to its greatest value; they stand out from a
@@ -23,7 +23,7 @@ _SCALE: Final = ("#0072b2", "#009e73", "#e69f00", "#d55e00")
 class Groups:
     """The groups of trials: ``label`` and ``colour`` of each, and which attempt is in which."""
 
-    by: str  #: name of the parameter; empty where nothing tells trials apart
+    by: str  #: name of the parameter; empty if nothing distinguishes trials
     labels: tuple[str, ...]
     colours: tuple[str, ...]
     of: Mapping[int, int]
@@ -49,8 +49,8 @@ def varying(trials: Sequence[TrialInfo]) -> list[str]:
 def groups_of(info: RunInfo) -> Groups:
     """Return the groups of the attempts of a run.
 
-    By what its identification groups by, where that varies; else by the parameter with most
-    values that colours can still tell apart; else by ranges of a number.
+    By what its identification groups by, if that varies; else by the parameter with most
+    values that colours can still show; else by ranges of a number.
     """
     names = varying(info.trials)
     counts = {name: len({str(t.parameters.get(name)) for t in info.trials}) for name in names}
@@ -83,7 +83,7 @@ def _by_value(trials: Sequence[TrialInfo], name: str) -> Groups:
 
 
 def _by_range(trials: Sequence[TrialInfo], name: str) -> Groups:
-    """Return as equal ranges as the values allow; all in one where they are no numbers."""
+    """Return as equal ranges as the values allow; all in one if they are no numbers."""
     numbers = [trial.parameters.get(name) for trial in trials]
     if not all(isinstance(number, int | float) for number in numbers):
         of = {index: 0 for index, _ in enumerate(trials)}

@@ -1,4 +1,4 @@
-"""Makes the report page of a run from one recording, whatever it holds and however it ended."""
+"""Makes the report page of a run from one recording, with any content and any end."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def parse_selection(text: str) -> Selection:
 def run_report(path: Path, selection: Selection | None = None) -> str:
     """Return the report of the recording at ``path`` as a self-contained HTML page.
 
-    A recording that is torn or damaged gives a page of what can be read, and says so. Memory
+    A recording that is torn or damaged gives a page of what can be read, with a notice. Memory
     does not grow with the recording; a campaign of 200 trials takes some seconds.
 
     Raises:

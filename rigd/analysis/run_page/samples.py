@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 #: Rows of a stream that are in memory at once: 100 MB of 12 channels.
 PIECE_ROWS: Final = 1_000_000
-#: A stream of the engine about its own cycle, no device: what it says stands in words.
+#: A stream of the engine about its own cycle, no device: its content is given in words.
 CYCLE: Final = "cycle"
 
 
@@ -104,7 +104,7 @@ def shared_time(
 ) -> SharedTime:
     """Return the shared time of ``attempts``.
 
-    Where a stream was recorded during named steps only (``during``), what matters happens in them:
+    If a stream was recorded during named steps only (``during``), what matters happens in them:
     the time is that from the first of them to the end of the last. Before them a person may have
     taken any time.
     """
@@ -138,7 +138,7 @@ def gather(
     """Return the samples of ``attempts``.
 
     Args:
-        recording: where they stand.
+        recording: their places.
         attempts: in the order they began.
         time: what the bands count from.
         groups: attempt to the group whose band it enters; attempts that are not in it enter none.
@@ -224,7 +224,7 @@ def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArr
 
 
 def _broken(trace: Trace, gaps_s: Sequence[float]) -> Trace:
-    """Return the trace with a break where rows are lost: no line is drawn over what is unknown."""
+    """Return the trace with a break at lost rows: no line is drawn over what is unknown."""
     inside = [at for at in gaps_s if trace.t_s[0] <= at <= trace.t_s[-1]]
     if not inside:
         return trace

@@ -129,7 +129,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
 
 
 def _attempts(recording: Recording, info: RunInfo) -> list[Attempt]:
-    """Return the attempts at trials; where none began, the whole recording as one."""
+    """Return the attempts at trials; if none began, the whole recording as one."""
     end = recording.end_ns + 1
     found = [
         Attempt(index, trial.start_ns, end if trial.end_ns is None else trial.end_ns)
@@ -157,7 +157,7 @@ def _chosen(info: RunInfo, numbers: frozenset[int] | None, few: int) -> list[int
         return [i for i, trial in enumerate(info.trials) if trial.number in numbers]
     early = [i for i, trial in enumerate(info.trials) if not trial.complete]
     whole = [i for i, trial in enumerate(info.trials) if trial.complete]
-    # Half of the room at most for those that ended early, where others fill the rest.
+    # Half of the room at most for those that ended early, if others fill the rest.
     share = early[: max(few // 2, few - len(whole))]
     return sorted([*share, *whole[: few - len(share)]])
 
@@ -249,9 +249,9 @@ def _trial(
         again = f", repeat {trial.repeat}" if (trial.repeat or 1) > 1 else ""
         label = f"Trial {trial.number}{again}"
         ended = how_ended(trial) or "complete"
-    said = "; ".join(f"{step.name} {step.start_s:.2f} to {step.end_s:.2f} s" for step in spans)
+    named = "; ".join(f"{step.name} {step.start_s:.2f} to {step.end_s:.2f} s" for step in spans)
     marked = "; ".join(f"{text} at {at:.3f} s" for at, text in marks)
-    caption = f"Steps: {said}." if said else "No steps are recorded."
+    caption = f"Steps: {named}." if named else "No steps are recorded."
     if marked:
         caption += f" Dotted: {marked}."
     alt = f"{label}: {', '.join(sorted(traces))} over time."
@@ -283,7 +283,7 @@ def _channels(recording: Recording, samples: Samples, bounds: Bounds) -> tuple[C
             low, high = samples.extremes[name]
             known = bounds.of(name)
             passed = any(bound.passed(low, high) for bound in known)
-            said = tuple(f"{'≤' if b.upper else '≥'} {number(b.value)} ({b.by})" for b in known)
-            rows.append(ChannelRow(name, channel.unit, number(low), number(high), said, passed,
+            texts = tuple(f"{'≤' if b.upper else '≥'} {number(b.value)} ({b.by})" for b in known)
+            rows.append(ChannelRow(name, channel.unit, number(low), number(high), texts, passed,
                                    channel.doc))  # fmt: skip
     return tuple(rows)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ValidationEvaluation(Evaluation):
-    """What recordings say of a saved model, and the origin of both."""
+    """How recordings agree with a saved model, and the origin of both."""
 
     title: str
     model_path: Path
@@ -41,7 +41,7 @@ class ValidationEvaluation(Evaluation):
 
     @property
     def telling(self) -> bool:
-        """Whether every group could tell its model from a wrong one."""
+        """Whether every group could separate its model from a wrong one."""
         return not self._has(ModelOutcome.UNTESTED)
 
     @property
@@ -60,7 +60,7 @@ class ValidationEvaluation(Evaluation):
 
     @property
     def heading(self) -> Heading:
-        """Where the data are from."""
+        """Origin of the data."""
         return self.provenance.heading
 
     def report(self) -> str:
@@ -90,10 +90,13 @@ class ValidationEvaluation(Evaluation):
         """Return the verdict on each group, then the tables."""
         shown: list[str] = []
         for group in self.result.groups:
-            told = [f"{group.outcome.value}: {group.model} on {group.label}", f"  {group.sentence}"]
-            told += [f"  {finding}" for finding in group.findings]
-            told += [f"  {item.label} was left out: {item.reason}" for item in group.left_out]
-            shown.append("\n".join(told))
+            lines = [
+                f"{group.outcome.value}: {group.model} on {group.label}",
+                f"  {group.sentence}",
+            ]
+            lines += [f"  {finding}" for finding in group.findings]
+            lines += [f"  {item.label} was left out: {item.reason}" for item in group.left_out]
+            shown.append("\n".join(lines))
         tables = [overview(self.result), published_table(self.result)]
         return (*shown, summary(self.result), *(table for table in tables if table is not None))
 

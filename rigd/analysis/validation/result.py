@@ -12,11 +12,11 @@ from rigd.analysis.result import FloatArray, TrialRejection
 
 
 class ModelOutcome(Enum):
-    """What the recordings say of the model."""
+    """How the recordings agree with the model."""
 
     CONFIRMED = "confirmed"
     CORRECTED = "confirmed with another constant"
-    UNTESTED = "not tested"  #: the recordings cannot tell the model from a wrong one
+    UNTESTED = "not tested"  #: the recordings cannot separate the model from a wrong one
     REJECTED = "rejected"
 
 
@@ -58,7 +58,7 @@ class OutputTrace:
 class ValidatedTrial:
     """One trial: its conditions by name, as a person writes them, deviations and traces.
 
-    ``t_s`` (n,) are the times of the traces. ``note`` says what a reader must know of it.
+    ``t_s`` (n,) are the times of the traces. ``note`` is what a reader must know of it.
     """
 
     label: str
@@ -98,7 +98,7 @@ class Bias:
     """A constant that the recording would have to state otherwise, in ``unit``.
 
     ``u`` is the standard uncertainty of ``value`` from the noise alone; ``stated_u`` that of
-    ``stated``. ``sentence`` says it to a person, with what the motion cannot tell it from.
+    ``stated``. ``sentence`` describes it, with what the motion cannot separate it from.
     """
 
     name: str
@@ -120,7 +120,7 @@ class GroupValidation:
     """One model on the trials of one recording.
 
     ``sentence`` gives the outcome with its reason, ``findings`` what else a reader must know.
-    ``left_out`` are trials that say nothing, and why.
+    ``left_out`` are trials that are not usable, and why.
     """
 
     label: str
@@ -135,9 +135,9 @@ class GroupValidation:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """All groups; ``statements`` say how it was done, ``published`` whose values are beside ours.
+    """All groups; ``statements`` on how it was done, ``published`` names the values beside ours.
 
-    ``judged`` are the outputs that decide, the most telling one first.
+    ``judged`` are the outputs that decide, the most conclusive one first.
     """
 
     model: str

@@ -25,7 +25,7 @@ class SavedModel:
     """One group of a file: ``model`` names the analysis that made it.
 
     ``conditions`` are those of its trials, such as ``{"floor": "stone"}``. ``data`` is its object
-    and ``keys`` say where in ``path`` it stands.
+    and ``keys`` are its place in ``path``.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class SavedModel:
 
     @property
     def fits(self) -> bool:
-        """Whether it fitted the recordings it was made from, as far as its method could say."""
+        """Whether it fitted the recordings it was made from, as far as its method could judge."""
         gate = self.data.get("gate")
         return not isinstance(gate, dict) or gate.get("outcome") != "does not fit"
 
@@ -116,9 +116,9 @@ def read_models(path: Path) -> tuple[SavedModel, ...]:
     except OSError as error:
         raise ConfigError(f"cannot read the model {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        said = "it is a recording" if path.suffix == ".mcap" else "it is no text"
+        kind = "it is a recording" if path.suffix == ".mcap" else "it is no text"
         raise ConfigError(
-            f"{path} is no model: {said}",
+            f"{path} is no model: {kind}",
             hint=f"the model stands first, then the recordings; {_MADE_BY}",
         ) from error
     try:
@@ -143,7 +143,7 @@ def chosen(
 ) -> SavedModel:
     """Return the one of ``models`` for trials under ``conditions``; ``group`` names it, if given.
 
-    A single model is returned whatever its conditions: the data say whether it holds. Of several,
+    A single model is returned with any conditions: the data decide whether it holds. Of several,
     it is the one whose conditions are those of the trials, as far as both name them.
 
     Raises:
@@ -161,11 +161,13 @@ def chosen(
     found = [model for model in models if not differing(model, conditions)]
     named = [model for model in found if model.conditions]
     if len(named) != 1:
-        said = ", ".join(f"{name} {value}" for name, value in conditions.items()) or "no conditions"
+        wanted = (
+            ", ".join(f"{name} {value}" for name, value in conditions.items()) or "no conditions"
+        )
         how_many = "several models" if len(named) > 1 else "no model"
         raise ConfigError(
-            f"{path} has {how_many} for trials with {said}",
-            hint=f"it has {there}; `--group NAME` takes one whatever the recordings name",
+            f"{path} has {how_many} for trials with {wanted}",
+            hint=f"it has {there}; `--group NAME` takes one for any recordings",
         )
     return named[0]
 
@@ -201,7 +203,7 @@ def _refused(constant: str) -> float:
 
 
 def _place(text: str, path: Path, keys: Keys) -> Place:
-    """Return where ``keys`` stand; JSON is YAML, whose parser keeps places."""
+    """Return the place of ``keys``; JSON is YAML, whose parser keeps places."""
     try:
         return parse_document(text, path).place(keys)
     except (ConfigError, RecursionError):

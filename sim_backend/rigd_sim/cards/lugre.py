@@ -36,21 +36,21 @@ _TRIGGER_LINE: Final = 7
 _CLUTCHES: Final = {"belt": 2, "bridge": 4}
 _ENABLES: Final = {"wheel": 0, "belt": 1, "bridge": 3}
 _MOTOR_CURRENT: Final = [name for name, _, _ in layout.TRUTH].index("motor_current")
-#: Between two looks at the wires within this time the physics stands still.
+#: Between two reads of the wires within this time the physics does not advance.
 _STILL_NS: Final = 50_000
 
 
 class LugreWiring:
     """The LuGre rig as it is wired to the card.
 
-    The plant is brought to ``clock_ns`` before the card looks. Whoever serves the card calls
-    :meth:`advance` too, so that the one-shot acts when no master looks.
+    The plant is brought to ``clock_ns`` before the card reads. The server of the card calls
+    :meth:`advance` too, so that the one-shot acts when no master reads.
 
     Args:
         plant: the rig; all its commands are the card's.
         clock_ns: the time of plant and one-shot.
         one_shot_s: how long the one-shot stays up.
-        advance: brings the plant to a time; that of a plant which other devices look at too.
+        advance: brings the plant to a time; that of a plant which other devices read too.
 
     """
 

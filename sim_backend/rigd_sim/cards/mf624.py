@@ -60,18 +60,18 @@ _DEFAULTS: Final[Mapping[str, object]] = {"words": 1, "rail": "high"}
 
 
 def _nothing() -> None:
-    """Where no physics has to be brought up to now."""
+    """For a card without physics to advance."""
 
 
 def _no_lines(lines: int) -> None:
-    """Where nothing is wired to the digital outputs."""
+    """For a card with nothing wired to the digital outputs."""
 
 
 @dataclass(frozen=True)
 class Wires:
     """What is wired to the card: volts in V, counts as the encoder has made them.
 
-    ``advance`` brings the physics behind the wires to now; it is called before they are looked at.
+    ``advance`` brings the physics behind the wires to now; it is called before they are read.
     An analogue input without a wire reads 0 V, an encoder without one stands still.
     """
 
@@ -173,7 +173,7 @@ class Mf624Registers:
         self._drive()
 
     def close(self) -> None:
-        """Do nothing: the card goes on as it was left."""
+        """Do nothing: the card keeps its state."""
 
     def inject(self, fault: str, **options: Any) -> None:
         """Show a fault from now on; the options stand in :attr:`faults`.
@@ -227,7 +227,7 @@ class Mf624Registers:
         return options is not None and options["input"] == channel
 
     def _converting(self) -> int:
-        """Return the EOLC bit: a conversion is still going on at the first look, then over."""
+        """Return the EOLC bit: a conversion still runs at the first read, then it is over."""
         if "eolc_stuck" in self._active:
             return _EOLC
         busy, self._busy = self._busy, 0

@@ -69,10 +69,10 @@ class DaqConfig(DriverConfig):
 
 
 class AngleDaq(BlockDriver[DaqConfig, AnglePlant]):
-    """Gauges, potentiometers and, where wanted, the load cell; it measures only.
+    """Gauges, potentiometers and, if wanted, the load cell; it measures only.
 
     A row is, for every input, its quantity and its volts (NAME_raw); then the card's own time
-    (sample number over rate, in s) and the rate of its clock. The status word has bit i set where
+    (sample number over rate, in s) and the rate of its clock. The status word has bit i set if
     input i is at an end of its range. The quantities are by nominal scales, for people, interlocks
     and end conditions; an evaluation works from the volts and a calibration.
     """
@@ -147,10 +147,10 @@ class AngleDaq(BlockDriver[DaqConfig, AnglePlant]):
         )
 
     def read_block(self, timeout_s: float) -> Block | None:
-        """Return the next block, None where the plant has not come so far; it never waits.
+        """Return the next block, None if the plant has not come so far; it never waits.
 
         Raises:
-            DeviceError: nobody read for so long that samples are lost.
+            DeviceError: no read came for so long that samples are lost.
             RuntimeError: it was not started.
 
         """

@@ -27,7 +27,7 @@ from rigd_sim.wire.service import PLANT_PERIOD_NS, WireConfig, WireSimulation, W
 
 #: Samples that the card converts at a time: as many as are due within a step of its part.
 CONVERTED: Final = 8
-#: The plant's scale filters by itself; the one that speaks for it shows that at once.
+#: The plant's scale filters by itself; the device that shows it does so at once.
 AT_ONCE_S: Final = 1e-3
 
 FloatArray = NDArray[np.float64]
@@ -91,7 +91,7 @@ class ScaleOptions(SimulationConfig):
     port: str = "scale"
     """Name of the port in the folder."""
     dialect: Literal["mt-sics", "kern-kcp", "and-d"] = "mt-sics"
-    """What it speaks."""
+    """Its protocol."""
     baud: int = 9600
     """Its baud rate."""
 
@@ -160,7 +160,7 @@ class Sampled:
     """The plant's own samples of a task: with noise, skew and conversion.
 
     Args:
-        world: whose plant is sampled.
+        world: its plant is sampled.
         signals: number of the signal at each input (``layout.SIGNALS``); None: it is open.
         rate_hz: samples of each input per second.
         start_ns: when the clock is started.

@@ -93,7 +93,7 @@ class AngleWorld:
         return self.one_shot is not None and self.one_shot.up
 
     def spoil(self, *, welded: bool, broken: bool) -> None:
-        """Make the contact stay closed, or never close, whatever the coil does."""
+        """Make the contact stay closed, or never close, with any coil current."""
         self.now()
         self._welded, self._broken = welded, broken
         self._switch()

@@ -63,7 +63,7 @@ class ControlServer:
                 writer.write(json.dumps(self._reply(line)).encode() + b"\n")
                 await writer.drain()
         except ConnectionError:
-            pass  # gone before it was answered: nobody to tell
+            pass  # the client is gone before the answer
         finally:
             writer.close()
 
@@ -88,8 +88,8 @@ def ask(path: Path, request: Mapping[str, Any]) -> Mapping[str, Any]:
     """Send ``request`` to the simulation at ``path`` and return its answer.
 
     Raises:
-        LinkError: nobody serves there, or no answer comes.
-        ValueError: the request cannot be met; says what can.
+        LinkError: no bench serves there, or no answer comes.
+        ValueError: the request cannot be met; names what can.
 
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:

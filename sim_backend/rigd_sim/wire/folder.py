@@ -51,7 +51,7 @@ class Folder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give the folder back; the lock itself stays, so that nobody locks a file removed."""
+        """Release the folder; the lock file stays, so that no process locks a removed file."""
         if self._lock is not None:
             os.ftruncate(self._lock, 0)
             os.close(self._lock)

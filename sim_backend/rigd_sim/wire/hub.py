@@ -45,7 +45,7 @@ class Port:
         self._hub.route()
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame of at most 8 bytes to everybody else on the bus."""
+        """Send a frame of at most 8 bytes to all others on the bus."""
         self._hub.submit(self, can_id, data)
 
     def detach(self) -> None:
@@ -262,7 +262,7 @@ class CanHub(Part):
                 continue
             can_id, length, data = CAN_FRAME.unpack(packet)
             if length > len(data) or can_id & ERROR_FLAG:
-                self._malformed += 1  # nobody can send an error frame on a bus
+                self._malformed += 1  # no client can send an error frame on a bus
                 continue
             self.submit(client, can_id, data[:length])
 

@@ -68,12 +68,12 @@ class BeltOptions(ServoOptions):
 
 
 class EncoderOptions(NodeOptions):
-    """An absolute encoder; how many counts a turn has, the plant's sensors say."""
+    """An absolute encoder; the plant's sensors set its counts per turn."""
 
     turns: Annotated[int, Ge(1), Le(0xFFFF)] = 4096
-    """Turns that it counts; its position then starts anew."""
+    """Turns that it counts; its position then starts again."""
     start: Annotated[int, Ge(0)] = 1000
-    """Counts that it shows where the rig was switched on."""
+    """Counts that it shows when the rig is switched on."""
 
 
 class CardOptions(SimulationConfig):
@@ -116,7 +116,7 @@ class ScaleOptions(SimulationConfig):
     port: str = "scale"
     """Name of the port in the folder."""
     dialect: Literal["mt-sics", "kern-kcp", "and-d"] = "mt-sics"
-    """What it speaks."""
+    """Its protocol."""
     baud: int = 9600
     """Its baud rate."""
     unit: str = "kg"

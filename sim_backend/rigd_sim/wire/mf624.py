@@ -20,7 +20,7 @@ from rigd_sim.wire.part import Part, State
 
 _REQUEST: Final = struct.Struct("=BBHI")
 _ANSWER: Final = struct.Struct("=I")
-#: The bench is brought to now this often when no master looks, in s.
+#: The bench is brought to now this often when no master reads, in s.
 _TICK_S: Final = 0.002
 #: Accesses served for one master before others have their turn: more than a cycle makes.
 _TURN: Final = 32

@@ -16,7 +16,7 @@ from rigd_sim.wire.part import Part, State
 
 #: The card converts what is due this often, in s.
 STEP_S: Final = 0.002
-#: While no task runs, it looks for one this often, in s.
+#: While no task runs, it checks for one this often, in s.
 IDLE_S: Final = 0.02
 
 

@@ -17,7 +17,7 @@ LINES: Final = (
     *(f"port0/line{index}" for index in range(8)),
     *(f"port1/line{index}" for index in range(4)),
 )
-#: Tells what is wired to a line its level.
+#: Sets the level of a line in what is wired to it.
 Changed = Callable[[bool], None]
 
 
@@ -51,15 +51,15 @@ class Lines:
         """Drive lines, all at the same moment."""
         before = {line: self.level(line) for line in levels}
         self._driven |= levels
-        self._tell(line for line, high in levels.items() if high != before[line])
+        self._notify(line for line, high in levels.items() if high != before[line])
 
     def release(self, lines: Iterable[str] = LINES) -> None:
-        """Make inputs of ``lines``: of all, where the card has lost its power."""
+        """Make inputs of ``lines``: of all, if the card has lost its power."""
         driven = [line for line in lines if line in self._driven]
         low = [line for line in driven if not self._driven.pop(line)]
-        self._tell(low)
+        self._notify(low)
 
-    def _tell(self, lines: Iterable[str]) -> None:
+    def _notify(self, lines: Iterable[str]) -> None:
         for line in lines:
             if line in self._outputs:
                 self._outputs[line](self.level(line))

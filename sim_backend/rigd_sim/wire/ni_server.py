@@ -59,7 +59,7 @@ class _Task:
     running: Acquisition | None = None
     lines: tuple[str, ...] = ()  # digital, in the order in which they were named
     drives: bool = False  # those lines are outputs
-    reserves: bool = False  # and nobody else's, from start to stop
+    reserves: bool = False  # and no other's, from start to stop
 
 
 class _Refused(Exception):
@@ -76,7 +76,7 @@ class DeviceServer:
         sample: begins to sample the inputs of a task.
         lines: its digital lines.
         faults: what it shows.
-        drift_ppm: by how much its crystal runs fast, unless the faults say otherwise.
+        drift_ppm: by how much its crystal runs fast, unless a fault changes it.
     """
 
     def __init__(
@@ -269,7 +269,7 @@ class DeviceServer:
                     lambda: running.available >= wanted or running.overrun or self._shown.removal
                 )
         except TimeoutError:
-            pass  # what there is goes out, with the status that says so
+            pass  # what there is goes out, with the status that reports it
         if self._shown.stall:
             await asyncio.sleep(self._shown.stall)
         self._present()

@@ -28,7 +28,7 @@ def take(given: MutableMapping[str, Any], name: str, default: T | None, kind: ty
 def number(
     given: MutableMapping[str, Any], name: str, default: float | None, *, low: float, high: float
 ) -> float:
-    """Remove number ``name`` from ``given`` and return it; needed where there is no ``default``.
+    """Remove number ``name`` from ``given`` and return it; needed if there is no ``default``.
 
     Raises:
         ValueError: it is missing, no number, or outside ``low`` to ``high``.

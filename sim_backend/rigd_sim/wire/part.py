@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-#: What a part says of itself: numbers in SI, words.
+#: What a part reports of itself: numbers in SI, words.
 State = Mapping[str, float | int | bool | str]
 
 
@@ -24,7 +24,7 @@ class Part(ABC):
 
     @abstractmethod
     async def start(self) -> str:
-        """Begin to serve; return a line that says where it can be reached.
+        """Begin to serve; return a line with its address.
 
         Raises:
             OSError: the name or port is taken.
@@ -43,7 +43,7 @@ class Part(ABC):
         """Show ``fault`` from now on, until cleared; some act once.
 
         Raises:
-            ValueError: it knows no such fault, or not with these options; names those it knows.
+            ValueError: it has no such fault, or not with these options; names those it has.
 
         """
         raise ValueError(f"{self.name} has no fault {fault!r}; it knows none")

@@ -13,7 +13,7 @@ class SimRelay(Part):
     """The relay, which hangs on lines of the card; it serves nothing itself."""
 
     faults: ClassVar[Mapping[str, str]] = {
-        "welded": "the contact stays closed whatever the coil does",
+        "welded": "the contact stays closed with any coil current",
         "broken": "the contact never closes",
         "one_shot_dead": "the one-shot stays up for ever",
     }
@@ -25,7 +25,7 @@ class SimRelay(Part):
         self._shown: set[str] = set()
 
     async def start(self) -> str:
-        """Say where it hangs."""
+        """Return which line it is wired to."""
         return f"{self.name}: relay on {self._where}"
 
     async def stop(self) -> None:

@@ -17,7 +17,7 @@ from rigd_sim.wire.part import Part, State
 from rigd_sim.wire.scale_languages import AndD, Language, Nameplate, Sics, Trouble
 from rigd_sim.wire.scale_weighing import DISPLAY_UNITS, Weighing
 
-#: How often the load cell is sampled and waiting commands are looked at, in s.
+#: How often the load cell is sampled and waiting commands are checked, in s.
 TICK_S: Final = 0.02
 #: Longest command kept, in bytes.
 MAX_COMMAND: Final = 64
@@ -47,16 +47,16 @@ class SimScale(Part):
         "echo": "commands come back before the answer (probability=1)",
         "late": "answers come after delay_s=0.7 (probability=1)",
         "lost": "answers do not come (probability=1)",
-        "syntax": "answers that it does not know the command (ES)",
+        "syntax": "answers that the command is unknown (ES)",
         "transmission": "answers that bytes were damaged (ET)",
         "logic": "answers that it cannot carry out the command (EL)",
         "busy": "answers that it is busy (S I)",
         "overload": "shows overload (S +)",
         "underload": "shows underload (S -)",
         "never_stable": "the weight never comes to rest",
-        "unit": "somebody changes the unit at the keypad (unit=lb)",
+        "unit": "the unit is changed at the keypad (unit=lb)",
         "stream": "a stream is on, as the last session left it; until cancelled (act once)",
-        "silent": "says nothing, hears nothing",
+        "silent": "sends nothing, receives nothing",
         "unplug": "the adapter is pulled; cleared, it is plugged in under another number",
     }
 
@@ -168,7 +168,7 @@ class SimScale(Part):
         weighing.unit = active["unit"]["unit"] if "unit" in active else self._unit
 
     def _plug_in(self) -> None:
-        # The new name takes the old one's place at once; where the old one leads to a pty that is
+        # The new name takes the old one's place at once; if the old one leads to a pty that is
         # alive, another simulation holds it.
         if self.path.is_symlink() and not self.path.exists():
             self.path.unlink()
@@ -263,5 +263,5 @@ class SimScale(Part):
         ours, theirs = self._fds
         if termios.tcgetattr(theirs)[5] != self._baud:
             data = self._random.randbytes(len(data))  # bits sampled at the wrong moments
-        with contextlib.suppress(BlockingIOError):  # nobody reads: the bytes are lost, as on a wire
+        with contextlib.suppress(BlockingIOError):  # no reader: bytes are lost, as on a wire
             os.write(ours, data)

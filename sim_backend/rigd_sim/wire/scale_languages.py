@@ -87,7 +87,7 @@ class Language(ABC):
         return lines
 
     def cancel(self) -> None:
-        """End the stream and whatever waits."""
+        """End the stream and what waits."""
         self.streaming = False
         self._waiting = None
 

@@ -38,7 +38,7 @@ class Weighing:
         self.tare_kg = 0.0
         self.never_stable = False
         self._rests = rests
-        self.beyond: int = 0  #: 1: shows overload whatever the load, -1: underload
+        self.beyond: int = 0  #: 1: shows overload with any load, -1: underload
         self._random = random.Random(seed)
         self._cell_kg: float | None = None
         self._zero_kg = 0.0
@@ -104,7 +104,7 @@ class Weighing:
         self.tare_kg = self.gross_kg
 
     def zero(self) -> bool:
-        """Set the zero point, and clear the tare; False where the load is out of range for it."""
+        """Set the zero point, and clear the tare; False if the load is out of range for it."""
         if abs(self.gross_kg) > ZERO_RANGE * self.capacity_kg:
             return False
         self._zero_kg += self.gross_kg

@@ -24,7 +24,7 @@ from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.pace import in_real_time
 from rigd_sim.wire.part import Part, State
 
-#: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
+#: How often faults that are planned are checked, in s; the plant moves on whenever it is asked.
 TICK_S: Final = 0.005
 #: The same while none is planned, so that a bench that is not used takes no time of the machine.
 IDLE_S: Final = 0.02
@@ -85,7 +85,7 @@ class WireSimulation(Simulation):
 
         ``state`` also gives the plant's hidden state; ``fault`` takes ``part``, ``fault``,
         ``options``, ``after_s``, ``for_s``, ``probability`` (1/s) and ``when``; ``clear`` takes
-        ``part`` and ``fault``; ``faults`` lists all that every part knows. What is done is
+        ``part`` and ``fault``; ``faults`` lists all that every part has. What is done is
         answered by ``t_ns``, the CLOCK_MONOTONIC time at which it was begun.
         """
         return ask(self.config.folder / CONTROL, request)
@@ -131,7 +131,7 @@ class _Service:
         stop: Callable[[], bool],
         planned: Sequence[FaultEntry],
     ) -> None:
-        """Start everything, serve, and stop everything, whatever happens."""
+        """Start everything, serve, and stop everything, also after an error."""
         loop = asyncio.get_running_loop()
         failed: asyncio.Future[None] = loop.create_future()
 
@@ -141,7 +141,7 @@ class _Service:
                 failed.set_exception(error)
 
         loop.set_exception_handler(fail)
-        async with AsyncExitStack() as stack:  # stops all, also where one of them fails to
+        async with AsyncExitStack() as stack:  # stops all, also if one of them fails to stop
             for part in self._parts.values():
                 stack.push_async_callback(part.stop)
             stack.push_async_callback(self._control.stop)

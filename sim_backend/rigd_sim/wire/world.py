@@ -18,7 +18,7 @@ class World:
         self._t_ns = 0
 
     def at(self, t_ns: int) -> list[float]:
-        """Return the readings at ``t_ns``, or later ones where a device has looked later."""
+        """Return the readings at ``t_ns``, or later ones if a device has read later."""
         if t_ns > self._t_ns:
             self._t_ns = t_ns
             self.plant.advance(t_ns)

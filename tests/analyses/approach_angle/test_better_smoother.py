@@ -45,7 +45,7 @@ def test_speed_uncertainty_is_true_error_for_random_motion() -> None:
     assert np.std(errors, axis=0) == pytest.approx(np.mean(claims, axis=0), rel=0.25)
 
 
-def test_the_ends_know_less_than_the_middle() -> None:
+def test_smoothed_speed_is_less_certain_at_ends() -> None:
     u = smooth(np.random.default_rng(2).standard_normal(T_S.size), PERIOD_S, 14.0).speed_u
     assert u[0] > 3 * u[300] and u[-1] > 3 * u[300]
 

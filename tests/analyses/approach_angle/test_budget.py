@@ -102,7 +102,7 @@ def test_the_sensitivities_are_those_of_the_model(
     )
 
 
-def test_the_sums_are_those_of_the_reference(known: tuple[AngleCalibration, AngleRig]) -> None:
+def test_budget_sums_match_the_reference(known: tuple[AngleCalibration, AngleRig]) -> None:
     """angle.md 3.6: 8.6 % to 2.4 % at clean 0, 4 kg; 2.8 % to 1.7 % at clean 45, 8 kg.
 
     With the high-rate load cell, as there; the paper's column is the same with and without.

@@ -58,7 +58,7 @@ def no_drive(run: AngleRun) -> AngleRun:
     return replace(run, **still)
 
 
-#: Each fault, the code it must have, and what its reason must say.
+#: Each fault, the code it must have, and what its reason must contain.
 FAULTS: dict[str, tuple[Fault, str, str]] = {
     "no samples before the command": (
         lambda r: cut(r, r.t_s >= 0.0),
@@ -332,7 +332,7 @@ def test_flag_of_recording_comes_first_and_only_once(
 def test_undriven_run_is_not_also_called_short(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
-    undriven = Flag("not_driven", "The relay was never told to close.")
+    undriven = Flag("not_driven", "The relay was never commanded to close.")
     run = replace(cut(golden("r2").whole, slice(0, 0)), flags=(undriven,))
     assert found_in(run) == (undriven,)
 

@@ -43,7 +43,7 @@ def codes(found: PaperRun) -> set[str]:
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_golden_results(name: str, golden: Golden, analyse: Analyse) -> None:
+def test_golden_runs_give_the_printed_results(name: str, golden: Golden, analyse: Analyse) -> None:
     expected = golden(name).expected
     found = analyse(golden(name).run, AS_PUBLISHED)
     assert found.mu == pytest.approx(expected["mu"], rel=1e-4)

@@ -70,7 +70,7 @@ def test_the_papers_slip_is_within_4_per_cent(rows: list[Row]) -> None:
 
 
 def test_the_regime_is_that_of_the_contact(rows: list[Row]) -> None:
-    """It slides where F_r/N is at the limit all through, and rolls where it hardly ever is."""
+    """It slides if F_r/N is at the limit all through, and rolls if it hardly ever is."""
     regimes = Counter(item.found.regime for item in rows)
     assert min(regimes[regime] for regime in Regime) > 20
     for item in rows:

@@ -57,7 +57,7 @@ def test_constant_of_short_record_is_not_its_mean(
 
 
 def test_mean_of_curve_hardly_depends_on_rcond(golden: Callable[[str], Any]) -> None:
-    """The bandwidth does, and with it the edges: rcond is a setting that must be told."""
+    """The bandwidth does, and with it the edges: rcond is a setting that must be reported."""
     run = golden("r3").run
     found, other = (
         fit_fourier(run.t_s, run.gauge_a_v[:, None], highest_hz=19, rcond=rcond).curves[:, 0]

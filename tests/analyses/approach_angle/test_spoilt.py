@@ -19,7 +19,7 @@ from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
 from rigd_analyses.approach_angle.paper import analyse_paper
 
-#: Samples beyond all sense are told; that sums of them overflow on the way is no news.
+#: Samples beyond all sense are reported; that sums of them overflow on the way is no news.
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 
 VOLTS = ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v", "normal_force_v")

@@ -1,4 +1,4 @@
-"""What is wrong on a rig is named with its size, and nothing is named where nothing is wrong."""
+"""What is wrong on a rig is named with its size, and nothing is named if nothing is wrong."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_measuring_wheel_out_of_centre_is_named() -> None:
 
 
 @pytest.mark.parametrize("number", some(range(6), 6))
-def test_a_rig_as_stated_is_not_suspected(number: int) -> None:
+def test_rig_with_correct_constants_fits(number: int) -> None:
     result = found(control(number))
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.FITS, result.gate.sentence

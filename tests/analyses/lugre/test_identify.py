@@ -187,7 +187,7 @@ def test_residuals_are_reported_as_coloured(identified: Identify) -> None:
     assert all(0.1 < t.rms < 0.35 for t in result.trials)  # N; vibration is 0.2 N
 
 
-def test_a_robust_loss_survives_spikes_of_the_accelerometer(bench: Callable[..., Any]) -> None:
+def test_robust_loss_reduces_error_from_accelerometer_spikes(bench: Callable[..., Any]) -> None:
     rig = bench("stone")
     rng = np.random.default_rng(21)
     spoiled = []

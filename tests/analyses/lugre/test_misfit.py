@@ -1,4 +1,4 @@
-"""Data that the model does not fit: refused, or identified without a number that nobody knows."""
+"""Data that the model does not fit: refused, or identified without an undetermined number."""
 
 from __future__ import annotations
 

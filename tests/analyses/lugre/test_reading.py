@@ -47,12 +47,12 @@ def test_guide_friction_follows_mass_it_was_measured_at(light: Trials) -> None:
     assert constants.guide_friction_n == pytest.approx(0.304 * LIGHT_KG / PAPER_KG)
 
 
-def test_without_that_mass_it_is_taken_as_measured(light: Trials) -> None:
+def test_guide_friction_without_mass_is_not_scaled(light: Trials) -> None:
     constants = arrays(with_constants(light, guide_friction_mass=None))[1]
     assert constants.guide_friction_n == pytest.approx(0.304)
 
 
-def test_a_mass_that_cannot_be_is_refused(light: Trials) -> None:
+def test_guide_friction_mass_of_zero_is_refused(light: Trials) -> None:
     with pytest.raises(DataError, match="guide_friction_mass is 0 kg"):
         arrays(with_constants(light, guide_friction_mass=0.0))
 
@@ -67,7 +67,7 @@ def test_plan_may_give_constant_but_no_similar_name(light: Trials) -> None:
     assert "guide_friction_mass" in str(caught.value.hint)
 
 
-def test_light_carriage_is_not_falsely_sure_of_friction(light: Trials) -> None:
+def test_light_carriage_intervals_contain_the_friction(light: Trials) -> None:
     result = identify(light, Options())
     for name, truth in (("V_s", 0.817), ("mu_c", 0.04), ("mu_s", 0.07)):
         entry = result.parameter(name)

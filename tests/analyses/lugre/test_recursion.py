@@ -55,7 +55,7 @@ def test_kernel_matches_ode_solver_with_second_order() -> None:
     assert 1.5 < order < 2.6  # the square root in g costs a little at each reversal
 
 
-def test_is_exact_for_constant_slip_at_any_step() -> None:
+def test_recursion_is_exact_for_constant_slip() -> None:
     v = 0.03
     for dt in (1e-3, 0.1):
         slip = np.full(11, v)

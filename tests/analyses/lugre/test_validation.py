@@ -142,7 +142,7 @@ def test_gain_and_zero_together_are_both_named(bench: Bench) -> None:
 
 def test_zero_of_a_current_may_be_a_resistance(bench: Bench) -> None:
     group = verdict(motions(bench, "stone", shifted(0.005)), friction(bench("stone").truth))
-    (said,) = [item for item in group.findings if item.startswith("The motion cannot tell it")]
+    (said,) = [item for item in group.findings if item.startswith("The motion cannot separate it")]
     assert "no_load_torque" in said
 
 
@@ -205,7 +205,7 @@ def test_uncertain_model_is_not_tested(bench: Bench) -> None:
     model = friction(bench("stone").truth, u=0.5)
     group = verdict(motions(bench, "stone"), model)
     assert group.outcome is ModelOutcome.UNTESTED
-    assert "cannot tell" in group.sentence
+    assert "cannot decide" in group.sentence
 
 
 def test_trial_that_does_not_move_is_left_out(bench: Bench) -> None:

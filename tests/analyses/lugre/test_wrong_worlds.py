@@ -1,4 +1,4 @@
-"""The simulator of what can be wrong: right where nothing is, and every kind of it shows."""
+"""The simulator of what can be wrong: correct if nothing is, and every kind of it shows."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def bare(world: World) -> World:
     )  # fmt: skip
 
 
-def test_a_right_world_agrees_with_the_bench(bench: Callable[..., Any]) -> None:
+def test_correct_world_agrees_with_the_bench(bench: Callable[..., Any]) -> None:
     other = bench("pvc", noisy=False, max_s=1.5).trial(0.9, 1)
     world = replace(bare(right("pvc")), program=(((0.9, 1.15),),))
     (trial,) = world.trials(1)
@@ -86,7 +86,7 @@ def test_late_sensor_shows_past_values() -> None:
     np.testing.assert_allclose(then[2:], now[:-2], atol=1e-9)
 
 
-def test_counts_are_whole_steps() -> None:
+def test_recorded_positions_are_whole_counts() -> None:
     position = replace(right("pvc"), program=SHORT).trials(1)[0].carriage_position_m
     counts = position / GUIDE.count
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)

@@ -79,7 +79,7 @@ class Wrong(Mean):
 
 
 class Vague(Mean):
-    """Says that anything may be."""
+    """Returns an interval without bounds."""
 
     def found(self, values: np.ndarray) -> dict[str, Interval]:
         return {**super().found(values), "mean": (-100.0, 106.0)}
@@ -111,7 +111,7 @@ class Fickle(Mean):
 
 
 class Trusting(Mean):
-    """Takes whatever it gets."""
+    """Accepts any data."""
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
@@ -212,7 +212,7 @@ def test_broken_promise_is_raised_with_its_report(tmp_path: Path) -> None:
         check_analysis(Wrong, [case()], tmp_path, read=read)
 
 
-def test_a_case_is_recorded_as_it_is(tmp_path: Path) -> None:
+def test_case_is_recorded_unchanged(tmp_path: Path) -> None:
     whole = case()
     sweep = open_sweep(write_case(tmp_path / "a.mcap", Mean, whole))
     for trial, simulated in zip(sweep.trials, whole.trials, strict=True):

@@ -206,7 +206,7 @@ def test_a_law_that_keeps_every_rule_passes() -> None:
         (Dividing, "gives a number at any slip", "no number at strength"),
         (Preloaded, "gives no force without slip", "a force at rest"),
         (Opposed, "opposes the slip", "not the sign"),
-        (Creeping, "settles at its steady force", "`steady` says"),
+        (Creeping, "settles at its steady force", "`steady` returns"),
         (Rippled, "is found again from its own force", "eight fits"),
         (WrongGradient, "has right derivatives", "derivative by speed"),
         (AnotherForce, "has right derivatives", "another force than `step`"),

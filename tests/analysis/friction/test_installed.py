@@ -1,4 +1,4 @@
-"""Friction laws are found by entry point; what is wrong with one is said, and hides no other."""
+"""Friction laws are found by entry point; an error in one is reported, and hides no other."""
 
 from __future__ import annotations
 

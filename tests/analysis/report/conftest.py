@@ -220,7 +220,7 @@ def provenance() -> Provenance:
 
 @pytest.fixture(scope="session")
 def make_section() -> Callable[..., ReportSection]:
-    """Return the maker of a section, ten trials of 2000 samples unless told otherwise."""
+    """Return the maker of a section, ten trials of 2000 samples by default."""
     return section
 
 

@@ -20,7 +20,7 @@ def test_highest_current_is_shown_large(trials: tuple[TrialFit, ...]) -> None:
     assert featured((*trials, backwards)) is backwards
 
 
-def test_units_count(trials: tuple[TrialFit, ...]) -> None:
+def test_featured_trial_compares_conditions_across_units(trials: tuple[TrialFit, ...]) -> None:
     small = replace(trials[9], condition="900 mA")
     assert featured((small, trials[6])).condition == "1.05 A"
 
@@ -30,7 +30,7 @@ def test_words_for_conditions_fall_back_to_the_output(trials: tuple[TrialFit, ..
     assert featured(worded).label == max(worded, key=lambda t: t.fitted[t.used].max()).label
 
 
-def test_no_trial_no_choice() -> None:
+def test_featured_refuses_an_empty_set() -> None:
     with pytest.raises(ValueError, match="no trial"):
         featured(())
 
@@ -58,6 +58,6 @@ def test_small_signals_get_an_axis_of_their_own(trials: tuple[TrialFit, ...]) ->
     )
 
 
-def test_signal_without_a_number_is_no_obstacle(trials: tuple[TrialFit, ...]) -> None:
+def test_signal_without_numbers_still_gets_a_panel(trials: tuple[TrialFit, ...]) -> None:
     silent = replace(trials[0], signals={"x": Signal("m", np.full(200, np.nan))})
     assert panels([silent]) == (Panel(("x",), "m"),)

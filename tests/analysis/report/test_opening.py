@@ -31,7 +31,7 @@ def test_known_parameters_and_curve_are_usable(stone: ReportSection) -> None:
     assert "sigma_0" not in not_usable
 
 
-def test_groups_are_told_apart_by_name(make_section: Maker, stone: ReportSection) -> None:
+def test_opening_names_group_of_each_parameter(make_section: Maker, stone: ReportSection) -> None:
     other = make_section("Paperboard", trials=1, samples=200)
     known = tuple(
         replace(p, verdict=stone.result.parameter("sigma_0").verdict, low=1.0, high=2.0)

@@ -102,7 +102,7 @@ def test_biased_without_interval_is_not_called_unidentifiable(
     assert "not identifiable" not in html
 
 
-def test_same_input_same_bytes_whatever_settings_of_matplotlib(
+def test_bytes_do_not_depend_on_settings_of_matplotlib(
     make_section: Callable[..., ReportSection], provenance: Provenance
 ) -> None:
     sections = [make_section(trials=1, samples=300)]

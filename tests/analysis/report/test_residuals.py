@@ -32,7 +32,7 @@ def test_normal_values_lie_on_diagonal_unlike_heavy_tails() -> None:
     assert found[-1] > expected[-1] + 1.0
 
 
-def test_nothing_to_rank() -> None:
+def test_residual_plots_accept_constant_or_no_values() -> None:
     assert normal_quantiles(np.ones(50))[0].size == 0
     assert normal_quantiles(np.array([1.0, 2.0]))[0].size == 0
     assert pooled(()).size == 0

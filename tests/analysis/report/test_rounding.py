@@ -42,7 +42,7 @@ def test_unusable_uncertainty_gives_no_places(nothing: float) -> None:
         (math.nan, None, "undefined"),
     ],
 )
-def test_number(value: float, places: int | None, text: str) -> None:
+def test_number_has_requested_decimal_places(value: float, places: int | None, text: str) -> None:
     assert number(value, places) == text
 
 
@@ -62,7 +62,9 @@ def test_number_without_places_is_right_to_four_digits(value: float) -> None:
         (None, None, "open on both sides"),
     ],
 )
-def test_interval(low: float | None, high: float | None, text: str) -> None:
+def test_interval_text_shows_both_ends_or_none(
+    low: float | None, high: float | None, text: str
+) -> None:
     assert interval(low, high) == text
 
 
@@ -75,7 +77,9 @@ def test_interval(low: float | None, high: float | None, text: str) -> None:
         (None, 1.1, ""),
     ],
 )
-def test_spread_of_one(low: float | None, high: float | None, text: str) -> None:
+def test_spread_text_shows_symmetric_or_both_sides(
+    low: float | None, high: float | None, text: str
+) -> None:
     assert spread(1.0, low, high) == text
 
 
@@ -84,7 +88,7 @@ def test_tiny_p_value_is_only_bounded() -> None:
     assert probability(0.0312) == "p = 0.031"
 
 
-def test_percent_and_count() -> None:
+def test_percent_and_count_are_rounded_for_readers() -> None:
     assert percent(0.0412) == "+4.1 %"
     assert percent(-0.3) == "−30 %"
     assert percent(-0.00017) == "−0.02 %"

@@ -28,7 +28,7 @@ def test_columns_that_data_do_not_determine_are_marked(make_section: Maker) -> N
     }  # fmt: skip
 
 
-def test_lonely_minimum_is_called_out(make_section: Maker) -> None:
+def test_minimum_reached_by_one_start_is_reported(make_section: Maker) -> None:
     result = make_section(trials=1, samples=200).result
     lonely = replace(result, starts=(result.starts[0], result.starts[6]))
     table = start_table(lonely)

@@ -41,6 +41,6 @@ def test_spans_join_across_less_than_a_column() -> None:
     assert found == [pytest.approx((0.0995, 0.2)), pytest.approx((0.6995, 0.001))]
 
 
-def test_no_spans_of_nothing() -> None:
+def test_spans_of_empty_or_false_are_empty() -> None:
     assert spans(np.empty(0), np.empty(0, dtype=bool)) == []
     assert spans(np.arange(5.0), np.zeros(5, dtype=bool)) == []

@@ -109,7 +109,7 @@ def test_wrong_file_is_reported_with_place_before_sending(ask: Asking) -> None:
     assert ask.remote.rig.verbs() == []
 
 
-def test_each_command_to_a_run(ask: Asking) -> None:
+def test_run_commands_reach_rig_and_need_role(ask: Asking) -> None:
     rig = ask.remote.rig
     rig.state, rig.prompt = "running", WEIGH
     for words in (["pause"], ["resume"], ["ack", TRIP.interlock]):
@@ -154,7 +154,7 @@ def test_holder_of_the_lease_is_named(ask: Asking) -> None:
     assert ask("lease").out == "no client has control\n"
 
 
-def test_events_and_recordings(ask: Asking) -> None:
+def test_events_and_recordings_are_listed(ask: Asking) -> None:
     ask.remote.rig.emit("step", name="one")
     ask.remote.rig.emit(
         "trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"}
@@ -181,12 +181,12 @@ def test_events_and_recordings(ask: Asking) -> None:
     assert "identify" in ask.remote.rig.verbs()
     assert ask("report", run).out == f"{stem}-run.html\n"
     assert (ask.folder / f"{stem}-run.html").read_bytes() == RUN_PAGE
-    made = ask("report", plain, "--make").out  # it says nothing of an identification
+    made = ask("report", plain, "--make").out  # it has no identification
     assert made == f"{plain.removesuffix('.mcap')}-run.html\n"
     assert ask.remote.rig.verbs().count("identify") == 1
 
 
-def test_procedures_and_dry_runs(ask: Asking) -> None:
+def test_procedures_are_listed_and_dry_run(ask: Asking) -> None:
     assert "quick" in ask("procedures").out
     assert "fit to run" in ask("dry-run", "quick").out
     assert ask("dry-run", "quick", "--json").json["duration_s"] == 93.4

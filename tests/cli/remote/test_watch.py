@@ -100,7 +100,7 @@ def test_ctrl_c_asks_and_may_end_only_watching(remote: Served, terminal: Termina
     terminal.expect("continues:  rigd remote status --watch")
     assert terminal.end() == 0
     assert remote.rig.state == "running"
-    assert remote.rig.lease.view().holder is None  # given back: nobody has vanished
+    assert remote.rig.lease.view().holder is None  # given back: no client has vanished
     assert "stop" not in remote.rig.verbs()
 
 

@@ -43,7 +43,7 @@ def test_unchanged_value_is_constant_and_rising_value_climbs() -> None:
     assert not clock.climbing
 
 
-def test_one_value_has_no_noise() -> None:
+def test_deviation_of_one_value_is_nan() -> None:
     seen = Statistics()
     assert math.isnan(seen.deviation)
     seen.add(np.array([1.0]))

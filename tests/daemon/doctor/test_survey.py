@@ -1,4 +1,4 @@
-"""What the doctor says of streams and channels that were watched at rest."""
+"""Findings of the doctor on streams and channels watched at rest."""
 
 from __future__ import annotations
 

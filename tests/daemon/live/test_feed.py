@@ -1,4 +1,4 @@
-"""The feed: frames and events of runs that come and go, and what it says to who comes late."""
+"""The feed: frames and events of runs that come and go, and what a late client gets."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_thread_sends_rows_of_another_process(tmp_path: Path) -> None:
         latest = feed.latest()
         newest = latest.values["cycle.actual"]
         assert newest.value == pushed - 1 + 1 / 64
-        # The writer's rows are stamped evenly, whatever the machine was at.
+        # The writer's rows are stamped evenly, with any load of the machine.
         row_ns = START_NS + (pushed - 1) * STEP_NS
         assert newest.age_s == pytest.approx((latest.t_ns - row_ns) * 1e-9)
         assert [event.kind for event in kept.events[:2]] == ["mark", "mark"]

@@ -75,7 +75,7 @@ def test_failure_to_show_is_reported_once_and_retried(
     assert "somebody else" in told[0]
 
 
-def test_it_may_be_stopped_while_it_opens() -> None:
+def test_monitor_can_be_stopped_while_opening() -> None:
     kept = Kept()
     monitor = Monitor(RIG, Feed(RIG, kept))
     monitor.start()

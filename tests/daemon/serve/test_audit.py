@@ -1,4 +1,4 @@
-"""The audit log is only ever appended to, and says where it could not be."""
+"""The audit log is only ever appended to, and reports when it could not be."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def test_log_without_terminal_has_json_object_per_record(as_json: bool | None) -
     assert "ValueError: wrong" in json.dumps(second)
 
 
-def test_a_person_reads_lines() -> None:
+def test_log_at_a_terminal_has_text_lines() -> None:
     lines = log_some(io.StringIO(), as_json=False)
     assert lines[0].endswith(" began quick")
     assert " error: it failed" in lines[1]

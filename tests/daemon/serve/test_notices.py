@@ -1,4 +1,4 @@
-"""Notices are lines, whatever a client made them say."""
+"""Notices are lines, with any text of a client."""
 
 from __future__ import annotations
 

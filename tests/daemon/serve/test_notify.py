@@ -1,4 +1,4 @@
-"""What the service manager is told, by a socket of our own in its place."""
+"""Messages to the service manager, read by a socket of our own in its place."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[so
         yield link, shown
 
 
-def test_the_manager_hears_of_start_life_and_end(manager: tuple[socket.socket, str]) -> None:
+def test_service_manager_gets_start_life_and_end(manager: tuple[socket.socket, str]) -> None:
     link, name = manager
     with Notifier({"NOTIFY_SOCKET": name}) as notifier:
         notifier.ready()
         notifier.alive("quick: running, 1 of 3 trials")
-        notifier.alive("quick: running, 1 of 3 trials")  # too soon after the other to be told
+        notifier.alive("quick: running, 1 of 3 trials")  # too soon after the other to be sent
         notifier.hanging("no descriptor is left")
         notifier.ending()
     assert link.recv(1000) == b"READY=1"
@@ -42,7 +42,7 @@ def test_without_a_manager_nothing_is_sent() -> None:
         notifier.ready()
 
 
-def test_a_manager_that_is_gone_is_logged_once(
+def test_missing_service_manager_is_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     gone = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})

@@ -152,7 +152,7 @@ def test_view_of_a_run_is_complete(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
 @pytest.mark.parametrize("suffix", [".mcap", ".html"])
 def test_file_that_is_not_regular_is_not_opened(tmp_path: Path, kind: str, suffix: str) -> None:
-    """A pipe would keep who opens it waiting, a link gives away what stands elsewhere."""
+    """A pipe would block its reader, a link would publish a file from elsewhere."""
     runs, secret = tmp_path / "runs", tmp_path / "secret"
     runs.mkdir()
     secret.write_bytes(record(tmp_path / "other.mcap").read_bytes())

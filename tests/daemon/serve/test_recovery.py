@@ -39,7 +39,7 @@ def record(path: Path, *, ended: str = "", tripped: bool = False) -> Path:
 
 
 def recover(runs: Path) -> tuple[Interruptions, TripMemory, list[str]]:
-    """Do what a daemon does at its start; return what it found, and what it told."""
+    """Do what a daemon does at its start; return what it found, and what it reported."""
     notices = Notices(lambda: None)
     found = Interruptions("bench", Recordings(runs), notices)
     trips = TripMemory(runs / "trips.json")
@@ -96,7 +96,7 @@ def test_trip_in_a_killed_run_bars_the_next(tmp_path: Path) -> None:
     trips.begin_run()
 
 
-def test_trips_of_run_before_last_are_old_news(tmp_path: Path) -> None:
+def test_only_last_run_can_bar_the_next(tmp_path: Path) -> None:
     record(tmp_path / "a.mcap", tripped=True)
     record(tmp_path / "b.mcap", ended="complete")
     _, trips, _ = recover(tmp_path)

@@ -113,7 +113,7 @@ def test_every_client_may_stop(tmp_path: Path, verb: str, ending: str) -> None:
     assert [line["what"] for line in served.audited()] == ["lease_take", "start", verb]
 
 
-def test_an_estop_waits_for_no_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_estop_does_not_wait_for_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def hang(*_: object) -> None:
         raise AssertionError("a stop was written down before it was answered")
 
@@ -130,7 +130,7 @@ def test_an_estop_waits_for_no_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_client_vanished_before_run_starts_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nobody would stop it: that its client has vanished was told when nothing ran."""
+    """No one else would stop it: its client vanished while nothing ran."""
     with ServedAxis(tmp_path) as served:
         monkeypatch.setattr(served.trips, "begin_run", lambda: vanish(served))
         with pytest.raises(Refusal) as refused:
@@ -139,7 +139,7 @@ def test_client_vanished_before_run_starts_none(
         assert served.status.state == "idle"
 
 
-def test_a_stop_while_devices_are_opened_is_heeded(tmp_path: Path) -> None:
+def test_stop_while_devices_open_ends_the_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, opens_in_s=20.0) as served:
         served.start()
         served.until(lambda status: served.axis.exists())
@@ -214,7 +214,7 @@ def vanish(served: ServedAxis) -> None:
     served.service.tend()
 
 
-def test_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> None:
+def test_run_without_its_client_stops_by_default(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(LONG)
         served.until(lambda status: status.step == "go")
@@ -228,7 +228,7 @@ def test_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> None
     ]
 
 
-def test_run_whose_page_is_closed_names_person(tmp_path: Path) -> None:
+def test_run_stopped_by_closed_page_names_person(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take", "panel", user="Ada")
         served.command("start", "panel", user="Ada", procedure=travelling(LONG))
@@ -446,7 +446,7 @@ def test_description_has_the_constant_data(tmp_path: Path) -> None:
 
 
 def test_status_is_always_available(tmp_path: Path) -> None:
-    """Whatever stands in it, it is a message that a client can read."""
+    """With any content, it is a message that a client can read."""
     with ServedAxis(tmp_path) as served:
         served.notices.note("x" * 100_000, "error")
         assert len(served.status.notices[-1].text) == 1000

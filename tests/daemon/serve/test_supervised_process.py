@@ -18,12 +18,12 @@ from rigd.daemon.serve import supervised_process as module
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.supervised_process import SupervisedProcess
 
-#: Says which process it is, then waits to be ended.
+#: Writes its process id, then waits to be ended.
 COMMAND = "import os, pathlib, sys, time; p = pathlib.Path(sys.argv[1]); \
 d = p.with_suffix('.new'); d.write_text(str(os.getpid())); d.replace(p); time.sleep(600)"
 
 
-#: Says that it waits, and waits for a line.
+#: Reports that it waits, and waits for a line.
 STAND_BY = "import os, pathlib, sys; w = pathlib.Path(sys.argv[2]); d = w.with_suffix('.new'); \
 d.write_text(str(os.getpid())); d.replace(w); sys.stdin.readline() or sys.exit(); "
 
@@ -36,7 +36,9 @@ def until(condition: Callable[[], bool], do: Callable[[], None] = lambda: None) 
         time.sleep(0.02)
 
 
-def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_supervised_process_ends_with_the_daemon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(module, "AGAIN_S", 0.0)
     notices, said = Notices(lambda: None), tmp_path / "pid"
     with SupervisedProcess(

@@ -1,4 +1,4 @@
-"""Requests in good form that ask for anything: told why not, and nothing has changed."""
+"""Well-formed requests with random content: refused with a reason, and nothing has changed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def wild(rng: random.Random, verb: Verb) -> dict[str, Any]:
     return args
 
 
-def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
+def test_random_arguments_change_nothing(tmp_path: Path) -> None:
     rng = random.Random(5)
     with ServedAxis(tmp_path) as served:
         (served.runs / "empty.mcap").touch()

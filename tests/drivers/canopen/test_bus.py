@@ -1,4 +1,4 @@
-"""The bus: who else is on it, floods, errors, and what comes to an end."""
+"""The bus: other nodes, floods, errors, and its end."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FRAME_S = 135e-6
     ],
 )
 @pytest.mark.parametrize("late", [False, True])
-def test_a_second_master_is_not_borne(
+def test_second_master_on_bus_ends_the_run(
     monkeypatch: pytest.MonkeyPatch, identifier: int, data: str, does: str, late: bool
 ) -> None:
     port = ScriptedBus()
@@ -61,7 +61,7 @@ def test_another_node_sends_sync_if_rig_file_permits(
     assert 0x080 not in [identifier for identifier, _ in port.sent]
 
 
-def test_other_nodes_are_heard_and_left_alone(connect: Connect) -> None:
+def test_frames_of_other_nodes_are_ignored(connect: Connect) -> None:
     bus, port = connect(listen=True)
     for identifier in (0x70B, 0x18B, 0x8000_0181, 0x4000_0181):
         port.say(identifier, "05")
@@ -215,7 +215,7 @@ def test_closed_bus_raises_an_error() -> None:
         bus.begin(0)
 
 
-def test_missing_simulated_bus_error_says_how_to_start(tmp_path: Path) -> None:
+def test_missing_simulated_bus_error_names_command(tmp_path: Path) -> None:
     bus = CanBus(CanBusConfig(interface="hub", channel=str(tmp_path / "bus")))
     with pytest.raises(LinkError, match="no simulated CAN bus") as caught:
         bus.open()

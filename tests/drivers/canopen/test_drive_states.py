@@ -31,7 +31,7 @@ from rigd_drivers.canopen.cia402 import DriveState, Enabling, state_of
         (0b0000_0000_0000_0010, DriveState.UNKNOWN),
     ],
 )
-def test_states_by_mask(statusword: int, state: DriveState) -> None:
+def test_status_word_decodes_to_drive_state(statusword: int, state: DriveState) -> None:
     assert state_of(statusword) is state
 
 

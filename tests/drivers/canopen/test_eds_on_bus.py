@@ -137,7 +137,7 @@ def test_another_device_than_that_of_eds_is_refused(
     assert drive.objects == before  # nothing was written
 
 
-def test_a_minor_revision_may_differ(connect: Connect, tmp_path: Path) -> None:
+def test_eds_with_other_minor_revision_is_accepted(connect: Connect, tmp_path: Path) -> None:
     drive = servo()
     drive.objects |= {(0x1018, 2): number(0x402, 4), (0x1018, 3): number(0x1_0007, 4)}
     bus, _ = connect(drive)
@@ -171,7 +171,7 @@ def test_messages_name_objects_as_the_eds_does(connect: Connect, tmp_path: Path)
 
 
 def test_objects_missing_in_the_eds_are_still_used(connect: Connect, tmp_path: Path) -> None:
-    """RPDOs of the scripted drive have an event timer; the EDS says nothing of one."""
+    """RPDOs of the scripted drive have an event timer; the EDS has none."""
     drive = servo()
     drive.objects[0x1400, 5] = bytes(2)
     bus, _ = connect(drive)

@@ -34,7 +34,7 @@ def test_a_packet_that_is_no_frame_is_refused(packet: bytes) -> None:
         (frames.EXTENDED | 0x181, "0x00000181 (29 bits, not CANopen)"),
     ],
 )
-def test_an_identifier_in_words(identifier: int, words: str) -> None:
+def test_identifier_is_described_in_words(identifier: int, words: str) -> None:
     assert frames.describe(identifier) == words
 
 
@@ -48,7 +48,7 @@ def test_an_identifier_in_words(identifier: int, words: str) -> None:
         (0x2000_0004, 0x20, "error passive"),
     ],
 )
-def test_an_error_frame_in_words(identifier: int, detail: int, words: str) -> None:
+def test_error_frame_is_described_in_words(identifier: int, detail: int, words: str) -> None:
     # Classes and details of linux/can/error.h.
     assert words in frames.describe_error(identifier, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
     assert not frames.is_only_news(identifier)
@@ -58,7 +58,7 @@ def test_a_restarted_controller_is_no_error() -> None:
     assert frames.is_only_news(0x2000_0100)
 
 
-def test_nmt_and_heartbeat() -> None:
+def test_nmt_commands_and_heartbeats_match_the_standard() -> None:
     # CiA 301, tables of the NMT command specifiers and of the NMT states.
     assert nmt.command(nmt.Command.START, 1) == bytes.fromhex("01 01")
     assert nmt.command(nmt.Command.PRE_OPERATIONAL, 127) == bytes.fromhex("80 7F")
@@ -108,5 +108,5 @@ def test_an_emergency_reset_and_a_short_frame() -> None:
         (0x0100, "not in the standard"),
     ],
 )
-def test_error_codes_in_words(code: int, words: str) -> None:
+def test_emergency_codes_are_described_in_words(code: int, words: str) -> None:
     assert emcy.describe(code) == f"0x{code:04X} ({words})"

@@ -30,7 +30,7 @@ def test_expedited_upload_reads_device_type_of_servo() -> None:
         ("42 41 60 00 37 12 01 00", "37 12 01 00"),  # size not indicated: all four
     ],
 )
-def test_an_expedited_upload_heeds_the_size(reply: str, data: str) -> None:
+def test_expedited_upload_returns_only_the_stated_size(reply: str, data: str) -> None:
     answer = frame(reply)
     transfer = Upload(int.from_bytes(answer[1:3], "little"), 0)
     transfer.feed(answer)
@@ -65,7 +65,7 @@ def test_expedited_download_contains_its_size(data: str, request_: str) -> None:
     assert transfer.done
 
 
-def test_a_segmented_download() -> None:
+def test_long_value_is_downloaded_in_segments() -> None:
     transfer = Download(0x1008, 0, b"Nine byte")
     assert transfer.request == frame("21 08 10 00 09 00 00 00")
     first = transfer.feed(frame("60 08 10 00 00 00 00 00"))
@@ -110,7 +110,7 @@ def test_value_of_another_length_than_announced_is_refused() -> None:
         transfer.feed(frame("01 54 69 6E 79 20 4E 6F"))
 
 
-def test_an_endless_value_is_cut_off() -> None:
+def test_upload_longer_than_its_limit_fails() -> None:
     transfer = Upload(0x1008, 0, limit=10)
     transfer.feed(frame("41 08 10 00 FF FF 00 00"))
     transfer.feed(frame("00 54 69 6E 79 20 4E 6F"))

@@ -254,7 +254,7 @@ def test_failure_to_make_drive_safe_is_reported(connect: Connect) -> None:
     with pytest.raises(LinkError, match="takes no frames: its queue is full"):
         driver.make_safe()
     driver.link.close()
-    driver.make_safe()  # nothing left to say it over: the watchdog acts
+    driver.make_safe()  # no connection left: the watchdog acts
 
 
 def test_rescue_verifies_drive_is_off_without_listening(connect: Connect) -> None:
@@ -279,7 +279,7 @@ def test_failed_rescue_raises_and_closes(connect: Connect) -> None:
     drive.objects[0x6041, 0] = number(ENABLED, 2)
     drive.stuck.add((0x6040, 0))
     bus, _ = connect(drive)
-    with pytest.raises(DeviceError, match=r"switch off, .*operation enabled"):
+    with pytest.raises(DeviceError, match=r"switch off: .*operation enabled"):
         wheel(bus).rescue()
     assert not bus.is_open
     drive.silent = True
@@ -334,7 +334,7 @@ def test_clutch_state_is_in_the_status(connect: Connect) -> None:
     assert row[3] == OFF | CLUTCH_ENGAGED
 
 
-def test_units_of_velocity() -> None:
+def test_velocity_unit_decodes_object_60a9() -> None:
     # CiA 402-2, object 60A9h: prefix, numerator, denominator; FDh is 10^-3, B4h revolutions.
     assert velocity_unit(0x00B44700) == pytest.approx(2 * math.pi / 60)
     assert velocity_unit(0xFDB44700) == pytest.approx(2 * math.pi / 60e3)

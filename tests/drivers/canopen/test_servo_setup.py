@@ -93,7 +93,7 @@ def test_refused_set_up_names_object_abort_and_remedy(
         wheel(bus).open()
     assert f"0x{code:08X}" in caught.value.message
     assert hint in (caught.value.hint or "")
-    assert drive.state != 0x05  # not operational: it heeds no PDO
+    assert drive.state != 0x05  # not operational: it ignores PDOs
 
 
 @pytest.mark.parametrize("address", [(0x1016, 1), (0x6007, 0), (0x1A00, 2), (0x1017, 0)])
@@ -119,8 +119,8 @@ def changed(address: tuple[int, int], value: bytes) -> ScriptedServo:
         (changed((0x1000, 0), number(0x196, 4)), {}, "device profile 406 .*expected 402"),
         (servo(), {"serial": 4712}, "serial number 4711, the rig file expects 4712"),
         (servo(mode=9), {}, r"does not offer the cyclic torque mode \(10\): object 6502 is 0x100"),
-        (servo(), {"rated_torque": "60 mN m"}, "rated torque 0.04425 .*says 0.06"),
-        (servo(), {"torque_constant": "50 mN m/A"}, "torque constant 0.0295 .*says 0.05"),
+        (servo(), {"rated_torque": "60 mN m"}, "rated torque 0.04425 .*has 0.06"),
+        (servo(), {"torque_constant": "50 mN m/A"}, "torque constant 0.0295 .*has 0.05"),
         (changed((0x6076, 0), number(0, 4)), {}, "rated torque 0 "),
         (changed((0x6076, 0), number(100, 4)), {}, "at most 0.111 A"),
     ],
@@ -138,7 +138,7 @@ def test_torque_constant_absent_in_drive_must_be_given(connect: Connect) -> None
     del drive.objects[0x3001, 5]
     bus, _ = connect(drive)
     driver = wheel(bus)
-    with pytest.raises(ProtocolError, match="does not tell its torque constant"):
+    with pytest.raises(ProtocolError, match="does not report its torque constant"):
         driver.open()
     driver.close()
     wheel(bus, torque_constant="29.5 mN m/A").open()
@@ -160,7 +160,7 @@ def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None
     drive.objects[0x60A9, 0] = number(0x00B44700, 4)  # 1 rpm
     bus, _ = connect(drive)
     driver = belt(bus)
-    with pytest.raises(ProtocolError, match=r"units of 1 rpm .*says 0.001 rpm"):
+    with pytest.raises(ProtocolError, match=r"units of 1 rpm .*has 0.001 rpm"):
         driver.open()
     driver.close()
     belt(bus, velocity_unit="1 rpm").open()
@@ -359,8 +359,8 @@ def test_unopened_drivers_are_made_safe_silently() -> None:
     ("objects", "options", "message"),
     [
         ({(0x6501, 0): number(1024, 4)}, {"counts_per_revolution": "4096 count/rev"}, "has 1024"),
-        ({(0x6501, 0): number(0, 4)}, {}, "does not tell its resolution"),
-        ({}, {"bits": 25}, "24 bits; the rig file says 25"),
+        ({(0x6501, 0): number(0, 4)}, {}, "does not report its resolution"),
+        ({}, {"bits": 25}, "24 bits; the rig file has 25"),
         ({(0x6004, 0): number(1 << 24, 4)}, {}, "beyond its range of 16777216"),
         ({(0x1000, 0): number(0x20192, 4)}, {}, "profile 402 .*expected 406"),
     ],

@@ -1,4 +1,4 @@
-"""EDS and DCF files by themselves: what they say, and that wrong ones are refused with the line."""
+"""EDS and DCF files: their content, and wrong ones refused with the line."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def test_dcf_has_node_bit_rate_and_values(tmp_path: Path) -> None:
     assert facts["values"].startswith("1 as configured")
 
 
-def test_objects_that_maker_lists_and_forgets_are_remarked(tmp_path: Path) -> None:
+def test_eds_object_without_section_gives_a_remark(tmp_path: Path) -> None:
     path = written(tmp_path / "x.eds", SMALL + "[OptionalObjects]\nSupportedObjects=1\n1=0x6502\n")
     remark = "line 18: [OptionalObjects] lists 0x6502, and there is no section [6502]"
     assert CanBus.read_sheet(path).remarks == (remark,)

@@ -18,7 +18,7 @@ PAGE = mmap.PAGESIZE
 
 
 class FakeUio:
-    """A device file and the facts that the kernel tells of it, as uio_mf624 has them."""
+    """A device file and the facts that the kernel reports on it, as uio_mf624 has them."""
 
     def __init__(self, folder: Path) -> None:
         self.device = folder / "uio3"
@@ -133,7 +133,7 @@ def peer(tmp_path: Path) -> Iterator[tuple[SocketRegisters, socket.socket]]:
     io.close()
 
 
-def test_an_access_is_a_packet(peer: tuple[SocketRegisters, socket.socket]) -> None:
+def test_register_access_is_sent_as_one_packet(peer: tuple[SocketRegisters, socket.socket]) -> None:
     io, other = peer
     io.w16((2, 0x20), 0x2000)
     io.w32((0, 0x54), 0x064006C0)
@@ -159,7 +159,7 @@ def test_late_answer_stops_reads_but_not_writes(
     assert other.recv(99) == struct.pack("=BBHI", 1, 2, 0x10, 0)
 
 
-def test_an_emulator_that_went_away(peer: tuple[SocketRegisters, socket.socket]) -> None:
+def test_closed_emulator_raises_link_error(peer: tuple[SocketRegisters, socket.socket]) -> None:
     io, other = peer
     other.close()
     with pytest.raises(LinkError, match=r"does not answer: .*Broken pipe"):
@@ -168,6 +168,6 @@ def test_an_emulator_that_went_away(peer: tuple[SocketRegisters, socket.socket])
         io.w16((2, 0x10), 0)
 
 
-def test_no_emulator(tmp_path: Path) -> None:
+def test_missing_emulator_raises_link_error(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"MF624 .*No such file"):
         open_registers("emulator", str(tmp_path / "none"), alone=True)

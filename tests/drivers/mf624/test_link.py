@@ -23,7 +23,7 @@ ALL_ZERO_VOLTS = [("w16", 2, 0x20 + 2 * item, 0x2000) for item in range(8)]
 
 
 class Recorder:
-    """Registers that note every access and answer reads as told."""
+    """Registers that note every access and answer reads as set."""
 
     def __init__(self) -> None:
         self.log: list[Access] = []

@@ -56,7 +56,7 @@ def transmitter(line: Line, instrument: str) -> Iterator[TransmitterBench]:
 
 @pytest.fixture
 def servo(line: Line, drive: str) -> Iterator[ServoBench]:
-    """A served drive whose motor turns at once as it is told."""
+    """A served drive whose motor turns at once as commanded."""
     physics = Physics()
     part = SimModbusServo(
         "drive", line, command=physics.command, speed=lambda: physics.speed, drive=drive

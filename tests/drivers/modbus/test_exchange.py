@@ -56,7 +56,7 @@ def test_late_bytes_delay_the_next_request() -> None:
     assert exchange.counts[Trouble.LATE] == 1  # one burst
 
 
-def test_on_tcp_the_number_tells_and_nobody_waits() -> None:
+def test_late_tcp_answer_does_not_delay_next_request() -> None:
     exchange = Exchange(TcpFraming(), 1, Timing(50 * MS))
     exchange.send(READ_5, 0)
     assert exchange.receive(b"", 50 * MS) == Failure(READ_5, Trouble.TIMEOUT)

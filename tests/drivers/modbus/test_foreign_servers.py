@@ -115,7 +115,7 @@ def test_registers_are_read_with_both_functions(client: Client) -> None:
     assert sum(client.counts) == 0
 
 
-def test_what_is_written_stands_there(client: Client) -> None:
+def test_written_registers_read_back_unchanged(client: Client) -> None:
     assert client.ask(write_register(20, 0xABCD)) == ()
     assert client.ask(write_registers(21, [1, 0xFFFF, 3])) == ()
     assert client.ask(read_registers(20, 4)) == (0xABCD, 1, 0xFFFF, 3)

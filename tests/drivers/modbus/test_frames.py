@@ -97,7 +97,7 @@ def test_the_check_sum_of_the_standard() -> None:
         "00",
     ],
 )
-def test_a_reply_that_lies_answers_nothing(reply: str) -> None:
+def test_inconsistent_reply_is_not_decoded(reply: str) -> None:
     pdu = bytes.fromhex(reply)
     assert WATCHED.words(pdu) is None
     assert WATCHED.refusal(pdu) is None
@@ -159,7 +159,7 @@ def test_an_answer_in_single_bytes_counts_once_whole(framing: Framing) -> None:
 def test_nothing_is_printed_about_what_cannot_be_read(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as where nobody set up logging
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as without logging set up
     assert WATCHED.words(b"\x03\x06\x00\xb1\x1f\x40") is None
     assert capsys.readouterr() == ("", "")
 
@@ -219,7 +219,7 @@ def test_noise_on_serial_line_is_never_answer(noise: bytes) -> None:
     )
 
 
-def test_late_transaction_is_told_from_one_never_sent() -> None:
+def test_late_and_unknown_transactions_give_different_trouble() -> None:
     framing = TcpFraming()
     framing.wrap(1, WATCHED)
     framing.wrap(1, WATCHED)
@@ -234,7 +234,7 @@ def test_late_transaction_is_told_from_one_never_sent() -> None:
     assert isinstance(framing.unwrap(bytearray.fromhex("00 02" + answer), 1, WATCHED), bytes)
 
 
-def test_what_is_not_modbus_is_said() -> None:
+def test_bytes_that_are_not_modbus_are_reported() -> None:
     framing = TcpFraming()
     framing.wrap(1, WATCHED)
     with pytest.raises(ProtocolError, match="does not speak Modbus TCP"):

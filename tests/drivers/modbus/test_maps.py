@@ -25,7 +25,9 @@ HOLDING = 40001  # number that manuals give the register at address 0
         ("tuna-id551", 40001, 40005, "float32"),
     ],
 )
-def test_transmitters(name: str, force: int, status: int, kind: Any) -> None:
+def test_shipped_transmitter_maps_match_their_manuals(
+    name: str, force: int, status: int, kind: Any
+) -> None:
     described = TransmitterMap.model_validate(shipped_map(name, "transmitter"))
     assert described.force == Register(address=force - HOLDING, type=kind)
     assert {flag.address for flag in described.status.values()} == {status - HOLDING}
@@ -39,7 +41,7 @@ def test_transmitters(name: str, force: int, status: int, kind: Any) -> None:
         ("schneider-atv320", 8602, 6005),  # LFRD, ttO
     ],
 )
-def test_drives(name: str, setpoint: int, watchdog: int) -> None:
+def test_shipped_drive_maps_match_their_manuals(name: str, setpoint: int, watchdog: int) -> None:
     described = ServoMap.model_validate(shipped_map(name, "servo"))
     assert described.setpoint.address == setpoint
     assert described.watchdog.time.address == watchdog
@@ -83,7 +85,9 @@ def test_reads_cover_all_registers_within_size_without_tearing(
         ("float32", -12.5, (0xC148, 0x0000)),  # IEEE 754: sign, 1.5625 x 2^3
     ],
 )
-def test_numbers_in_registers(kind: Any, value: float, words: tuple[int, ...]) -> None:
+def test_register_encodes_and_decodes_both_word_orders(
+    kind: Any, value: float, words: tuple[int, ...]
+) -> None:
     register = Register(address=10, type=kind)
     assert register.encode(value, "high-first") == words
     assert register.encode(value, "low-first") == words[::-1]
@@ -91,6 +95,6 @@ def test_numbers_in_registers(kind: Any, value: float, words: tuple[int, ...]) -
     assert register.decode(stored, "high-first") == value
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_number_beyond_register_range_is_refused() -> None:
     with pytest.raises(ValueError, match="40000 does not fit into int16"):
         Register(address=0, type="int16").encode(40000, "high-first")

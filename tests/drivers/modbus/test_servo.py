@@ -141,7 +141,7 @@ def test_a_fault_of_the_drive_ends_the_run(servo: ServoBench, fault: str) -> Non
     driver.make_safe()
 
 
-def test_drive_disabled_by_somebody_else_ends_run(servo: ServoBench) -> None:
+def test_drive_disabled_by_another_master_ends_run(servo: ServoBench) -> None:
     driver = armed(servo)
     other = b"\x06" + (8501).to_bytes(2, "big") + b"\0\0"
     servo.call(lambda: servo.part.bank.answer(other))
@@ -167,7 +167,7 @@ def test_watchdog_that_acts_before_arming_is_no_fault(servo: ServoBench, drive: 
     assert servo.physics.speed == 0.0
 
 
-def test_another_fault_before_arming_is_one(servo: ServoBench) -> None:
+def test_fault_before_arming_is_not_watchdog_trip(servo: ServoBench) -> None:
     driver = servo.driver()
     driver.open()
     servo.fault("overcurrent")
@@ -233,7 +233,7 @@ def test_another_process_can_rescue(servo: ServoBench) -> None:
 
 
 @TCP
-def test_a_rescue_of_nobody_says_so(servo: ServoBench) -> None:
+def test_rescue_without_drive_raises_link_error(servo: ServoBench) -> None:
     with pytest.raises(LinkError, match="cannot connect"):
         servo.driver(port=1).rescue()
 
@@ -277,13 +277,13 @@ def test_troubles_stand_in_the_status_word(servo: ServoBench) -> None:
         ({"map": "laumas-tlb4"}, r"no shipped map of a servo"),
     ],
 )
-def test_a_wrong_option_says_what_to_write(options: dict[str, Any], message: str) -> None:
+def test_error_on_wrong_option_names_right_value(options: dict[str, Any], message: str) -> None:
     right = {"host": "h", "map": "schneider-atv320", "max_speed": "100 rpm", "watchdog": "0.5 s"}
     with pytest.raises(ValidationError, match=message):
         ServoConfig.model_validate(right | options)
 
 
-#: Arms the drive, turns it, and says so; then goes on until it is killed.
+#: Arms the drive, turns it, and prints that; then continues until it is killed.
 _MASTER = """
 import json, sys, time
 from rigd_drivers.modbus.servo import ModbusServo, ServoConfig

@@ -90,7 +90,7 @@ def test_fault_of_line_costs_row_and_is_counted(
     assert {tuple(row[:2]) for row in rows} == {(12.5, 1250.0)}
     assert driver.client.counts[trouble] >= 1
     assert status(rows[-1]) >> 16 & 0xFF == sum(driver.client.counts)
-    assert status(rows_of(driver, 1)[-1]) >> 8 & 0xFF == 0  # news are told once
+    assert status(rows_of(driver, 1)[-1]) >> 8 & 0xFF == 0  # news are reported once
 
 
 @RTU
@@ -117,14 +117,16 @@ def test_an_unknown_transaction_is_no_data(transmitter: TransmitterBench) -> Non
 
 @TCP
 @pytest.mark.parametrize("fault", ["truncated", "garbage"])
-def test_a_stream_out_of_step_ends_in_words(transmitter: TransmitterBench, fault: str) -> None:
+def test_stream_out_of_step_raises_protocol_error(
+    transmitter: TransmitterBench, fault: str
+) -> None:
     driver = opened(transmitter)
     transmitter.fault(fault, count=1)
     with pytest.raises(ProtocolError, match="expected protocol 0"):
         rows_of(driver, 100)
 
 
-def test_a_late_reply_is_never_data(transmitter: TransmitterBench) -> None:
+def test_late_reply_never_becomes_a_value(transmitter: TransmitterBench) -> None:
     """The force changes after each late reply was made: none of the old values may come up."""
     driver = opened(transmitter)
     for step in range(3):
@@ -138,7 +140,7 @@ def test_a_late_reply_is_never_data(transmitter: TransmitterBench) -> None:
 
 
 @RTU
-def test_after_a_failure_the_line_is_left_alone(transmitter: TransmitterBench) -> None:
+def test_no_request_follows_failure_before_longest_reply(transmitter: TransmitterBench) -> None:
     driver = opened(transmitter, longest_reply="0.4 s")
     transmitter.fault("silent", count=1)
     before = driver.client.counts[Trouble.TIMEOUT]
@@ -155,7 +157,7 @@ def test_refusal_ends_run_with_what_it_means(transmitter: TransmitterBench) -> N
         rows_of(driver, 10)
 
 
-def test_a_lost_connection_is_known_at_once(transmitter: TransmitterBench) -> None:
+def test_lost_connection_raises_link_error(transmitter: TransmitterBench) -> None:
     driver = opened(transmitter)
     transmitter.fault("cut")
     with pytest.raises(LinkError, match=r"lost|closed"):
@@ -197,7 +199,7 @@ def test_swapped_words_at_opening_are_found_with_remedy(
 def test_swapped_words_are_found_when_leaving_zero(
     transmitter: TransmitterBench,
 ) -> None:
-    transmitter.physics.force = 0.0  # both words are zero: nothing to tell
+    transmitter.physics.force = 0.0  # both words are zero: no order to find
     transmitter.fault("word_order")
     driver = opened(transmitter)
     transmitter.physics.force = 3.0
@@ -208,7 +210,7 @@ def test_swapped_words_are_found_when_leaving_zero(
 def test_swapped_words_are_found_despite_flicker_around_zero(
     transmitter: TransmitterBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # In pairs: where the line loses every second reply, the others flicker all the same.
+    # In pairs: if the line loses every second reply, the others flicker all the same.
     forces = itertools.cycle([0.0, 0.0, 0.03, 0.03])
     monkeypatch.setattr(Physics, "force", property(lambda _: next(forces)))
     transmitter.fault("word_order")
@@ -292,7 +294,7 @@ def test_another_unit_is_no_answer(transmitter: TransmitterBench) -> None:
     ("fault", "words"),
     [("wrong_unit", "from another unit"), ("wrong_function", "to something else")],
 )
-def test_what_answers_instead_is_said_at_opening(
+def test_opening_names_device_that_answers_instead(
     transmitter: TransmitterBench, fault: str, words: str
 ) -> None:
     transmitter.fault(fault)
@@ -301,14 +303,14 @@ def test_what_answers_instead_is_said_at_opening(
 
 
 @RTU
-def test_the_port_is_ours_alone(transmitter: TransmitterBench) -> None:
+def test_serial_port_refuses_second_opening(transmitter: TransmitterBench) -> None:
     opened(transmitter)
     with pytest.raises(LinkError, match="no other program holds it"):
         transmitter.driver().open()
 
 
 @RTU
-def test_a_port_without_parity_says_so(transmitter: TransmitterBench) -> None:
+def test_port_without_parity_is_reported(transmitter: TransmitterBench) -> None:
     for _ in range(2):  # at the first opening as at every other
         with pytest.raises(LinkError, match="'parity: none'"):
             transmitter.driver(parity="even").open()
@@ -325,7 +327,7 @@ def test_the_silence_between_frames_is_kept(transmitter: TransmitterBench) -> No
         ignored, stalled_s = transmitter.line.ignored - before, lost_s()
     assert len(port.silences_s) > 15
     assert min(port.silences_s) >= transmitter.line.gap_s
-    # Where this machine stalled for longer than a reply may take, the device answered too late.
+    # If this machine stalled for longer than a reply may take, the device answered too late.
     assert ignored == 0 or stalled_s > driver.config.timeout
 
 
@@ -369,7 +371,7 @@ def test_slow_device_on_tcp_may_take_its_time() -> None:
         ),
     ],
 )
-def test_a_wrong_option_says_what_to_write(options: dict[str, Any], message: str) -> None:
+def test_error_on_wrong_option_names_right_value(options: dict[str, Any], message: str) -> None:
     right = {"host": "h", "map": "laumas-tlb4", "scale": "1 N/count", "low": "0 N", "high": "9 N"}
     with pytest.raises(ValidationError, match=message):
         TransmitterConfig.model_validate(right | options)

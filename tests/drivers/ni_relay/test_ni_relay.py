@@ -241,7 +241,7 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     driver.make_safe()
     assert not rig.bench.line[-1][1]
     edges = len(rig.bench.edges)
-    cycles(driver, 1.0, lambda: not rig.bench.one_shot.up)  # heeds nothing any more
+    cycles(driver, 1.0, lambda: not rig.bench.one_shot.up)  # ignores everything
     assert len(rig.bench.edges) == edges
     assert not rig.bench.line[-1][1]
     driver.make_safe()
@@ -284,19 +284,19 @@ def test_removed_card_is_reported_and_relay_is_open(rig: Rig) -> None:
         ({"line": "port1/line4"}, DeviceError, "-200170"),
     ],
 )
-def test_what_the_card_is_not_or_has_not(
+def test_wrong_card_or_missing_lines_are_refused(
     rig: Rig, options: dict[str, Any], kind: type[Exception], words: str
 ) -> None:
     with pytest.raises(kind, match=words):
         rig.opened(**options)
 
 
-def test_two_lines_are_not_one() -> None:
+def test_line_named_twice_is_refused() -> None:
     with pytest.raises(ValidationError, match="port0/line1 is named twice"):
         NiRelayConfig.model_validate({"watchdog": {**WATCHDOG, "feedback": "port0/line1"}})
 
 
-def test_a_relay_that_closes_on_high(rig: Rig) -> None:
+def test_relay_active_high_closes_on_high_level(rig: Rig) -> None:
     driver = armed(rig.opened(active="high", watchdog=None))
     assert rig.bench.line[-1][1]  # low: open, for that relay
     cycles(driver, 1.0, lambda: row(driver)[0] == 1.0)
@@ -333,7 +333,7 @@ def a_client(rig: Rig) -> Iterator[subprocess.Popen[str]]:
         try:
             assert client.stdout is not None
             assert client.stdout.readline() == "closed\n"
-            # Let it say so as often as it likes.
+            # Any number of reports is allowed.
             threading.Thread(target=client.stdout.read, daemon=True).start()
             yield client
         finally:
@@ -356,7 +356,7 @@ def test_after_kill_one_shot_or_second_link_opens(rig: Rig) -> None:
         rescuer = rig.make()
         rescuer.rescue()
         assert not rig.bench.line[-1][1]
-    armed(rig.opened())  # and what the server kept is in nobody's way
+    armed(rig.opened())  # and what the server kept does not interfere
 
 
 def test_next_client_clears_what_killed_one_left(rig: Rig) -> None:
@@ -369,14 +369,14 @@ def test_next_client_clears_what_killed_one_left(rig: Rig) -> None:
         armed(driver)
 
 
-def test_a_client_that_lives_is_left_alone(rig: Rig) -> None:
+def test_relay_of_running_client_is_refused(rig: Rig) -> None:
     with a_client(rig):
         with pytest.raises(LinkError, match=r"another rigd .*one-shot"):
             rig.opened()
         assert rig.bench.closed
 
 
-def test_lines_that_another_program_has_are_told(rig: Rig) -> None:
+def test_lines_of_another_program_are_refused(rig: Rig) -> None:
     rig.opened()
     other = rig.make(line="port0/line1", watchdog=None)
     with pytest.raises(LinkError, match=r"cannot take lines of .*-200587"):

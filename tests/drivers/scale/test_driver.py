@@ -266,7 +266,7 @@ def test_a_lasting_fault_ends_the_run_in_words(
     asyncio.run(main())
 
 
-def test_plugged_in_again_it_is_opened_anew(tmp_path: Path) -> None:
+def test_scale_plugged_in_again_can_be_opened(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path) as found:
             await found.driver.open()
@@ -375,7 +375,7 @@ def test_adapter_reports_settings_that_it_cannot_do(
     asyncio.run(main())
 
 
-def test_another_baud_rate_says_so(tmp_path: Path) -> None:
+def test_wrong_baud_rate_is_named_at_opening(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path, baud=19200) as found:
             with pytest.raises(ProtocolError, match="baud"):
@@ -384,7 +384,7 @@ def test_another_baud_rate_says_so(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_nobody_there_says_what_to_check(tmp_path: Path) -> None:
+def test_silent_scale_error_names_what_to_check(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path) as found:
             found.scale.inject("silent")

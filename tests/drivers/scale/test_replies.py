@@ -38,7 +38,9 @@ from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
         (b"S S        nan g", None),
     ],
 )
-def test_mt_sics_weights(line: bytes, expected: Reading | Refusal | None) -> None:
+def test_mt_sics_weight_lines_parse_to_readings(
+    line: bytes, expected: Reading | Refusal | None
+) -> None:
     assert sics.parse_reading(line) == expected
 
 
@@ -61,7 +63,7 @@ def test_mt_sics_tare_and_zero() -> None:
     assert sics.parse_zero(b"S S     100.00 g") is None
 
 
-def test_mt_sics_tells_who_it_is() -> None:
+def test_mt_sics_identity_is_read() -> None:
     """Commands I4 (I4 A "B021002593") and I0, whose lines go on until one with A."""
     assert sics.parse_info(b'I4 A "B021002593"', b"I4") == Info(("B021002593",), last=True)
     assert sics.parse_info(b'I0 B 0 "I0"', b"I0") == Info(("I0",), last=False)
@@ -86,7 +88,9 @@ def test_mt_sics_tells_who_it_is() -> None:
         (b"EC,E02", Refusal("EC,E02", "busy: it cannot take the command now")),
     ],
 )
-def test_a_and_d_weights(line: bytes, expected: Reading | Refusal | None) -> None:
+def test_a_and_d_weight_lines_parse_to_readings(
+    line: bytes, expected: Reading | Refusal | None
+) -> None:
     assert and_d.parse_reading(line) == expected
 
 
@@ -100,14 +104,14 @@ def test_a_and_d_beyond_its_range(line: bytes, load: Load) -> None:
     assert reading.load is load
 
 
-def test_a_and_d_tells_who_it_is() -> None:
+def test_a_and_d_identity_is_read() -> None:
     assert and_d.parse_text(b"SN,T1234567", b"SN") == "T1234567"
     assert and_d.parse_text(b"SN,", b"SN") is None
     assert and_d.parse_text(b"ST,+00123.45  g", b"SN") is None
 
 
 def test_an_answer_of_several_lines_is_put_together() -> None:
-    """Lines with B are followed by more (I0 to I5); one that is not told is left out."""
+    """Lines with B are followed by more (I0 to I5); one that is not reported is left out."""
     lines = {
         b"I2\r\n": [b"S S     100.00 g", b'I2 B "WM124-L22"', b'I2 A "120.0090 g"'],
         b"I3\r\n": [b"ES"],

@@ -86,7 +86,7 @@ def restarts(job: Job) -> list[Event]:
 
 
 @pytest.mark.parametrize("step", range(1, 20))
-def test_killed_between_any_two_steps(step: int, folder: RunFolder, job: Job) -> None:
+def test_kill_between_any_two_steps_loses_nothing(step: int, folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(40)
 
@@ -113,7 +113,7 @@ def test_killed_between_any_two_steps(step: int, folder: RunFolder, job: Job) ->
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
-def test_killed_while_it_closes(step: int, folder: RunFolder, job: Job) -> None:
+def test_kill_while_closing_loses_nothing(step: int, folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(40)
     source.daemon.push(START_NS + 10**9, "run_end", -1, {"state": "done", "reason": "all played"})
@@ -164,7 +164,7 @@ def test_file_that_is_already_there_is_never_touched(folder: RunFolder, job: Job
     assert job.recording.read_bytes() == b"precious"
 
 
-def test_unreadable_ring_error_says_how_to_continue(folder: RunFolder) -> None:
+def test_unreadable_ring_error_names_folder_to_remove(folder: RunFolder) -> None:
     os.truncate(folder.path / "rows-0.ring", 0)
     with pytest.raises(RecordingError, match="another layout") as refused:
         drain_leftovers(folder)
@@ -177,7 +177,7 @@ def test_run_still_writing_is_not_offered_for_removal(
 ) -> None:
     monkeypatch.setattr("rigd.engine.recorder.transfer._PATIENCE_S", 0.1)
     alive = Transfer(folder)
-    alive.open()  # as a run does whose lock file somebody removed
+    alive.open()  # as a run with a removed lock file
     with pytest.raises(RecordingError, match="being written by another process") as refused:
         drain_leftovers(folder)
     assert "remove it" not in str(refused.value)
@@ -185,7 +185,7 @@ def test_run_still_writing_is_not_offered_for_removal(
     assert drain_leftovers(folder) == job.recording
 
 
-def test_killed_while_it_made_the_file(folder: RunFolder, job: Job) -> None:
+def test_kill_while_creating_file_loses_nothing(folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(10)
     transfer = Transfer(folder)
@@ -232,7 +232,7 @@ def test_rows_missing_from_file_are_reported(folder: RunFolder, job: Job) -> Non
     assert event.data["events_lost"] == 20
 
 
-def test_an_overrun_is_told(folder: RunFolder, job: Job) -> None:
+def test_overrun_is_recorded_with_lost_rows(folder: RunFolder, job: Job) -> None:
     ring = folder.row_rings(job)["slow"]
     for i in range(CAPACITIES["slow"] + 7):
         ring.push(START_NS + i, (i, 0))

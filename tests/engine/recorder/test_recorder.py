@@ -1,4 +1,4 @@
-"""The recorder as a process: killed, stopped and told to end while another process pushes."""
+"""The recorder as a process: killed, stopped and asked to end while another process pushes."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ def test_full_disk_is_reported_and_no_row_released(bench: Bench) -> None:
     bench.recorder.wait_until_recording()
     wait_until(lambda: bench.recorder.poll() is Health.FAILED)
     beat = bench.board[Word.BEAT_RECORDER]
-    wait_until(lambda: bench.board[Word.BEAT_RECORDER] > beat)  # it lives, to say so
+    wait_until(lambda: bench.board[Word.BEAT_RECORDER] > beat)  # it is alive to report
     bench.rows_later(100)
     bench.end()
     bench.board[Word.PHASE] = Phase.ENDED
@@ -309,7 +309,7 @@ def test_recording_that_cannot_be_made_is_reported_immediately(folder: RunFolder
     assert job.recording.read_bytes() == b""
 
 
-def test_a_recorder_that_cannot_start_says_why(folder: RunFolder) -> None:
+def test_recorder_that_cannot_start_reports_reason(folder: RunFolder) -> None:
     recorder = RecorderProcess(folder)
     (folder.path / "board").unlink()
     recorder.start()

@@ -41,7 +41,7 @@ def test_a_row_is_there_until_it_is_released(tmp_path: Path) -> None:
     assert (reader.fill, reader.overruns) == (1.0, 2)
     assert reader.peek()["t_ns"].tolist() == [0, 1, 2]
     reader.release(2)
-    # Another process that begins anew finds what the first one left.
+    # Another process that begins again finds what the first one left.
     writer, reader = RowRing.attach(writer.path, STREAM), RowRing.attach(writer.path, STREAM)
     writer.push(5, (0.0, 0.0, 0))
     assert reader.peek()["t_ns"].tolist() == [2, 5]
@@ -60,7 +60,7 @@ def test_blocks_wrap_and_rows_beyond_room_are_counted(tmp_path: Path) -> None:
     assert reader.overruns == 4
 
 
-def test_view_hinders_nobody_and_counts_what_it_missed(tmp_path: Path) -> None:
+def test_view_delays_no_writer_and_counts_misses(tmp_path: Path) -> None:
     writer, reader = ring_of(tmp_path, 8)
     view = View(RowRing.attach(writer.path, STREAM))
     for t in range(5):
@@ -162,14 +162,14 @@ def test_events_that_do_not_fit_are_counted(tmp_path: Path) -> None:
     writer.drain()
     writer.push(11, "long", -1, {"text": "x" * 300})
     assert writer.overruns == 11 - kept
-    # Whoever attaches next counts on.
+    # The next process that attaches counts on.
     again = EventRing.attach(writer.path)
     again.push(12, "trip", -1, {"value": math.nan})
     assert again.drain() == [Event(12, "trip", -1, {"value": "nan"})]
     assert again.released == kept + 1
 
 
-def test_event_view_blocks_nobody_and_sees_remaining_events(tmp_path: Path) -> None:
+def test_event_view_blocks_no_writer_sees_remaining_events(tmp_path: Path) -> None:
     writer = EventRing.create(tmp_path / "events", 600)
     reader = EventRing.attach(writer.path)
     early = EventView(EventRing.attach(writer.path))
@@ -182,7 +182,7 @@ def test_event_view_blocks_nobody_and_sees_remaining_events(tmp_path: Path) -> N
     assert [event.t_ns for event in told] == list(range(50))
     assert early.skipped == 0
     late = EventView(EventRing.attach(writer.path))
-    assert late.read() == []  # the ring has come round: nobody knows where its oldest begins
+    assert late.read() == []  # the ring has come round: the begin of its oldest is not known
     writer.push(50, "last", 0, {})
     assert [event.t_ns for event in late.read()] == [50]
     assert late.skipped == 50

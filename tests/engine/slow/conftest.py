@@ -19,7 +19,7 @@ START_NS, ORIGIN_NS = 1_700_000_000_000_000_000, 5_000_000_000
 
 @dataclass
 class Place:
-    """Where one device's rows go."""
+    """Destination of one device's rows."""
 
     ring: RowRing
     slot: Slot

@@ -52,7 +52,7 @@ def test_rows_reach_ring_and_newest_table(placed: Placed) -> None:
     assert t_ns <= time.monotonic_ns() + 1_000
 
 
-def test_a_device_that_cannot_be_opened_says_why(placed: Placed) -> None:
+def test_device_that_cannot_open_reports_reason(placed: Placed) -> None:
     place = placed(counter(fault="absent"))
     with pytest.raises(LinkError, match=r"^daq: nobody answers") as caught:
         place.helper.start()

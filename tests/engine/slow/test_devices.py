@@ -26,7 +26,7 @@ class MassRow(Row):
 
 
 class Scale(SlowDriver[DriverConfig, None]):
-    """A scale that gives 1, 2, 3, ... kg and can do what its name says."""
+    """A scale that gives 1, 2, 3, ... kg and behaves as its name states."""
 
     def __init__(self, fault: str = "") -> None:
         super().__init__(DriverConfig(), None)
@@ -218,7 +218,7 @@ def test_one_that_fails_does_not_stop_the_others(bench: Make, fault: str, words:
     assert found.scales["good"].closed
 
 
-def test_actions_while_it_measures(bench: Make) -> None:
+def test_action_runs_while_device_measures(bench: Make) -> None:
     found = bench(scale="")
     found.devices.start()
     until(lambda: len(found.rings["scale"].rows) > 5)
@@ -262,7 +262,7 @@ def test_uncancellable_device_does_not_hold_the_others(
     assert found.scales["good"].closed
 
 
-def test_one_that_cannot_be_closed_is_told(bench: Make) -> None:
+def test_device_that_cannot_close_is_reported(bench: Make) -> None:
     found = bench(bad="clings", good="")
     found.devices.start()
     found.devices.stop()

@@ -20,7 +20,7 @@ class ClampRow(Row):
 
 
 class Clamp(Driver[ClampConfig, PendulumPlant]):
-    """Brings the pendulum to an angle and lets it go; safe means held where it hangs."""
+    """Brings the pendulum to an angle and releases it; safe means held at its present angle."""
 
     Config: ClassVar[type[DriverConfig]] = ClampConfig
     title: ClassVar[str] = "clamp of the simulated pendulum"
@@ -55,7 +55,7 @@ class Clamp(Driver[ClampConfig, PendulumPlant]):
         self.link.clamped = setpoints[1] > 0.5
 
     def make_safe(self) -> None:
-        """Catch the pendulum where it is."""
+        """Hold the pendulum at its present angle."""
         self.link.clamp_at = self.link.angle
         self.link.clamped = True
 

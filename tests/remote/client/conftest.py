@@ -10,6 +10,6 @@ from support.served_rig import Served, serve
 
 @pytest.fixture
 def remote() -> Iterator[Served]:
-    """A rig as it is served unless its file says otherwise."""
+    """A rig as it is served unless its file overrides it."""
     with serve() as found:
         yield found

@@ -217,7 +217,7 @@ def test_recordings_come_in_pieces_and_resume_after_break(
     assert client.report(run, tmp_path).read_bytes() == REPORT
 
 
-def test_a_notebooks_loop_is_left_alone(remote: Served) -> None:
+def test_client_works_within_a_running_loop(remote: Served) -> None:
     async def cell() -> str:
         with Client(endpoint=remote.endpoint) as rig:
             return rig.status().rig
@@ -225,7 +225,7 @@ def test_a_notebooks_loop_is_left_alone(remote: Served) -> None:
     assert asyncio.run(cell()) == "lugre-1"
 
 
-def test_iterating_may_be_left_and_begun_again(client: Client) -> None:
+def test_watch_can_be_left_and_restarted(client: Client) -> None:
     for _ in range(3):
         for status in client.watch():
             assert status.rig == "lugre-1"

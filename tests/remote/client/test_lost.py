@@ -1,4 +1,4 @@
-"""What a client says and does where nobody answers, and once somebody does again."""
+"""What a client reports and does without an answer, and once one comes again."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def test_closing_ends_a_waiting_reader() -> None:
     asyncio.run(take())
 
 
-def test_a_loop_that_has_ended_bothers_no_thread() -> None:
+def test_put_after_loop_ended_raises_nothing() -> None:
     async def make() -> PayloadQueue:
         return PayloadQueue(3)
 

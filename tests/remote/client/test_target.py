@@ -1,4 +1,4 @@
-"""Where a client finds a rig, and as whom it comes."""
+"""Where a client finds a rig, and under which identity."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_certificates_and_tls_come_together(tmp_path: Path) -> None:
         make_target("lugre-1", "tls/rig.lab:7447", files)
 
 
-def test_a_certificate_is_its_owners(tmp_path: Path) -> None:
+def test_certificate_of_another_name_is_refused(tmp_path: Path) -> None:
     setup_tls(tmp_path, ["rig.lab"], ["alice"])
     files = files_of(tmp_path, "alice")
     with pytest.raises(ConfigError, match="is the certificate of alice, not of bob"):

@@ -58,7 +58,7 @@ def test_broken_transfer_continues_at_its_byte(tmp_path: Path) -> None:
     again = Source()
     again.fetch(path)
     assert path.read_bytes() == WHOLE
-    assert again.asked[:2] == [0, 3 * PIECE]  # the first says whether it is still that file
+    assert again.asked[:2] == [0, 3 * PIECE]  # the first shows whether it is still that file
 
 
 def test_other_file_of_same_name_restarts_the_transfer(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A client before a daemon of another version: it may stop the rig, and is told all else."""
+"""A client before a daemon of another version: only a stop is accepted."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STATUS = {"v": 2, "rig": "lugre-1", "mood": "fine"}
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    """Where a daemon of version 2 answers."""
+    """Address of a daemon of version 2."""
     at = f"tcp/127.0.0.1:{free_port()}"
     settings = zenoh.Config.from_json5(
         json.dumps({"mode": "peer", "listen": {"endpoints": [at]},

@@ -1,4 +1,4 @@
-"""Frames: pinned to bytes, and refused where they are not what they say."""
+"""Frames: pinned to bytes, and refused if their content contradicts their header."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FRAME = Frame(
 )
 
 
-def test_the_bytes_are_as_documented() -> None:
+def test_encoded_frame_matches_documented_bytes() -> None:
     assert encode_frame(FRAME) == GOLDEN
 
 

@@ -1,4 +1,4 @@
-"""Keys: whoever stands in them, nothing else can."""
+"""Keys: any identity fits, and nothing else does."""
 
 from __future__ import annotations
 

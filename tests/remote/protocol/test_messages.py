@@ -210,7 +210,7 @@ def test_a_status_survives_the_wire() -> None:
 
 
 def test_file_text_of_any_length_can_be_sent() -> None:
-    """The text of a prompt is its author's; a status that cannot be told hides the rig."""
+    """The text of a prompt is its author's; a status that cannot be sent hides the rig."""
     prompt = PromptView(id=1, name="ready", text="\ud800" + "x" * 10_000, kind="confirm")
     assert decode(PromptView, encode(prompt)).text == "?" + "x" * (MAX_TEXT - 1)
 

@@ -1,4 +1,4 @@
-"""The shipped schema and documentation say of every message what the code says of it."""
+"""The shipped schema and documentation describe every message as the code does."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "protocol.md"
 _ROW = re.compile(r"^\| `(\w+)/(\w+)` \| (\w+) \| (yes|no) \| `(\w+)` \| `(\w+)` \|$", re.M)
 
 
-def test_file_is_current() -> None:
+def test_schema_file_matches_the_code() -> None:
     file = shipped_folder("schemas") / "remote.schema.json"
     assert json.loads(file.read_text()) == remote_schema(), "run: rigd schema remote"
 
@@ -33,12 +33,12 @@ def validator(kind: Kind, verb: str) -> jsonschema.Draft202012Validator:
 
 
 @pytest.mark.parametrize(("kind", "verb"), VERB_ROWS)
-def test_a_request_fits_it(kind: Kind, verb: str) -> None:
+def test_valid_request_fits_its_schema(kind: Kind, verb: str) -> None:
     validator(kind, verb).validate(json.loads(request(verb)))
 
 
 @pytest.mark.parametrize(("kind", "verb"), VERB_ROWS)
-def test_code_refuses_what_schema_refuses(kind: Kind, verb: str) -> None:
+def test_code_refuses_requests_that_schema_refuses(kind: Kind, verb: str) -> None:
     """The code refuses more: what is no JSON, a key twice, deep nesting."""
     checked, refused = validator(kind, verb), 0
     for payload in spoilt_payloads(random.Random(verb), request(verb), 40):

@@ -1,4 +1,4 @@
-"""The table of verbs says who may do what."""
+"""The table of verbs gives the role of each verb."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def allowed(role: Role, kind: Kind) -> set[str]:
 
 
 @pytest.mark.parametrize("role", Role)
-def test_everybody_may_ask_and_stop(role: Role) -> None:
+def test_every_role_may_ask_and_stop(role: Role) -> None:
     for kind in (Kind.ASK, Kind.STOP):
         assert allowed(role, kind) == set(VERBS[kind])
         assert not any(verb.rule.needs_lease for verb in VERBS[kind].values())

@@ -1,4 +1,4 @@
-"""The inbox: bounded, and fair to whoever asks little."""
+"""The inbox: bounded, and fair to a client that asks little."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_busy_client_is_served_in_turn_with_others() -> None:
     assert [inbox.take() for _ in range(4)] == ["flood 0", "alice", "bob", "flood 1"]
 
 
-def test_it_has_items_until_the_last_is_taken() -> None:
+def test_inbox_has_items_until_last_is_taken() -> None:
     inbox = Inbox[int]()
     assert not inbox.has_items
     inbox.put("alice", 1)

@@ -124,7 +124,7 @@ def test_asking_is_forgotten_after_a_while(desk: Desk) -> None:
     assert desk.lease.view().asked_by == ()
 
 
-def test_asking_makes_no_sense_without_another_holder(desk: Desk) -> None:
+def test_lease_request_needs_another_holder(desk: Desk) -> None:
     assert desk.refuses("alice", "request") is Code.CONFLICT
     desk.does("alice", "take")
     assert desk.refuses("alice", "request") is Code.CONFLICT

@@ -46,7 +46,7 @@ def test_missing_certificates_are_reported(tmp_path: Path) -> None:
 
 
 def own_sockets() -> set[str]:
-    """Where this process listens: protocol and address, as proc_pid_net(5) writes them."""
+    """Listening addresses of this process: protocol and address, as proc_pid_net(5) writes them."""
     mine = set()
     for item in Path("/proc/self/fd").iterdir():
         with suppress(FileNotFoundError):  # the one that lists them
@@ -145,7 +145,7 @@ def test_stop_overtakes_a_long_request(on_loopback: Served, verb: str) -> None:
 
 
 class Sick(PlayedRig):
-    """Fails to tell its status from the second time on, until it is well again."""
+    """Fails to report its status from the second time on, until it is repaired."""
 
     def __init__(self) -> None:
         super().__init__()

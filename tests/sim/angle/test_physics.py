@@ -73,7 +73,7 @@ def test_sliding_speed_uses_effective_radius_in_rolling_direction() -> None:
 
 
 def test_friction_peaks_at_half_metre_per_second() -> None:
-    """The curve of each set, after breakaway, has its maximum where the parameters say."""
+    """The curve of each set, after breakaway, has its maximum at that of the parameters."""
     for name in layout.SETS:
         plant = make_plant(name, 4.0, 10.0, noise=False)
         known = driven(plant)

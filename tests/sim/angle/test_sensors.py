@@ -106,7 +106,7 @@ def test_with_load_cell_card_loses_bit() -> None:
     assert volts[:, 4].mean() * 20 == pytest.approx(n, rel=0.1)  # 50 mV/N; gain, zero, setting
 
 
-def test_the_inputs_are_converted_one_after_the_other() -> None:
+def test_inputs_are_converted_in_sequence() -> None:
     """On a ramp, each input is a scan of 1/48000 s further than the one before it."""
     plant = make_plant(parameters=exact())
     pass_time(plant, 1.0)

@@ -140,13 +140,13 @@ def test_physics_advances_to_now_before_a_read() -> None:
 
 
 @pytest.mark.parametrize("rail", ["high", "low"])
-def test_fault_saturation(terminals: Terminals, rail: str) -> None:
+def test_saturated_input_reads_its_rail(terminals: Terminals, rail: str) -> None:
     card = terminals.card()
     card.inject("saturation", input=1, rail=rail)
     assert scan(card, 0b11)[:2] == [0, 0x1FFF if rail == "high" else 0x2000]
 
 
-def test_fault_stuck_code(terminals: Terminals) -> None:
+def test_stuck_input_keeps_its_code(terminals: Terminals) -> None:
     card = terminals.card()
     terminals.volts_in[:2] = [5.0, 5.0]
     scan(card, 0b11)
@@ -176,7 +176,7 @@ def test_fault_eolc_stuck_and_fifo_short(terminals: Terminals) -> None:
     assert not card.r32(GPIOC) & EOLC
 
 
-def test_faults_of_an_encoder(terminals: Terminals) -> None:
+def test_card_encoder_shows_each_fault(terminals: Terminals) -> None:
     card = terminals.card()
     terminals.counts[0] = 1000
     card.inject("sign_flip", encoder=0)
@@ -188,7 +188,7 @@ def test_faults_of_an_encoder(terminals: Terminals) -> None:
     assert card.r32(IRC0) == 2**32 - 5
 
 
-def test_fault_card_removed(terminals: Terminals) -> None:
+def test_removed_card_drops_outputs_and_lines(terminals: Terminals) -> None:
     card = terminals.card()
     card.inject("card_removed")
     card.w16(DOUT, 0xFF)

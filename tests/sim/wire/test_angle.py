@@ -24,7 +24,7 @@ ONE_SHOT_S = 0.18
 
 
 class Clock:
-    """Time that passes when told to."""
+    """Time that passes on command."""
 
     def __init__(self) -> None:
         self.ns = 1_000_000_000_000
@@ -71,7 +71,7 @@ def test_one_shot_drops_when_due_without_any_reader(clock: Clock) -> None:
     edge_ns = clock.ns
     clock.pass_ms(150)
     found.trigger(level=False)  # either edge keeps it up
-    clock.pass_ms(400)  # nobody has looked
+    clock.pass_ms(400)  # no client has read
     found.now()
     assert found.safe_since_ns == edge_ns + 150 * MS + ONE_SHOT_S * 1e9
     assert found.opened.at_ns == found.safe_since_ns
@@ -220,6 +220,6 @@ def test_scale_is_plants_and_stable_when_that_is(folder: Folder) -> None:
         ({"relay": {"one_shot": {"time": "2 s"}}}, "less than or equal to 1"),
     ],
 )
-def test_benches_that_cannot_be(options: dict[str, Any], words: str) -> None:
+def test_impossible_benches_are_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         config(**options)

@@ -284,7 +284,7 @@ async def _fresh(client: Client) -> str:
     ],
 )
 @on_loop
-async def test_tpdos_that_are_wrong(
+async def test_faulty_tpdos_are_sent_as_listed(
     tmp_path: Path, fault: str, options: dict[str, int], expected: list[tuple[int, str]]
 ) -> None:
     async with drive(tmp_path) as (node, client, _):
@@ -311,7 +311,7 @@ async def test_stale_tpdos_repeat_themselves_while_node_is_alive(tmp_path: Path)
 
 
 @on_loop
-async def test_sdo_faults(tmp_path: Path) -> None:
+async def test_sdo_fault_changes_the_answer(tmp_path: Path) -> None:
     async with drive(tmp_path) as (node, client, _):
         read = "40 00 10 00 00 00 00 00"
         node.inject("sdo_abort", code=0x06020000, index=0x1000)

@@ -75,7 +75,7 @@ def test_only_a_rising_bit_7_resets_a_fault() -> None:
 
 
 @on_loop
-async def test_it_walks_up_to_torque_and_down_again(tmp_path: Path) -> None:
+async def test_drive_steps_up_to_enabled_and_back(tmp_path: Path) -> None:
     async with drive(tmp_path) as (node, client, physics):
         await operational(client)
         seen = [await cycle(client, f"{word:02x} 00 f4 01") for word in (6, 7, 15, 15, 0, 0)]
@@ -183,7 +183,7 @@ async def test_object_6007_sets_action_on_lost_heartbeat(
     async with drive(tmp_path) as (node, client, _):
         await _alive(client, f"2b 07 60 00 {option} 00 00 00")
         await client.until(0x081)
-        if option == "03":  # it first stops, then tells the fault
+        if option == "03":  # it first stops, then reports the fault
             assert node.state()["state"] == "quick_stop_active"
         while node.state()["state"] != state:
             assert await client.silent(0.01)

@@ -1,4 +1,4 @@
-"""The shipped EDS files say what the simulated devices have; read by canopen, a third party."""
+"""The shipped EDS files describe the simulated devices; read by canopen, a third party."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rigd_sim.wire.hub import CanHub
 
 EDS = Path(__file__).parents[3] / "configs" / "eds"
 NODE = 5
-#: Objects that tell one exemplar from another: a file of them all gives no value.
+#: Objects that differ between exemplars: a file of them all gives no value.
 PLATE = {(0x1018, 4), (0x6076, 0), (0x6502, 0), (0x6501, 0), (0x6004, 0)}
 TYPES = {
     Kind.I8: datatypes.INTEGER8,

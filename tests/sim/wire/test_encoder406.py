@@ -48,7 +48,7 @@ async def test_position_rolls_over_at_end_of_its_turns(tmp_path: Path) -> None:
 
 
 @on_loop
-async def test_faults_of_counting(tmp_path: Path) -> None:
+async def test_encoder_shows_jump_and_sign_faults(tmp_path: Path) -> None:
     async with encoder(tmp_path, SCALE) as (node, client, physics):
         await _running(client)
         node.inject("jump", counts=-10)

@@ -14,7 +14,7 @@ from rigd_sim.wire.part import Part, State
 
 
 class Lamp(Part):
-    """A part that remembers what it was told."""
+    """A part that remembers its commands."""
 
     faults: ClassVar[Mapping[str, str]] = {"dark": "gives no light (much)", "flicker": "flickers"}
 
@@ -114,7 +114,7 @@ def test_random_fault_recurs_and_repeats_with_its_seed() -> None:
     assert told[0][:4] == ["+dark", "-dark"] * 2
 
 
-def test_clearing_forgets_what_is_planned() -> None:
+def test_clearing_removes_planned_faults() -> None:
     plan, lamp = schedule()
     plan.add(entry(at="1 s"), 0.0)
     plan.add(entry(fault="flicker", at="1 s"), 0.0)

@@ -1,4 +1,4 @@
-"""The CAN bus between processes: who gets what, in which order, and what faults make of it."""
+"""The CAN bus between processes: delivery, its order, and the effect of faults."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ async def bus(
 
 
 @on_loop
-async def test_a_frame_reaches_everybody_but_its_sender(tmp_path: Path) -> None:
+async def test_frame_reaches_all_but_its_sender(tmp_path: Path) -> None:
     async with bus(tmp_path, 3) as (_, (a, b, c)):
         a.send(0x123, "01 02 03")
         a.send(0x9ABCDEF0, "")  # flags of extended frames pass unchanged
@@ -61,7 +61,7 @@ async def test_every_client_sees_same_order_including_answers(tmp_path: Path) ->
 
 
 @on_loop
-async def test_node_hears_only_its_subscriptions_until_detached(tmp_path: Path) -> None:
+async def test_node_receives_only_subscribed_frames_until_detached(tmp_path: Path) -> None:
     async with bus(tmp_path, 2) as (hub, (a, b)):
         heard: list[int] = []
         port = hub.attach(lambda can_id, data, t_ns: heard.append(can_id))
@@ -111,7 +111,7 @@ async def test_invalid_packets_are_counted_and_not_relayed(tmp_path: Path) -> No
         a.socket.send(b"hello")
         a.socket.send(bytes(17))
         a.socket.send(b"\1\0\0\0\x09" + bytes(11))  # nine bytes of data
-        a.send(BUS_OFF, "00" * 8)  # nobody can send an error frame
+        a.send(BUS_OFF, "00" * 8)  # no client can send an error frame
         a.send(0x7, "aa")
         assert await b.receive() == (0x7, "aa")
         assert hub.state()["malformed"] == 4
@@ -126,7 +126,7 @@ async def test_a_taken_name_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "bus").exists()
 
 
-def test_a_frame_takes_its_bits() -> None:
+def test_frame_time_follows_from_its_bits() -> None:
     # 47 bits + 64 of data + at most 24 stuffed at 1 Mbit/s (ISO 11898-1).
     assert frame_ns(8, 1e6) == 135_000
     assert frame_ns(0, 1e6) == 55_000
@@ -146,7 +146,7 @@ def test_the_lowest_identifier_wins_among_those_that_wait() -> None:
         assert frame is not None
         taken.append(frame[1])
         arbiter.resume()
-    # The first had the bus for itself when it began; nobody takes it away.
+    # The first had the bus for itself when it began; no other takes it away.
     assert taken == [0x700, 0x080, 0x300, 0x300]
     assert arbiter.due_ns is None
     assert arbiter.busy_ns == 220_000
@@ -165,7 +165,7 @@ async def test_frames_are_no_faster_than_the_bitrate(tmp_path: Path) -> None:
 
 
 @on_loop
-async def test_dropped_and_duplicated_frames(tmp_path: Path) -> None:
+async def test_drop_and_duplicate_faults_change_the_frames(tmp_path: Path) -> None:
     async with bus(tmp_path, 2) as (hub, (a, b)):
         hub.inject("drop", id=0x10)
         hub.inject("duplicate", id=0x11)
@@ -213,7 +213,7 @@ async def test_delayed_frames_keep_order_and_reordered_do_not(tmp_path: Path) ->
         for can_id in range(4):
             a.send(can_id)
         assert [f[0] for f in await b.frames(4)] == [1, 0, 3, 2]
-        a.send(0x9)  # held back with nobody to overtake it, and let go by clearing
+        a.send(0x9)  # held back with no later frame, and released by clearing
         while "reorder" in str(hub.state()["faults"]):
             await asyncio.sleep(0.01)
             hub.clear("reorder")
@@ -261,7 +261,7 @@ async def test_stalled_bus_accepts_frames_until_queue_is_full(tmp_path: Path) ->
 
 
 @on_loop
-async def test_a_babbling_node_sends_without_a_pause(tmp_path: Path) -> None:
+async def test_babbling_node_sends_continuously(tmp_path: Path) -> None:
     async with bus(tmp_path, 1) as (hub, (a,)):
         start = time.monotonic()
         hub.inject("babble", id=0x001, rate_hz=2000.0, length=2)

@@ -77,7 +77,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 @pytest.fixture
 def brief(tmp_path: Path) -> Iterator[Bench]:
-    """The same, where the one-shot drops soon."""
+    """The same, with a one-shot that drops soon."""
     with served(tmp_path, BRIEF_S) as bench:
         yield bench
 

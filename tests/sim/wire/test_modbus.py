@@ -40,11 +40,11 @@ def test_serial_frames_of_the_delta_manual() -> None:
 
 
 @pytest.mark.parametrize("size", range(8))
-def test_a_part_of_a_request_is_none(size: int) -> None:
+def test_incomplete_request_is_not_taken(size: int) -> None:
     assert take_rtu(bytearray.fromhex("01 03 02 00 00 02 C5 B3")[:size]) is None
 
 
-def test_a_damaged_request_is_none() -> None:
+def test_request_with_wrong_crc_is_not_taken() -> None:
     assert take_rtu(bytearray.fromhex("01 03 02 00 00 03 C5 B3")) is None
 
 

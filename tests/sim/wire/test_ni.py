@@ -98,7 +98,7 @@ def write_lines(task: nidaqmx.Task, *levels: bool) -> None:
     writer.write_one_sample_multi_line(np.array(levels))
 
 
-def test_the_system_and_the_device(client: Client) -> None:
+def test_client_reads_driver_version_and_device(client: Client) -> None:
     system = System.remote(client.options())
     assert system.devices.device_names == ["Dev1"]
     assert tuple(system.driver_version) == (24, 5, 0)
@@ -117,7 +117,7 @@ def test_unsimulated_function_raises_an_error(client: Client) -> None:
         device.reset_device()
 
 
-def test_continuous_reading(client: Client) -> None:
+def test_continuous_task_reads_at_its_rate(client: Client) -> None:
     with client.task("ai0", "ai1", rate=9600.0, buffer=4800) as task:
         assert task.timing.samp_clk_rate == 9600.0
         assert [ai_channel.ai_rng_high for ai_channel in task.ai_channels] == [10.0, 10.0]
@@ -131,7 +131,7 @@ def test_continuous_reading(client: Client) -> None:
     assert not client.on_loop(client.part.state)["running"]
 
 
-def test_single_ended_and_other_ranges(client: Client) -> None:
+def test_terminal_configuration_selects_the_input_range(client: Client) -> None:
     with client.task() as task:
         add = task.ai_channels.add_ai_voltage_chan
         add("Dev1/ai0", terminal_config=TerminalConfiguration.RSE, min_val=-1, max_val=1)
@@ -194,7 +194,7 @@ def test_a_second_task_finds_the_converter_reserved(client: Client) -> None:
             assert caught.value.error_code == -50103
 
 
-def test_faults_of_an_input(client: Client) -> None:
+def test_input_shows_each_fault(client: Client) -> None:
     with client.task("ai0", "ai1", rate=1000.0, buffer=60_000) as task:
         task.start()
         read(task, 10)
@@ -250,7 +250,7 @@ def test_a_running_task_has_its_lines_alone(client: Client) -> None:
 @pytest.mark.parametrize(
     "lines", ["Dev1/port0/line8", "Dev1/port2/line0", "Dev1/port0", "Dev1/ai0", "Dev2/port0/line0"]
 )
-def test_lines_that_the_card_has_not(client: Client, lines: str) -> None:
+def test_unknown_lines_are_refused(client: Client, lines: str) -> None:
     with client.lines("out") as task, pytest.raises(DaqError, match=r"does not exist|is invalid"):
         task.do_channels.add_do_chan(lines)
 
@@ -273,7 +273,7 @@ def test_faults_it_does_not_know_are_refused() -> None:
         SimNi("daq", {"ai8": lambda: 0.0})
 
 
-def test_a_port_that_is_taken() -> None:
+def test_occupied_port_raises_an_error() -> None:
     part = SimNi("daq", {})
     with served(part):
         other = SimNi("other", {}, address=f"127.0.0.1:{part.port}")
@@ -295,7 +295,7 @@ def acquisition(
     return Acquisition(spans, rate_hz, capacity, sampler, {"ai0"})
 
 
-def test_the_crystal_drifts() -> None:
+def test_clock_drift_changes_number_of_samples() -> None:
     found = acquisition(rate_hz=9600.0, capacity=1_000_000)
     for step in range(1, 5001):
         found.advance(START_NS + step * 2_000_000, 100e-6, Faults())

@@ -1,7 +1,7 @@
 """Checks the force balance: flags runs in which gauges and motion of the platform disagree.
 
 Some torque may be lost between gauges and wheel (bad clamping, 0.1 N m and more). It looks like
-friction: such runs gave the paper a maximum of 0.5324 where 0.1868 was true. The lost torque moves
+friction: such runs gave the paper a maximum of 0.5324 while 0.1868 was true. The lost torque moves
 nothing, so the balance of forces on the platform has a residual:
 
     residual = (F_gauge - [m a + F_rail + F_a sin(alpha)]/cos(alpha))/N

@@ -33,7 +33,7 @@ START_S = 0.16  #: the load still swings from the start before, in step with the
 #: The spread between runs times this is the uncertainty: what all runs have in common (the same
 #: start, the same angle) makes the true error of c and s three times their spread.
 IN_COMMON = 3.0
-MIN_RUNS = 8  #: fewer do not tell crosstalk from chance
+MIN_RUNS = 8  #: fewer do not separate crosstalk from chance
 HUBER = 1.345  #: 95 % efficient for a normal distribution (Huber 1981)
 ITERATIONS = 10
 
@@ -71,7 +71,7 @@ class Sample:
 
 
 def fit_bending(samples: Sequence[Sample]) -> Bending | None:
-    """Return the crosstalk common to the runs, or None where they do not determine it."""
+    """Return the crosstalk common to the runs, or None if they do not determine it."""
     pieces = [p for p in map(_projected, samples) if p is not None]
     if len(pieces) < MIN_RUNS:
         return None

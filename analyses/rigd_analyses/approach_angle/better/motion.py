@@ -77,7 +77,7 @@ class Motion:
 def motion(known: KnownRun, settings: BetterSettings) -> Motion:
     """Return speeds and block means of a run whose signals are whole.
 
-    Samples before the trigger and after the stop are used where there are any, so that the ends
+    Samples before the trigger and after the stop are used if there are any, so that the ends
     of the smoother lie outside of the driven part.
     """
     known = replace(known, run=_readable(known.run))
@@ -133,7 +133,7 @@ def motion(known: KnownRun, settings: BetterSettings) -> Motion:
 def _readable(run: AngleRun) -> AngleRun:
     """Return ``run`` up to the first fault after the stop: no number, or a gap; all without one.
 
-    What lies behind the stop only helps the smoother, so its faults do not speak against the run.
+    What lies behind the stop only helps the smoother, so its faults do not exclude the run.
     """
     signals = [run.gauge_a_v, run.gauge_b_v, run.wheel_v, run.platform_v]
     steps = np.diff(run.t_s, prepend=run.t_s[0])

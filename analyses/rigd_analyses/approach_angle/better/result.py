@@ -18,7 +18,7 @@ BoolArray = NDArray[np.bool_]
 class Blocks:
     """Means over short blocks of the driven part of a run; arrays of shape (n,), maybe empty.
 
-    ``mu`` is F_r/N: the friction limit where ``sliding``, elsewhere only what the motion demanded.
+    ``mu`` is F_r/N: the friction limit if ``sliding``, else only what the motion demanded.
     """
 
     t_s: FloatArray  #: middle of the block, since the relay command
@@ -50,7 +50,7 @@ class Smoothed:
 
 @dataclass(frozen=True)
 class BetterRun:
-    """One run. If a number cannot be computed, it is NaN and a flag says why; ``u`` are k = 1.
+    """One run; a number that cannot be computed is NaN, a flag gives the reason; ``u`` are k = 1.
 
     ``mu`` is the mean of F_r/N over the blocks in which the wheel slides, a friction limit in the
     rolling direction; ``mu_u`` is its uncertainty for this very run, without what varies from run
@@ -63,14 +63,14 @@ class BetterRun:
     mu: float
     mu_u: float
     demand: float
-    torque_nm: float  #: at the gauges, over the blocks of ``mu``, or of ``demand`` where it rolls
+    torque_nm: float  #: at the gauges, over the blocks of ``mu``, or of ``demand`` if it rolls
     normal_force_n: float  #: over the same blocks
     sliding_speed_m_s: float  #: over the same blocks
     slip: float  #: (w R - V)/V as the paper defines it, from means; with the nominal R
     slip_corrected: float  #: w R/(V cos(alpha)) - 1, from means over the steady part
     slip_corrected_u: float
     relative_speed_m_s: float  #: mean of w R - V over the steady part
-    regime: Regime | None  #: None where the run cannot be evaluated
+    regime: Regime | None  #: None if the run cannot be evaluated
     blocks: Blocks
     force_residual: float  #: |F_gauge - force that the motion needs|/N
     force_residual_limit: float  #: above it the run is flagged ``rubbing``

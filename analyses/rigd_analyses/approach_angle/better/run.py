@@ -31,7 +31,7 @@ def usable(run: AngleRun, flags: tuple[Flag, ...]) -> bool:
 
 
 def no_numbers(flags: tuple[Flag, ...]) -> BetterRun:
-    """Return the result of a run of which no number can be defended; ``flags`` say why."""
+    """Return the result of a run of which no number can be defended; ``flags`` give the reasons."""
     return BetterRun(
         mu=NAN, mu_u=NAN, demand=NAN, torque_nm=NAN, normal_force_n=NAN, sliding_speed_m_s=NAN,
         slip=NAN, slip_corrected=NAN, slip_corrected_u=NAN, relative_speed_m_s=NAN, regime=None,
@@ -50,7 +50,7 @@ def sliding_blocks(motion: Motion, settings: BetterSettings) -> BoolArray:
 
 
 def torque_at_gauges(motion: Motion, bending: Bending | None) -> FloatArray:
-    """Return the torque in N m of each block, less zero and crosstalk where both are known."""
+    """Return the torque in N m of each block, less zero and crosstalk if both are known."""
     scale = motion.known.calibration.torque.value
     torque = scale * motion.means.gauges_v
     if bending is None:
@@ -75,7 +75,7 @@ def evaluate(
     trigger is taken off: without, that zero holds the crosstalk at the start's angle, and taking
     it off adds as much as it removes.
 
-    A run that the force balance speaks against keeps its residual and its slip, and no coefficient.
+    A run that the force balance excludes keeps its residual and its slip, and no coefficient.
     """
     if motion.means.t_s.size == 0:
         return no_numbers(flags)

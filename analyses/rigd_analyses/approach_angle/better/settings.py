@@ -13,7 +13,7 @@ class BetterSettings:
     """Settings of the method, and assumed sizes of the effects that are not measured on this rig.
 
     Smoother: half-gain frequencies of wheel angle and platform position, after which the rim speed
-    is known to 3 mm/s where the paper's filter gives 7.
+    is known to 3 mm/s; the paper's filter gives 7.
 
     Blocks: 20 ms, one period of the mains, so that its hum leaves every mean.
 
@@ -48,4 +48,4 @@ class BetterSettings:
     linearity_u: float = 0.005  #: of a speed, relative: a potentiometer's linearity over a turn
     angle_u_rad: float = math.radians(0.2)  #: of the mounted approach angle
     scatter_u: float = 0.015  #: relative, between equal runs, until a campaign shows it
-    limits: Limits = field(default_factory=Limits)  #: where a raw run stops being a good one
+    limits: Limits = field(default_factory=Limits)  #: bounds of a good raw run

@@ -17,7 +17,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Slip:
-    """Means over the steady part of a run; NaN where the platform does not move."""
+    """Means over the steady part of a run; NaN if the platform does not move."""
 
     paper: float
     corrected: float

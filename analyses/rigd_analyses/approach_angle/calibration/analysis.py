@@ -28,7 +28,7 @@ class _Calibration(Analysis):
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
-        """Return what the recording of a calibration gives; refused results say why."""
+        """Return what the recording of a calibration gives; refused results give the reason."""
         from rigd.analysis.calibration.evaluation import evaluated
         from rigd.analysis.calibration.reading import steps_of
 
@@ -95,7 +95,7 @@ class FrictionCalibration(_Calibration):
     measures = ("bearing_constant", "bearing_viscous", "rail_constant", "rail_viscous")
 
     def result(self, steps: Steps) -> CalibrationResult:
-        """Return what the recording tells of rails and bearings."""
+        """Return the rails and bearings that the recording determines."""
         from rigd_analyses.approach_angle.calibration.reading import friction_result
 
         return friction_result(steps)

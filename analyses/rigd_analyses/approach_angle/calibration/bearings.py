@@ -59,7 +59,7 @@ def steady_turning(t_s: FloatArray, angle_rad: FloatArray) -> tuple[float, float
 
 
 def calibrate_bearings(spins: Sequence[Spin], bench: BearingBench) -> CalibrationResult:
-    """Return what ``spins`` tell of the bearings."""
+    """Return the bearings' torque that ``spins`` determine."""
     title = "Friction of the wheel's bearings"
     speed = np.array([spin.speed_rad_s for spin in spins])
     torque = np.array(
@@ -97,7 +97,7 @@ def calibrate_bearings(spins: Sequence[Spin], bench: BearingBench) -> Calibratio
     else:
         kept["bearing_viscous"] = (
             f"{1e3 * line.slope:.2f} ± {1e3 * line.u_slope:.2f} mN m s/rad: these spins do not "
-            "tell it from nothing"
+            "distinguish it from zero"
         )
     facts = (
         f"{len(spins)} spins from {speed.min():.1f} to {speed.max():.1f} rad/s; they scatter by "

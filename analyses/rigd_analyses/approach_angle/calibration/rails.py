@@ -21,13 +21,13 @@ from rigd.analysis.result import FloatArray
 
 #: Pushes that the result must stand on: their scatter is its uncertainty.
 LEAST_PUSHES = 4
-#: From so long after the largest speed, when the hand has surely let go...
+#: From so long after the largest speed, when the hand has surely released it...
 LET_GO_S = 0.05
 #: ... to this share of it, before the friction at rest begins.
 LAST_SHARE = 0.2
-#: Slower than this nobody has pushed.
+#: A slower motion is not a push.
 LEAST_SPEED_M_S = 0.1
-#: A coast shorter than this tells nothing about its curvature.
+#: A coast shorter than this does not determine its curvature.
 LEAST_COAST_S = 0.25
 #: Position that the straight answer may leave unexplained, rms. A potentiometer's error once per
 #: turn is 0.1 mm here.
@@ -59,9 +59,9 @@ class RailBench:
 
 
 def coast_of(push: Push) -> Push | None:
-    """Return the part of ``push`` in which the platform coasts, forwards; None where it does not.
+    """Return the part of ``push`` in which the platform coasts, forwards; None if it does not.
 
-    Time and travel count from where it begins.
+    Time and travel count from its begin.
     """
     step_s = float(push.t_s[1] - push.t_s[0])
     half = max(1, round(0.5 * _SMOOTH_S / step_s))
@@ -83,7 +83,7 @@ def coast_of(push: Push) -> Push | None:
 
 
 def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResult:
-    """Return what ``pushes`` tell of the rails."""
+    """Return the rails' friction that ``pushes`` determine."""
     title = "Friction of the rails"
     coasts = [coast for push in pushes if (coast := coast_of(push)) is not None]
     if len(coasts) < LEAST_PUSHES:
@@ -136,8 +136,8 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
         )
     }
     kept = {
-        "rail_load": "one weight on the rails cannot tell it from rail_constant, which is what is "
-        f"left of {constant_n:.3f} N when {load_n:.3f} N are put down to it"
+        "rail_load": "one weight on the rails cannot separate it from rail_constant, which is "
+        f"the rest of {constant_n:.3f} N when {load_n:.3f} N are put down to it"
     }
     if viscous > KNOWN_AT * u_viscous:
         budget = tuple(Contribution(item.name, item.u * viscous) for item in common[:1])
@@ -145,7 +145,7 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
         measured["rail_viscous"] = Measured(viscous, "N s/m", (*budget, scatter))
     else:
         kept["rail_viscous"] = (
-            f"{viscous:.2f} ± {u_viscous:.2f} N s/m: these pushes do not tell it from nothing"
+            f"{viscous:.2f} ± {u_viscous:.2f} N s/m: these pushes do not distinguish it from zero"
         )
     facts = (
         f"{len(coasts)} of {len(pushes)} pushes coast; travel explained to {1e3 * rms_m:.2f} mm "

@@ -86,7 +86,7 @@ def scale_result(steps: Steps) -> CalibrationResult:
 
 
 def friction_result(steps: Steps) -> CalibrationResult:
-    """Return what the recording tells of rails and bearings.
+    """Return the pushes and spins of a recording of rails and bearings.
 
     Raises:
         DataError: a step, signal, constant or an earlier calibrated value is missing.

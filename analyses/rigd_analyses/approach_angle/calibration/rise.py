@@ -26,7 +26,7 @@ from rigd.analysis.result import FloatArray
 #: Loads, and pushes under each, that the result must stand on: their scatter is its uncertainty.
 LEAST_LOADS = 2
 LEAST_PUSHES = 3
-#: A travel shorter than this tells little of a rise along it.
+#: A travel shorter than this does not determine a rise along it.
 LEAST_TRAVEL_M = 0.1
 #: How far the scale may be from the announced load, as a share of it.
 MOST_LOAD_ERROR = 0.1
@@ -42,7 +42,7 @@ class Push:
 
     announced_kg: float  #: load of the wheel
     shown_kg: FloatArray  #: by the scale, which is tared without the wheel
-    position_m: FloatArray  #: of the platform, from whatever zero
+    position_m: FloatArray  #: of the platform, from any zero
 
     @property
     def load_kg(self) -> float:
@@ -73,7 +73,7 @@ class Push:
 def calibrate_rise(
     pushes: Sequence[Push], *, u_travel: float, division_kg: float
 ) -> CalibrationResult:
-    """Return the rise of the load that ``pushes`` tell.
+    """Return the rise of the load that ``pushes`` determine.
 
     ``u_travel`` is the relative standard uncertainty of a travel, ``division_kg`` the scale's.
     """
@@ -167,7 +167,7 @@ def _bad_pushes(pushes: Sequence[Push]) -> tuple[str, ...]:
     for number, push in enumerate(pushes, 1):
         if abs(push.load_kg - push.announced_kg) > MOST_LOAD_ERROR * push.announced_kg:
             found.append(
-                f"push {number}: the scale shows {push.load_kg:.2f} kg where {push.announced_kg:g} "
+                f"push {number}: the scale shows {push.load_kg:.2f} kg while {push.announced_kg:g} "
                 "kg were announced: is the wheel on the surface, was the scale tared without it?"
             )
         elif push.travel_m < LEAST_TRAVEL_M:

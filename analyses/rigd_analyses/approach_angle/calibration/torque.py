@@ -20,7 +20,7 @@ from rigd.analysis.calibration.line import hysteresis, straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
 from rigd.analysis.result import FloatArray
 
-#: Different masses, zero among them: with fewer the line cannot contradict anybody.
+#: Different masses, zero among them: with fewer the line contradicts no value.
 LEAST_MASSES = 3
 #: Share of the span that a point may lie off the line. The gauges are linear to 0.1 %; a weight
 #: that touches the frame or hangs on another hole of the arm shows as more.
@@ -65,8 +65,8 @@ def calibrate_torque(
     if refusals:
         return CalibrationResult(title, {}, series=(series,), refusals=refusals)
     scale = 1.0 / line.slope
-    # A gauge off 45 degrees by d lets (1 + nu) d of the bending strain into V_a - V_b, where the
-    # mean shows (1 - nu)/2 of it.
+    # A gauge off 45 degrees by d lets (1 + nu) d of the bending strain into V_a - V_b, for which
+    # the mean shows (1 - nu)/2 of it.
     through = math.sqrt(2.0) * 2.0 * (1.0 + bench.poisson) / (1.0 - bench.poisson)
     u_bending = through * bench.u_alignment_rad * abs(bending.slope / line.slope)
     budget = (

@@ -2,7 +2,7 @@
 
 Corrections to the paper: the sum is over both terms; i = 0..M-1; the columns of b_0 are left out,
 because they are zero and make the printed system singular. The series keeps LOW frequencies only
-(the text of the paper says "high").
+(the text of the paper has "high").
 
 The fit is a 19 Hz filter only for a record of 1 s. For a record of 0.3 to 0.6 s the basis is nearly
 dependent:

@@ -36,7 +36,7 @@ class Peak:
 def fit_peak(t_s: FloatArray, torque_nm: FloatArray, share: float) -> Peak:
     """Fit sigma to ``torque_nm`` (n,) within ``share`` of the record on either side of its peak.
 
-    A torque that does not fall off gives a sigma far beyond the record; its caller must look.
+    A torque that does not fall off gives a sigma far beyond the record; its caller must check.
     """
     index = int(np.argmax(torque_nm))
     height, time = float(torque_nm[index]), float(t_s[index])

@@ -204,7 +204,7 @@ def _regime_flags(regime: Regime, slip: float) -> Iterator[Flag]:
         yield Flag(
             "no_sliding",
             f"The wheel rolled (corrected slip {slip:.2f}, sliding begins at {SLIDING_SLIP}): "
-            "T/(R N) is the force that the motion asked for, not a friction coefficient.",
+            "T/(R N) is the force that the motion demands, not a friction coefficient.",
             Severity.NOTE,
         )
     elif regime is Regime.MIXED:

@@ -37,11 +37,11 @@ class PaperCurves:
 
 @dataclass(frozen=True)
 class PaperRun:
-    """One run by the paper's method. If a number cannot be computed, it is NaN; a flag says why.
+    """One run by the paper's method; a missing number is NaN, and a flag gives the reason.
 
     ``mu`` = <T>/(R N) is what the paper calls friction coefficient in every run. It is one
     (:attr:`coefficient`) only in regime ``SLIDING``; a wheel that rolls shows the force that the
-    motion asks for, which says nothing of the limit: see :attr:`friction_coefficient`.
+    motion demands, which is not the limit: see :attr:`friction_coefficient`.
     """
 
     coefficient: ClassVar[Coefficient] = Coefficient.ROLLING
@@ -49,13 +49,13 @@ class PaperRun:
     torque_nm: float  #: mean over the steady segment, from the Fourier curve
     mu: float
     slip: float  #: the paper's Eq. 12, mean of (w R - V)/V over the segment where V > 0
-    slip_corrected: float  #: <w R>/(<V> cos(alpha)) - 1: 0 where the wheel rolls, at any angle
+    slip_corrected: float  #: <w R>/(<V> cos(alpha)) - 1: 0 if the wheel rolls, at any angle
     relative_speed: float  #: Eq. 11, mean of w R - V in m/s
     sigma_s: float  #: of the Gaussian of Eq. 9
     h: float  #: its height, N m: the largest torque
     p: float  #: its place, s since the relay command
-    t_steady_s: float  #: p + 2 sigma, where the steady segment begins
-    regime: Regime | None  #: None where the run cannot be evaluated
+    t_steady_s: float  #: p + 2 sigma, begin of the steady segment
+    regime: Regime | None  #: None if the run cannot be evaluated
     flags: tuple[Flag, ...] = ()
     curves: PaperCurves | None = None
 
@@ -77,10 +77,10 @@ class PaperRun:
 
     @property
     def excluded(self) -> bool:
-        """Whether anything speaks against using this run at all."""
+        """Whether a flag excludes this run."""
         return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
 
     @property
     def friction_coefficient(self) -> float:
-        """``mu`` where the wheel slid all through the steady segment, else NaN."""
+        """``mu`` if the wheel slid all through the steady segment, else NaN."""
         return self.mu if self.regime is Regime.SLIDING else float("nan")

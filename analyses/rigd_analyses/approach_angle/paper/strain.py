@@ -6,7 +6,7 @@ The gauges are at +45 and -45 degrees to the axis and measure
     eps_b = eps_x sin^2 + eps_y cos^2 - gamma sin cos
 
 The paper prints a plus in the second equation, which makes their difference zero. At 45 degrees
-gamma = eps_a - eps_b (Eq. 5), whatever the bending strains are. gamma is the engineering shear
+gamma = eps_a - eps_b (Eq. 5), for any bending strains. gamma is the engineering shear
 strain, twice that of the tensor. In T = gamma G J/r_s (Eq. 6), r_s is the radius of the SHAFT. All
 equations are linear: they give the same result on the signals and on the coefficients of their
 Fourier series, which the paper uses.

@@ -62,7 +62,7 @@ def _torque(ax: Axes, paper: PaperRun, curves: PaperCurves) -> None:
 
 
 def _positions(ax: Axes, curves: PaperCurves) -> None:
-    """Draw Fig. 9: positions as recorded and smoothed, from where they began."""
+    """Draw Fig. 9: positions as recorded and smoothed, from their begin."""
     begin = curves.t_s <= curves.t_s[0] + 0.005
     for raw, smooth, index, name in (
         (curves.platform_raw_m, curves.platform_m, 0, "platform x"),
@@ -95,7 +95,7 @@ def _speeds(ax: Axes, run: RunResult, curves: PaperCurves) -> None:
 
 
 def _blocks(ax: Axes, run: RunResult) -> None:
-    """Draw F_r/N by blocks, full where the wheel slides, beside the paper's one number."""
+    """Draw F_r/N by blocks, full if the wheel slides, beside the paper's one number."""
     blocks = run.better.blocks
     sliding = blocks.sliding
     colour = series(2)

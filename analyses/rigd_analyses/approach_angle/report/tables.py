@@ -22,7 +22,7 @@ from rigd_analyses.approach_angle.result import (
     Trend,
 )
 
-#: What stands where there is no number.
+#: Text in place of a missing number.
 NONE: Final = "–"
 #: Decimals of a coefficient that comes without an uncertainty, as in the paper's Table 1.
 PLACES: Final = 4
@@ -35,7 +35,7 @@ SOURCES: Final = {
 
 
 def label(result: SetResult) -> str:
-    """Return a set as a person calls it, such as ``clean, 15°``; the wheel where it is known."""
+    """Return a set in words, such as ``clean, 15°``; the wheel if it is known."""
     angle = f"{number(result.angle_deg, digits=3)}°"
     return f"{result.wheel}, {angle}" if result.wheel else angle
 
@@ -46,7 +46,7 @@ def coefficient(value: float | None) -> str:
 
 
 def quantity(value: float, places: int) -> str:
-    """Return a number with so many decimals, or a dash where there is none."""
+    """Return a number with so many decimals, or a dash if there is none."""
     return number(value, places) if np.isfinite(value) else NONE
 
 
@@ -66,7 +66,7 @@ class SetRow:
     label: str
     published: str
     paper: str
-    paper_regime: str  #: empty where the wheel slid in that run, as it must for a limit
+    paper_regime: str  #: empty if the wheel slid in that run, as it must for a limit
     counts: str
     maximum: str
     deviation: str  #: of the better value from the published one; empty without both
@@ -101,7 +101,7 @@ def _set_row(result: SetResult) -> SetRow:
 
 
 def _paper(result: SetResult) -> str:
-    """Return the paper's maximum with the U of its budget, where there is one."""
+    """Return the paper's maximum with the U of its budget, if there is one."""
     value = result.paper.value
     if value is None or result.budget is None:
         return coefficient(value)
@@ -201,7 +201,7 @@ def share(value: float) -> str:
 
 
 def trial_of(run: RunResult, result: CampaignResult) -> str:
-    """Return ``6``, or ``6 of second.mcap`` where the campaign stands in several recordings."""
+    """Return ``6``, or ``6 of second.mcap`` if the campaign is in several recordings."""
     several = len({item.run.recording for item in result.runs}) > 1
     return f"{run.run.number} of {run.run.recording}" if several else str(run.run.number)
 
@@ -213,7 +213,7 @@ class FlaggedRow:
     code: str
     excluded: bool
     runs: tuple[RunResult, ...]
-    trials: tuple[str, ...]  #: number of each run, with its file where there are several
+    trials: tuple[str, ...]  #: number of each run, with its file if there are several
     reasons: tuple[str, ...]  #: one for each run
 
     @property
@@ -250,7 +250,7 @@ class RunRow:
     load: str
     torque: str
     regime: str
-    paper: str  #: only a friction coefficient where the wheel slid
+    paper: str  #: only a friction coefficient if the wheel slid
     slip: str
     slip_corrected: str
     better: str

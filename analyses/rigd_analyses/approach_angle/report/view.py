@@ -133,7 +133,7 @@ def typical_run(result: SetResult, runs: Sequence[RunResult]) -> tuple[RunResult
     """Return the run of a set to show at length, and why it: the median one of those that slid.
 
     Of the runs that were used if none slid, of all that were evaluated if none was used; None
-    where not even that leaves one.
+    if not even that leaves one.
     """
     mine = [r for r in runs if r.run.set_name == result.name and r.paper.curves is not None]
     mine = [run for run in mine if np.isfinite(run.paper.mu)]
@@ -150,13 +150,15 @@ def typical_run(result: SetResult, runs: Sequence[RunResult]) -> tuple[RunResult
 def _maximum(result: CampaignResult) -> Drawing | None:
     if not result.trends:
         return None
-    said = "; ".join(f"{row.source}: {row.slope} per degree" for row in trend_rows(result))
+    slopes = "; ".join(f"{row.source}: {row.slope} per degree" for row in trend_rows(result))
     caption = (
         "Bars: ± U (k = 2). Full lines: straight line over the clean sets. Dotted: (a + b sin α)/"
         "cos α, the force that mere rolling demands."
     )
     figure = set_plots.maximum_over_angle(result)
-    return draw(figure, "maximum", f"Maximum coefficient over the approach angle. {said}.", caption)
+    return draw(
+        figure, "maximum", f"Maximum coefficient over the approach angle. {slopes}.", caption
+    )
 
 
 def _friction(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:

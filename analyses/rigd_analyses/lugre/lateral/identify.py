@@ -2,8 +2,8 @@
 
 The longitudinal friction and the constants of the drive are fitted along, the latter with their
 uncertainties. Every sweep is also fitted with the lateral speed turned round, and with the other
-way in which a lifted row of rollers may rub: the likelihood, for the same noise, says what the data
-support.
+way in which a lifted row of rollers may rub: the likelihood, for the same noise, shows what the
+data support.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the cho
 LEAST_CURRENTS = 2  #: the longitudinal friction is fitted along, and needs them
 SAME_CURRENT_A = 0.02
 UNSTEADY = 0.25  #: share of its mean by which the lateral speed may differ during a drive
-#: ln L that a turned lateral speed must gain to be believed, and by which one of two couplings is
+#: ln L that a turned lateral speed must gain to be accepted, and by which one of two couplings is
 #: preferred: a factor of 150 in the likelihood.
 CLEAR_GAIN = 5.0
 SCORES_S = 0.05  #: longest correlation of the scores that is accounted for
@@ -103,7 +103,7 @@ class LateralFound:
 
     @property
     def rows_known(self) -> bool:
-        """Whether the data tell how a lifted row of rollers rubs."""
+        """Whether the data show how a lifted row of rollers rubs."""
         return self.gains[self.rival] > CLEAR_GAIN
 
 
@@ -113,7 +113,7 @@ def find_lateral(
     lateral: LateralConstants,
     settings: Settings | None = None,
 ) -> LateralFound:
-    """Return what ``trials`` say of the rollers' friction, by simulating the rig.
+    """Return the rollers' friction from ``trials``, by simulating the rig.
 
     Raises:
         DataError: no trial moves sideways, too few currents, or a recording cannot answer.
@@ -198,7 +198,7 @@ def _damped(model: OutputErrorModel, theta: FloatArray) -> Fit:
 
 
 def _refined(model: OutputErrorModel, found: Fit) -> Branch:
-    """Return the fit that goes on from ``found`` with the noise as it is there."""
+    """Return the fit continued from ``found`` with the noise as it is there."""
     for enough in (ROUGH, ENOUGH):
         model = OutputErrorModel(model.system, noise_at(model.system, found.theta))
         found = fit(

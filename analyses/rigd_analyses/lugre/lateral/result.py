@@ -52,7 +52,7 @@ class GuideFriction:
 class LateralResult(IdentificationResult):
     """The rollers' friction, with each trial's speed error and the errors taken together.
 
-    ``speeds`` belong to ``cells``. ``coupling`` says which coupling the data support.
+    ``speeds`` belong to ``cells``. ``coupling`` is the coupling that the data support.
     """
 
     cells: tuple[Cell, ...]
@@ -269,35 +269,35 @@ def _coupling(found: LateralFound) -> str:
     if found.rows_known:
         return f"{rows.value}; ln L of the other way is {gain:.0f} lower"
     return (
-        f"{rows.value}; these data hardly tell it from the other way (ln L {gain:.1f} lower), and "
+        f"{rows.value}; the other way fits these data almost as well (ln L {gain:.1f} lower), and "
         "the intervals hold both"
     )
 
 
 def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tuple[str, ...]:
     gate, system = found.gate, found.system
-    told = [] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]
-    told += [f"{item.label} was left out: {item.reason}" for item in found.rejected]
+    lines = [] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]
+    lines += [f"{item.label} was left out: {item.reason}" for item in found.rejected]
     signs = {math.copysign(1.0, item.lateral_speed_m_s) for item in cells
              if item.lateral_speed_m_s != 0.0}  # fmt: skip
     if len(signs) < 2:
-        told.append(
+        lines.append(
             "The bridge moves in one direction only: the friction of the guide and that of the "
-            "rollers are told apart by the stated guide_friction alone."
+            "rollers are separated by the stated guide_friction alone."
         )
     turned = max(found.gains[rows, not system.turned] for rows in LiftedRows)
     if not system.turned and turned < CLEAR_GAIN:
-        told.append("These data do not tell which sign the lateral speed has.")
+        lines.append("These data do not show which sign the lateral speed has.")
     theta = system.coupling(found.shared)
     s = np.array([DRY.value(theta, 0) + VISCOUS.value(theta, 0) * fast])
     gain = float(loop_gain(s, theta)[0])
     if system.rows is LiftedRows.PRINTED and gain >= HIGH_GAIN:
-        told.append(
+        lines.append(
             f"The loop of Eqs. 22, 25 and 26 has the gain {gain:.2f} at {fast:.2f} m/s and locks "
             f"at 1: look at guide_height ({theta[HEIGHT]:.3g} m) and row_distance "
             f"({theta[ROW_DISTANCE]:.3g} m)."
         )
-    return tuple(told)
+    return tuple(lines)
 
 
 def _account(found: LateralFound) -> Preprocessing:

@@ -1,4 +1,4 @@
-"""Finds where a fit of the rollers' friction begins: by the force that each trial lacks without it.
+"""Finds starts for a fit of the rollers' friction: by the force that each trial lacks without it.
 
 Over the friction of the rollers, the load of the guide falls to nothing and rises again, at another
 friction for each lateral speed: a fit has many optima. The speeds of the carriage alone show the

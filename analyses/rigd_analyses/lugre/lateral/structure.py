@@ -28,13 +28,13 @@ class Structure:
 
     @property
     def sentence(self) -> str:
-        """Return what it says if the forces follow the lateral speed, else nothing."""
+        """Return a sentence if the forces follow the lateral speed, else nothing."""
         if self.p_value >= LEVEL:
             return ""
         return (
             f"what it leaves of the carriage's speed follows the lateral speed: at "
             f"{self.worst_m_s:+.2f} m/s it lacks {1e3 * self.worst_n:+.1f} mN along the guide, "
-            f"where trials alike differ by {1e3 * self.scatter_n:.1f} mN. Look at guide_lever, "
+            f"trials set alike differ by {1e3 * self.scatter_n:.1f} mN. Check guide_lever, "
             "guide_height, row_distance and mass_offset."
         )
 

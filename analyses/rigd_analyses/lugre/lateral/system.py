@@ -2,7 +2,7 @@
 
 The lateral speed is measured, as the current is. During a drive it is nearly constant, and so is
 the load that follows from it: a trial is that of the straight rig, with a guide friction and a
-bearing torque of its own (lugre.md section 2, items 6 and 11). Where the guide's friction differs
+bearing torque of its own (lugre.md section 2, items 6 and 11). If the guide's friction differs
 from its mean, carriage and wheel follow together, with the inertia m_T + I / r^2; the contact force
 changes by a twelfth of the difference, which the slip does not show.
 """
@@ -33,7 +33,7 @@ HELD_U = 1e-9  #: in the coordinate of the fit
 #: Of the load; Sensors 2025 25(16) 5026 has 0.009 to 0.048 at one speed.
 DRY_BOX = (1e-3, 0.3)
 VISCOUS_BOX = (1e-4, 1.0)  #: s/m
-FIRST_DRY, FIRST_VISCOUS = 0.02, 0.02  #: where a fit begins
+FIRST_DRY, FIRST_VISCOUS = 0.02, 0.02  #: start of a fit
 #: Places among the shared unknowns, which begin with those of the recursion.
 GUIDE, NO_LOAD = kernel.NAMES.index("guide_friction"), kernel.NAMES.index("no_load")
 STRAIGHT_M_S = 0.01  #: slower lateral motion is that of a bridge at rest

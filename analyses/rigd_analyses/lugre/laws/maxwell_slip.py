@@ -5,7 +5,7 @@ friction simulation and compensation", IEEE Transactions on Automatic Control 50
 element i holds the share 1/4 of the friction. It sticks, dF_i/dt = k_i V, until its force reaches
 s(V)/4, and then slips, dF_i/dt = sign(V) C (1/4 - F_i/s(V)), until the slip reverses. s(V) is the
 Stribeck curve of the LuGre law. The paper leaves the elements free; here the stiffnesses k_i are a
-geometric series, so that two parameters say where friction yields.
+geometric series, so that two parameters determine where friction yields.
 """
 
 from __future__ import annotations

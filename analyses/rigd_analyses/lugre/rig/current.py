@@ -1,6 +1,6 @@
 """The motor current that a trial is simulated with: without the monitor's noise.
 
-A simulation adds up every error of its input, and friction rectifies noise where the slip is small.
+A simulation adds up every error of its input, and friction rectifies noise at small slip.
 Between jumps the current is smooth (constant, or falling at the voltage limit). A polynomial filter
 takes the noise away there; it never reaches across a jump, and its window is as wide at each sample
 as the current allows: the confidence intervals of the filters with wider and wider windows are
@@ -29,7 +29,7 @@ CONFIDENCE = 2.5  #: standard deviations of a filter's noise to either side
 
 @dataclass(frozen=True, eq=False)
 class SimulatedCurrent:
-    """``current_a`` (n,) at the samples; ``jumps`` (n,) is 1 where it jumps behind a sample."""
+    """``current_a`` (n,) at the samples; ``jumps`` (n,) is 1 if it jumps behind a sample."""
 
     current_a: FloatArray
     jumps: FloatArray

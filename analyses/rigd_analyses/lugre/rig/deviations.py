@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 X, ANGLE, V, W, Z, OFFSET = range(6)
 STATES = 6
 MOVING_M_S = 2e-3  #: of the wheel's rim; below it static friction takes up what disturbs
-MOST_REPEATS = 300.0  #: samples that may show the same count, and tell no more than one
+MOST_REPEATS = 300.0  #: samples that may show the same count, and count as one
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def stepped(
 
 
 def moving(states: FloatArray, radius_m: float) -> FloatArray:
-    """Return (n,) 1 where the wheel turns in the step behind a sample, 0 where it stands."""
+    """Return (n,) 1 if the wheel turns in the step behind a sample, 0 if it stands."""
     speed = np.abs(radius_m * states[:, rig.WHEEL_SPEED])
     return np.asarray(np.append(np.maximum(speed[1:], speed[:-1]), speed[-1]) > MOVING_M_S, float)
 
@@ -167,7 +167,7 @@ def deviations(
 def _rounding(step: float, moved: FloatArray) -> FloatArray:
     """Return the variance of rounding to ``step`` for each sample that moves by ``moved`` (n,).
 
-    Samples that show one count tell together what one tells.
+    Samples that show one count count together as one.
     """
     repeats = np.clip(step / np.maximum(moved, 1e-12), 1.0, MOST_REPEATS)
     return np.asarray(step**2 / 12.0 * repeats)

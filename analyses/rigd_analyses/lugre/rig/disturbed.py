@@ -2,7 +2,7 @@
 
 A disturbance adds to the rates of carriage speed, wheel speed and bristle. Its effect follows the
 derivative of each step of the recursion (:func:`.deviations.transitions`): the variational equation
-(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, sec. I.14). Where the rig
+(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, sec. I.14). If the rig
 stands, static friction takes it up.
 """
 

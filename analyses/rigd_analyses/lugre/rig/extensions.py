@@ -47,7 +47,7 @@ def candidates(system: RigSystem, theta: FloatArray) -> Iterator[Suspect]:
 
 
 def sources(rig: Disturbed) -> list[ErrorSource]:
-    """Return where an error may enter: readings, forces, the contact."""
+    """Return the places at which an error may enter: readings, forces, the contact."""
     gain = rig.named["drive_gain"]
     return [
         ErrorSource("a force on the carriage", "N", lambda k, s: rig.forced(k, force_n=s)),

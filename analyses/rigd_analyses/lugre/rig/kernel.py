@@ -170,7 +170,7 @@ def integrate(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return x, angle, dv/dt, v, w, z at each sample (n, 6), and their derivatives (n, 5, 20).
 
-    ``current`` (n,) in A at the samples, ``jumps`` (n,) 1 where it jumps behind the sample,
+    ``current`` (n,) in A at the samples, ``jumps`` (n,) 1 if it jumps behind the sample,
     ``angle`` (n,) as measured, in rad, ``turning`` (n,) its rate in rad/s. Position and angle begin
     at 0, the speeds at rest. Without ``sensitive`` the derivatives are (1, 5, 20) zeros.
     """

@@ -15,7 +15,7 @@ from rigd_analyses.lugre.rig.system import LEAD
 from rigd_analyses.lugre.trial import LugreTrial
 
 LEAST_TRIALS = 3
-MARGIN = 5  #: samples before the end of a drive that the current alone tells
+MARGIN = 5  #: samples before the end of a drive that the current alone shows
 LEAST_TRAVEL_M = 0.02
 LEAST_SPEED_M_S = 0.03  #: a carriage that creeps sticks and slips, which no law of sliding has
 SPEED_OVER_S = 0.1

@@ -58,7 +58,7 @@ def result(
     starts: Sequence[FloatArray],
     block: int,
 ) -> IdentificationResult:
-    """Return the result for a report; ``starts`` are where the fits began, ``block`` in samples."""
+    """Return the result for a report; ``starts`` are those of the fits, ``block`` in samples."""
     whole, gate = found.whole, found.gate
     count = FRICTION
     samples = sum(error.shape[0] for error in whole.errors)

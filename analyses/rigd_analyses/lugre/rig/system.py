@@ -243,7 +243,7 @@ def _count(values: FloatArray) -> float:
 
 def _positive(name: str, unit: str, known: Known, wording: str) -> Unknown:
     relative = max(known.u / known.value, LEAST_U)
-    # Far enough for a diameter typed for a radius: the data then contradict it, and say so.
+    # Far enough for a diameter typed for a radius: the data then contradict it.
     parameter = FitParameter(name, unit, known.value / FAR, known.value * FAR, known.value)
     return Unknown(parameter, relative, wording)
 

@@ -1,7 +1,7 @@
 """Fits single constants of a recording while friction is held, and judges what is left.
 
-The drive's gain and the zero of the current are fitted to the speeds alone: slip, which tells
-floors apart, has no say in them. Gauss and Newton's steps, with the sensitivities of the recursion.
+The drive's gain and the zero of the current are fitted to the speeds alone: slip, which separates
+floors, does not affect them. Gauss and Newton's steps, with the sensitivities of the recursion.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ENOUGH: Final = 1e-4  #: relative to the step before
 BLOCK_S: Final = 0.15  #: longest correlation of residuals that an uncertainty allows for
 COVERAGE: Final = 3.0  #: of noise and of the model's uncertainty, in a limit
 DRIVE: Final = (GAIN, ZERO)
-#: Constants that slip alone can tell; all others are told by the speeds.
+#: Constants that slip alone can show; the speeds show all others.
 BY_SLIP: Final = ("wheel_radius", LATE)
 
 
@@ -227,7 +227,7 @@ def _limits(
     L^2 = 3^2 (noise^2 + model^2) + constants^2: noise as the recording shows it, the model's own
     uncertainty, and the stated standard uncertainties of the constants, less what a fit of the
     drive's gain and zero to the speeds takes up. A constant that is off by more is worth a word,
-    and is looked for.
+    and is sought.
     """
     drive, _ = _stacked(simulated, DRIVE, SPEED)
     names = list(uncertainties(simulated[0].motion))

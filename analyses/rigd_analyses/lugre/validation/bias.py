@@ -1,4 +1,4 @@
-"""Says which constants of a recording would have to be otherwise, to a person."""
+"""Describes in sentences which constants of a recording would have to differ."""
 
 from __future__ import annotations
 
@@ -105,13 +105,13 @@ def _zero(item: Attempt) -> Bias:
 
 def _late(item: Attempt) -> Bias:
     value = item.value(LATE)
-    who = "carriage" if value > 0.0 else "wheel"
+    encoder = "carriage" if value > 0.0 else "wheel"
     sentence = (
-        f"The {who} encoder would have to read {number(1e3 * abs(value), digits=2)} ms late, "
+        f"The {encoder} encoder would have to read {number(1e3 * abs(value), digits=2)} ms late, "
         "stated is that both are sampled at the same time."
     )
     u = stated_u(item.simulated[0].motion, LATE)
-    return Bias(f"{who}_delay", "s", 0.0, u, abs(value), item.error(LATE), sentence)
+    return Bias(f"{encoder}_delay", "s", 0.0, u, abs(value), item.error(LATE), sentence)
 
 
 def _signed(value: float) -> str:

@@ -29,8 +29,8 @@ class Friction:
 
     The covariance is that of natural values while parameters without a known logarithm are held.
     These are in ``alternatives`` (k, 6), which the identification accepts as well.
-    ``visited_m_s`` is the slip that identified it, None if the file does not say. ``uncertain`` is
-    false if the file holds no uncertainty.
+    ``visited_m_s`` is the slip that identified it, None if the file does not have it. ``uncertain``
+    is false if the file holds no uncertainty.
     """
 
     theta: FloatArray
@@ -54,7 +54,7 @@ def friction_of(saved: SavedModel) -> Friction:
         raise saved.error(
             "this model did not fit the recordings that it was made from: there is nothing to try",
             ("gate",),
-            hint="mend what its report names, and identify again",
+            hint="correct what its report names, and identify again",
         )
     for name, unit in REPORTED.items():
         given = saved.get("parameters", name, "unit")
@@ -134,7 +134,7 @@ def _roots(saved: SavedModel) -> FloatArray:
     """Return (6, 6) whose product with its transpose is the covariance in scaled coordinates.
 
     A parameter of which the data leave a factor of two or more lies on a curved ridge, along which
-    a covariance says nothing: it is held (the conditional covariance of the others is taken).
+    a covariance has no meaning: it is held (the conditional covariance of the others is taken).
     """
     keys = (*POINT, "covariance")
     count = len(PARAMETERS)

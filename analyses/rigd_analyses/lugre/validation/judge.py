@@ -31,8 +31,8 @@ from rigd_analyses.lugre.validation.motion import (
 from rigd_analyses.lugre.validation.paper import published_speed_rms
 from rigd_analyses.lugre.validation.search import PLAUSIBLE_DRIVE, Search, pull, search
 
-#: A limit above this share of the slip itself cannot tell a model from one without slip.
-TELLING: Final = 0.25
+#: A limit above this share of the slip itself cannot separate a model from one without slip.
+CONCLUSIVE: Final = 0.25
 SUSPECTS: Final = 2  #: that are named
 #: Slip beyond the visited one by this factor is extrapolation.
 BEYOND: Final = 1.1
@@ -65,27 +65,27 @@ def judged(
         outcome, sentence = ModelOutcome.REJECTED, _rejected(trials, found)
     elif _contradicted(found):
         outcome = ModelOutcome.REJECTED
-        said = " ".join(item.sentence for item in biases(found.found))
-        sentence = f"The constants of the recording contradict its motion. {said}"
-    elif (slip.limit or 0.0) > TELLING * slip.size:
+        contradiction = " ".join(item.sentence for item in biases(found.found))
+        sentence = f"The constants of the recording contradict its motion. {contradiction}"
+    elif (slip.limit or 0.0) > CONCLUSIVE * slip.size:
         outcome = ModelOutcome.UNTESTED
         sentence = (
-            f"These trials cannot tell: noise and uncertainties allow an error of "
+            f"These trials cannot decide: noise and uncertainties allow an error of "
             f"{number(1e3 * (slip.limit or 0.0), digits=2)} mm/s, the slip itself is "
             f"{number(1e3 * slip.size, digits=2)} mm/s."
         )
     elif found.found.names:
         outcome = ModelOutcome.CORRECTED
-        said = " ".join(item.sentence for item in biases(found.found))
-        sentence = f"{said} With that, {left}."
+        excuse = " ".join(item.sentence for item in biases(found.found))
+        sentence = f"{excuse} With that, {left}."
     else:
         outcome = ModelOutcome.CONFIRMED
         sentence = f"With all constants as stated, {left}."
-    told = [*findings, *_equal(found), *_extrapolated(trials, friction)]
+    lines = [*findings, *_equal(found), *_extrapolated(trials, friction)]
     if not friction.uncertain:
-        told.append("The file states no uncertainty of the model: it counts as exact.")
+        lines.append("The file states no uncertainty of the model: it counts as exact.")
     return GroupValidation(
-        label, model, outcome, sentence, trials, biases(found.found), tuple(told), tuple(left_out)
+        label, model, outcome, sentence, trials, biases(found.found), tuple(lines), tuple(left_out)
     )
 
 
@@ -133,7 +133,7 @@ def _contradicted(found: Search) -> bool:
 
 
 def _rejected(trials: Sequence[ValidatedTrial], found: Search) -> str:
-    """Return what is off, where most, and which constant would explain it if it could be so."""
+    """Return what is off, where most, and which constant could explain it."""
     parts = []
     for output in (SLIP, SPEED):
         off = [trial for trial in trials if not trial.deviation(output).passes]
@@ -149,12 +149,12 @@ def _rejected(trials: Sequence[ValidatedTrial], found: Search) -> str:
     sentence = f"{' and '.join(parts)}."
     if not found.suspects:
         return f"{_capital(sentence)} No constant explains it: the friction is another one."
-    said = [_said_of_last(item) for item in found.suspects[:SUSPECTS]]
-    return f"{_capital(sentence)} It would be explained if this were so: {'; or '.join(said)}."
+    suspected = [_last_bias(item) for item in found.suspects[:SUSPECTS]]
+    return f"{_capital(sentence)} It would be explained if this were so: {'; or '.join(suspected)}."
 
 
-def _said_of_last(item: Attempt) -> str:
-    """Return what an attempt says of the constant beside those of the drive."""
+def _last_bias(item: Attempt) -> str:
+    """Return the sentence of an attempt on the constant beside those of the drive."""
     return bias(item, item.names[-1]).sentence.rstrip(".")
 
 
@@ -163,13 +163,13 @@ def _equal(found: Search) -> list[str]:
     if not found.equal:
         return []
     own = set(found.found.names)
-    said = [
+    others = [
         bias(item, name).sentence.rstrip(".")
         for item in found.equal
         for name in item.names
         if name not in own
     ]
-    return [f"The motion cannot tell it from: {'; or '.join(said)}."]
+    return [f"The motion cannot separate it from: {'; or '.join(others)}."]
 
 
 def _extrapolated(trials: Sequence[ValidatedTrial], friction: Friction) -> list[str]:

@@ -28,7 +28,7 @@ from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 SPEED, SLIP, FORCE = "speed", "slip", "force"
 UNITS: Final = {SPEED: "m/s", SLIP: "m/s", FORCE: "N"}
-LEAST_TRAVEL_M: Final = 0.05  #: a trial that moves less says nothing of sliding
+LEAST_TRAVEL_M: Final = 0.05  #: a trial that moves less does not show sliding
 MAD_TO_SIGMA: Final = 1.4826
 FRICTION: Final = 6  #: parameters of friction, the first of the recursion
 COLUMN: Final = {name: k for k, name in enumerate(kernel.NAMES)}
@@ -99,7 +99,7 @@ def driven_motion(
     conditions: Mapping[str, str],
     guards: Guards | None = None,
 ) -> DrivenMotion | TrialRejection:
-    """Return the part of ``trial`` to simulate, or why it says nothing.
+    """Return the part of ``trial`` to simulate, or why it is not usable.
 
     Raises:
         DataError: its samples are not usable, or it has no rest and no step of the current.
@@ -188,7 +188,7 @@ class Simulated:
         return self._force(motion.acceleration, motion.carriage_speed)
 
     def modelled(self, output: str) -> FloatArray:
-        """Return what the model says of ``output``, (n,)."""
+        """Return ``output`` by the model, (n,)."""
         if output == SPEED:
             return self.speed
         if output == SLIP:

@@ -1,4 +1,4 @@
-"""Looks for the fewest constants that would have to be otherwise for a recording to be explained.
+"""Finds the fewest constants that would have to differ for a recording to be explained.
 
 First none; then one, the drive's gain or the current's zero before all others; then these two; then
 one further constant beside them.

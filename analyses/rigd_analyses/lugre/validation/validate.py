@@ -27,7 +27,7 @@ def validate(
     group: str,
     notify: Callable[[str], None],
 ) -> Validation:
-    """Return what ``sweeps`` say of ``models``; ``group`` names the one to take, if not empty.
+    """Return how ``sweeps`` agree with ``models``; ``group`` names the one to take, if not empty.
 
     Each recording is judged by itself: its trials share one drive.
 
@@ -141,7 +141,7 @@ def _label(sweep: RecordedSweep, trials: Trials, *, several: bool) -> str:
 
 
 def _known_before(saved: SavedModel, trials: Trials) -> list[str]:
-    """Return what a reader must know whatever the data say."""
+    """Return what a reader must know with any data."""
     sweep, trial = trials[0]
     own = conditions(sweep, trial)
     found = [

@@ -80,7 +80,7 @@ def _errors(ax: Axes, group: GroupValidation, output: str, index: int, published
 
 
 def _shown(found: Sequence[Deviation], name: str) -> FloatArray:
-    """Return one number of each deviation in the unit that it is shown in, NaN where none."""
+    """Return one number of each deviation in the unit that it is shown in, NaN if none."""
     values = [getattr(item, name) for item in found]
     scale = 1e3 if found[0].unit in FINER else 1.0
     return np.array([np.nan if value is None else scale * value for value in values])

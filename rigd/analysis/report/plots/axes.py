@@ -99,7 +99,7 @@ def words(name: str) -> str:
 def plain_log(ax: Axes, which: str) -> None:
     """Make an axis logarithmic with plain numbers at the decades; of few, also at 2 and 5.
 
-    Call it once the data are drawn: they say how many decades there are.
+    Call it once the data are drawn: they determine the number of decades.
     """
     (ax.set_xscale if which == "x" else ax.set_yscale)("log")
     axis = ax.xaxis if which == "x" else ax.yaxis

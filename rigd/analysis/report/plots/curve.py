@@ -64,7 +64,7 @@ def _points(ax: Axes, curve: Curve, colour: str) -> None:
 
 
 def _limit(ax: Axes, sections: Sequence[ReportSection]) -> None:
-    """Cut bands that would flatten every curve, where the data say next to nothing."""
+    """Cut bands that would flatten every curve, at which the data determine next to nothing."""
     fitted = np.concatenate([section.result.curve.y for section in sections])
     points = [(item.low, item.high) for section in sections for item in section.result.curve.seen]
     low = min(float(np.nanmin(section.result.curve.low)) for section in sections)

@@ -9,7 +9,8 @@ from rigd.analysis.report.palette import MEASURED, SERIES, series
 from rigd.analysis.report.plots.axes import Margins, grid, label, plain_log
 from rigd.analysis.result import ModelComparison
 
-#: A curve is cut where it leaves the curves of models that fit by so much of their size.
+#: A curve is cut at the point at which it leaves the curves of models that fit by so much of their
+#: size.
 ROOM = 0.5
 
 

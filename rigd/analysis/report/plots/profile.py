@@ -57,7 +57,7 @@ def _one(ax: Axes, profile: Profile, symbol: str) -> None:
 
 
 def _window(values: FloatArray, cost: FloatArray, ceiling: float) -> tuple[float, float]:
-    """Return the part of the grid where the profile is below the ceiling, and a point each side."""
+    """Return the part of the grid with the profile below the ceiling, and a point each side."""
     low = np.flatnonzero(cost <= ceiling)
     if low.size == 0 or values.size < 2:
         return 0.0, 1.0

@@ -71,7 +71,7 @@ class Acquisition:
         return self.plant.origin_ns + since_ns
 
     def read(self) -> Samples | None:
-        """Return the next block, or None where the plant has not come that far.
+        """Return the next block, or None if the plant has not come that far.
 
         Raises:
             OverflowError: the plant has gone on so far that samples are lost.

@@ -70,7 +70,7 @@ def friction(
 ) -> tuple[float, float, float, float]:
     """Return F_r/N, dz/dt in m/s, the sliding speed v_r in m/s and the limit of F_r/N.
 
-    LuGre bristles with convection by rolling, which ends where they slide fully.
+    LuGre bristles with convection by rolling, which ends when they slide fully.
     """
     rim = c.effective_radius * w
     sliding = rim - v * c.cosine
@@ -315,7 +315,7 @@ def show_now(constants: Rows, state: Rows, out: Floats) -> None:
 
 @kernel
 def touch(constants: Rows, state: Rows) -> None:
-    """Lay the wheel on the surface anew: bristles straight, breakaway surplus there."""
+    """Lay the wheel on the surface again: bristles straight, breakaway surplus there."""
     s = state[0]
     s.z, s.slid, s.vy = 0.0, 0.0, 0.0
     s.y, _ = profile(constants[0], s.wheel)

@@ -59,4 +59,4 @@ FAULTS: Final = {
 #: The scale's status word.
 STABLE: Final = 1
 OVERLOAD: Final = 2
-UNDERLOAD: Final = 4  # a real one has it; nobody can lift this one
+UNDERLOAD: Final = 4  # a real scale has it; this one cannot be lifted

@@ -1,7 +1,7 @@
 """Defines the physical parameters of the approach-angle rig with unit, bounds and meaning.
 
 All values are held in SI. A *spread* is a standard deviation: between individual rigs, or, if the
-parameter's text says so, from run to run.
+parameter's text states it, from run to run.
 """
 
 from __future__ import annotations
@@ -232,7 +232,7 @@ class Limits(ParameterGroup):
     """Coated wheel at 0 deg; no other angle is published."""
 
     def of(self, angle_deg: float, wheel: str) -> float | None:
-        """Return the limit of ``wheel`` at an angle, or None where none is published."""
+        """Return the limit of ``wheel`` at an angle, or None if none is published."""
         for name, known in SETS.items():
             if known == (angle_deg, wheel):
                 return float(getattr(self, name))

@@ -26,7 +26,7 @@ HEAVIEST_KG: Final = 12.0
 HIGHEST_V: Final = 12.0
 #: What people can change at the bench.
 SETTINGS: Final = {
-    "angle": Setting("approach angle, bearings mounted anew", layout.MOUNTED_DEG, "deg"),
+    "angle": Setting("approach angle, bearings mounted again", layout.MOUNTED_DEG, "deg"),
     "wheel": Setting("the wheel on the shaft", layout.WHEELS),
     "load": Setting("load that the bolts set", (), "kg", LIGHTEST_KG, HEAVIEST_KG),
     "voltage": Setting("voltage of the motor's regulator", (), "V", 0.0, HIGHEST_V),
@@ -44,7 +44,7 @@ SETTINGS: Final = {
 AGREEING: Final = 8
 AGREEMENT: Final = 5.0
 OVER_DIVISIONS: Final = 9.0
-#: What of the state begins anew with a run.
+#: What of the state begins again with a run.
 _MOVING: Final = (
     *("i", "rotor_speed", "wheel", "w", "x", "v", "vy"),
     *("closed", "was_closed", "command_at", "started", "relaxed", "awake", "spike"),
@@ -124,7 +124,7 @@ class AnglePlant(Plant):
 
         from rigd_sim.plants.angle import draws, kernel, records
 
-        #: Those of the file that ``config`` names, where they are not given.
+        #: Those of the file that ``config`` names, if they are not given.
         self.parameters: AngleParameters = parameters or config.read_parameters()
         self.noise = config.noise
         self.individual = (
@@ -171,7 +171,7 @@ class AnglePlant(Plant):
         """Command the relay to close or to open, from now on.
 
         Raises:
-            ValueError: it is to close, and nobody knows the friction of what is set up.
+            ValueError: it is to close, and the friction of what is set up is not known.
 
         """
         if closed:
@@ -295,7 +295,7 @@ class AnglePlant(Plant):
 
     def _push_platform(self, place: str) -> None:
         if self._state["command"][0] > 0.5:
-            raise ValueError("the relay is closed: nobody pushes the platform now")
+            raise ValueError("the relay is closed: the platform cannot be pushed now")
         if self._bench.clamped:
             raise ValueError("the shaft is clamped: the wheel cannot turn along; free it first")
         if place == "end":

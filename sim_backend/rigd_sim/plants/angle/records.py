@@ -65,7 +65,7 @@ class Bench:
     """What people have set up at the rig."""
 
     angle: float  #: approach angle, rad
-    limit: float  #: published friction limit of this wheel at this angle; NaN where none is
+    limit: float  #: published friction limit of this wheel at this angle; NaN if none is
     load_n: float  #: normal force that the bolts set, N
     voltage: float
     lifted: bool = False  #: the wheel is off the surface

@@ -369,7 +369,7 @@ def shown(c: Row, value: float, resolution: float) -> float:
 
 @kernel
 def belt_status(clutched: bool, at_limit: bool, at_stop: bool) -> float:
-    """Return the sum of the BELT_* bits of layout.py that the physics knows."""
+    """Return the sum of the BELT_* bits of layout.py that the physics uses."""
     return clutched * 2.0 + (clutched and at_limit) * 4.0 + at_stop * 8.0
 
 

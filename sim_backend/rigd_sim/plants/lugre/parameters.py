@@ -269,7 +269,7 @@ class CurrentMonitor(ParameterGroup):
     """Analogue current monitor of the amplifier."""
 
     sensitivity: Annotated[float, In("V/A"), Ge(-10), Le(10)]
-    """Volts per ampere; negative where the monitor is inverted."""
+    """Volts per ampere; negative if the monitor is inverted."""
     noise: Annotated[float, In("A"), Ge(0), Le(1)]
     """Noise, rms per sample."""
     zero: Annotated[float, In("A"), Ge(-1), Le(1)]

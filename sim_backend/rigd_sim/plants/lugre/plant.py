@@ -139,11 +139,11 @@ class LugrePlant(Plant):
 
     @property
     def floor(self) -> str:
-        """The floor that lies under the wheel."""
+        """The floor under the wheel."""
         return self._floor
 
     def readings_at(self, t_ns: int) -> list[float]:
-        """Return what the sensors show at ``t_ns``, advancing to it where nobody has yet."""
+        """Return what the sensors show at ``t_ns``, advancing to it if needed."""
         if t_ns != self.now_ns or not self.begun:
             self.advance(t_ns)
         return self.readings
@@ -152,7 +152,7 @@ class LugrePlant(Plant):
         """Lay another ``floor`` or change the ``mass`` (kg) of the quarter model."""
         if quantity == "floor":
             self._floor = str(value)
-            self._state["p"] = 0.0  # the contact is made anew
+            self._state["p"] = 0.0  # the contact is made again
         else:
             self._mass = float(value)
         self._constants = self._packed()

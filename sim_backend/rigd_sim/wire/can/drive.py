@@ -37,7 +37,7 @@ MILLI_RPM: Final = 0xFDB44700
 MILLI_RPM_PER_RAD_S: Final = 60e3 / (2 * math.pi)
 #: Bit of the digital outputs 60FE:1 (the first of the manufacturer's) that releases the clutch.
 RELEASE: Final = 1 << 16
-#: A drive that turns slower stands, in rad/s; and how often it looks during a quick stop, in s.
+#: A drive that turns slower stands, in rad/s; and its period of checks during a quick stop, in s.
 STANDSTILL: Final = 0.5
 LOOK_S: Final = 0.01
 
@@ -70,7 +70,7 @@ class Sensed:
 
 @dataclass(frozen=True)
 class Demand:
-    """What a drive does to its motor: A in CST, rad/s in CSV; braked where not ``powered``."""
+    """What a drive does to its motor: A in CST, rad/s in CSV; braked if not ``powered``."""
 
     value: float = 0.0
     powered: bool = False
@@ -239,7 +239,7 @@ class Cia402Drive(CanopenNode):
         self._error_code.value = code
 
     def connection_lost(self, t_ns: int, error: int) -> None:
-        """Do what object 6007 says, where the drive is enabled; an error then leads to a fault."""
+        """Do what object 6007 selects, if the drive is enabled; an error then leads to a fault."""
         self._error_code.value = error or self._error_code.value
         option = self._connection_option.value
         if self._machine.state is not DriveState.OPERATION_ENABLED or option == Reaction.NONE:
@@ -254,7 +254,7 @@ class Cia402Drive(CanopenNode):
         self._actuate(t_ns)
 
     def power_off(self, t_ns: int) -> None:
-        """Start anew without torque; the clutch, spring-applied, engages."""
+        """Start again without torque; the clutch, spring-applied, engages."""
         self._machine.power_on()
         self._actuate(t_ns)
 
@@ -312,7 +312,7 @@ class Cia402Drive(CanopenNode):
         elif stands and self._stop_option.value < 5:
             self._machine.switch_off()
         elif stands:
-            return  # it stays in quick stop, braked, until the controlword says otherwise
+            return  # it stays in quick stop, braked, until the controlword commands otherwise
         self._fault_follows = False if stands else self._fault_follows
         self._actuate(t_ns)
 

@@ -44,7 +44,7 @@ class Errors:
         return EMERGENCY.pack(code, self._register.value, b"")
 
     def over(self) -> bytes:
-        """Clear the register; return the message that says that no error is left."""
+        """Clear the register; return the message that reports that no error is left."""
         self._register.value = 0
         return EMERGENCY.pack(NO_ERROR, 0, b"")
 

@@ -25,7 +25,7 @@ class Scale:
 
     counts_per_turn: int
     turns: int
-    start: int = 0  #: position shown where the physics has counted nothing
+    start: int = 0  #: position shown while the physics has counted nothing
     measure: str = "counts"  #: what observers call the quantity measured
     per_count: float = 1.0  #: that quantity per count, in SI
 
@@ -41,7 +41,7 @@ class Cia406Encoder(CanopenNode):
     faults: ClassVar = {
         **misbehaviour.FAULTS,
         "jump": "position jumps by so many counts, once (counts)",
-        "index_reset": "position starts anew at 0, once",
+        "index_reset": "position starts again at 0, once",
         "sign_flip": "counts the other way round",
         "missed_counts": "loses a part of the counts (fraction 0 to 1)",
     }
@@ -76,7 +76,7 @@ class Cia406Encoder(CanopenNode):
         add(0x6502, 0, Kind.U16, scale.turns)
 
     def twin(self) -> Self:
-        """Return an encoder with the same id and another serial number that nobody turns."""
+        """Return an encoder with the same id and another serial number, which stands still."""
         name, serial = f"{self.name} (twin)", self.identity.serial ^ 1
         return type(self)(name, self._hub, self.node, lambda _: 0.0, self._scale, serial=serial)
 
@@ -132,4 +132,4 @@ class Cia406Encoder(CanopenNode):
         """Do nothing: an encoder only measures."""
 
     def power_off(self, t_ns: int) -> None:
-        """Do nothing: an absolute encoder knows where it is when it is switched on again."""
+        """Do nothing: an absolute encoder keeps its position when it is switched on again."""

@@ -33,7 +33,7 @@ class Watch:
         self._graced = False
 
     def feed(self, timeout_s: float) -> None:
-        """Begin to count ``timeout_s`` anew; cheap, since a timer under way is left to run."""
+        """Begin to count ``timeout_s`` again; cheap, since a timer under way is left to run."""
         loop = asyncio.get_running_loop()
         self._due = loop.time() + timeout_s
         self._graced = False
@@ -84,7 +84,7 @@ class Producer:
             self._timer = loop.call_later(self._period.value * 1e-3, self._again)
 
     def stop(self) -> None:
-        """Fall silent."""
+        """Stop sending."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -95,10 +95,10 @@ class Producer:
 
 
 class Consumer:
-    """Object 1016: calls ``lost(node)`` when a node it watches falls silent.
+    """Object 1016: calls ``lost(node)`` when a node it watches stops sending.
 
-    A node is watched from its first heartbeat on, as the standard says: who never begins is never
-    missed.
+    A node is watched from its first heartbeat on, as in the standard: a node that never begins is
+    never missed.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Consumer:
         self._watches: dict[int, tuple[float, Watch]] = {}
 
     def refresh(self) -> None:
-        """Take over what the object says, such as after a reset."""
+        """Take over the value of the object, such as after a reset."""
         self.stop()
         self._watches = {
             node: (milliseconds * 1e-3, Watch(partial(self._lost, node)))
@@ -124,7 +124,7 @@ class Consumer:
         }
 
     def stop(self) -> None:
-        """Watch nobody until the next heartbeat."""
+        """Watch no node until the next heartbeat."""
         for _, watch in self._watches.values():
             watch.stop()
 

@@ -24,7 +24,7 @@ FAULTS: Final[Mapping[str, str]] = {
     "mapping_refused": "refuses to change any PDO mapping (abort 0x06040041)",
     "watchdog_dead": "takes no notice of lost heartbeats and late RPDOs",
     "heartbeat_missing": "gives no heartbeat of its own",
-    "slow": "says everything late (delay_s)",
+    "slow": "sends everything late (delay_s)",
     "twin": "another node with the same id appears on the bus",
 }
 
@@ -72,7 +72,7 @@ class Misbehaviour:
         self._frozen: dict[int, bytes] = {}
 
     def hide(self, fault: str) -> dict[str, Any] | None:
-        """Stop showing ``fault``; return its options, or None where it was not shown."""
+        """Stop showing ``fault``; return its options, or None if it was not shown."""
         if fault == "tpdo_stale":
             self._frozen.clear()
         return self.shown.pop(fault, None)
@@ -104,6 +104,6 @@ class Misbehaviour:
         return answer
 
     def _meant(self, fault: str, number: int) -> dict[str, Any] | None:
-        """Return the options of ``fault`` where it is shown and means TPDO ``number``."""
+        """Return the options of ``fault`` if it is shown and means TPDO ``number``."""
         options = self.shown.get(fault)
         return options if options is not None and options["number"] in (0, number) else None

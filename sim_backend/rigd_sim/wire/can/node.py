@@ -114,7 +114,7 @@ class CanopenNode(Part):
 
     @abstractmethod
     def connection_lost(self, t_ns: int, error: int) -> None:
-        """The node has left the operational state, by ``error`` where that is not 0."""
+        """The node has left the operational state, by ``error`` if that is not 0."""
 
     @abstractmethod
     def power_off(self, t_ns: int) -> None:
@@ -183,7 +183,7 @@ class CanopenNode(Part):
             self._twin.connect()
 
     def read_options(self, fault: str, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options of ``fault``, complete; a subclass knows those of its own faults."""
+        """Return the options of ``fault``, complete; a subclass has those of its own faults."""
         return misbehaviour.read_options(fault, options)
 
     def clear(self, fault: str | None = None) -> None:
@@ -204,7 +204,7 @@ class CanopenNode(Part):
         self._emergency(self._errors.report(code))
 
     def recovered(self) -> None:
-        """Say that no error is left."""
+        """Report that no error is left."""
         self._emergency(self._errors.over())
 
     def _halt(self) -> None:

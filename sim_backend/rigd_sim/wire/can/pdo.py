@@ -91,7 +91,7 @@ class Pdo:
         return self._packer.unpack_from(data)
 
     def refresh(self) -> None:
-        """Take over what the objects say, such as after a reset."""
+        """Take over the values of the objects, such as after a reset."""
         cob_id, kind, count = self._cob_id.value, self._type.value, self._count.value
         self.entries = tuple(self._target(place.value) for place in self._places[:count])
         self._packer = struct.Struct("<" + "".join(entry.kind.letter for entry in self.entries))

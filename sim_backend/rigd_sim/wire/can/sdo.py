@@ -38,7 +38,7 @@ def abort_frame(index: int, sub: int, code: int) -> bytes:
 
 
 def is_segment(request: bytes) -> bool:
-    """Return whether a client goes on with a transfer; the answer then bears a toggle bit."""
+    """Return whether a client continues a transfer; the answer then bears a toggle bit."""
     return request[0] >> 5 in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT)
 
 
@@ -64,7 +64,7 @@ class SdoServer:
         self._transfer = None
 
     def answer(self, request: bytes) -> bytes | None:
-        """Return the answer to a request of 8 bytes; None where there is none."""
+        """Return the answer to a request of 8 bytes; None if there is none."""
         if len(request) != LENGTH:
             return None
         command = request[0] >> 5

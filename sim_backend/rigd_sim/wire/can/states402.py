@@ -49,7 +49,7 @@ class StateMachine:
         self._last = 0
 
     def power_on(self) -> None:
-        """Start anew, as after a reset."""
+        """Start again, as after a reset."""
         self.state = DriveState.SWITCH_ON_DISABLED
         self._last = 0
 
@@ -63,7 +63,7 @@ class StateMachine:
             self.state = DriveState.SWITCH_ON_DISABLED
 
     def quick_stop(self) -> None:
-        """Begin a quick stop where the drive is enabled (transition 11)."""
+        """Begin a quick stop if the drive is enabled (transition 11)."""
         if self.state is DriveState.OPERATION_ENABLED:
             self.state = DriveState.QUICK_STOP_ACTIVE
 

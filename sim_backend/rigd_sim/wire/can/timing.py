@@ -28,7 +28,7 @@ def frame_ns(length: int, bitrate: float) -> int:
 class Arbiter:
     """One frame at a time, the lowest identifier first among those that wait.
 
-    It has no clock of its own: the caller offers frames and says what time it is.
+    It has no clock of its own: the caller offers frames and passes the time.
     """
 
     def __init__(self, bitrate: float) -> None:

@@ -52,7 +52,7 @@ class Bank:
     _writers: dict[int, Callable[[int], None]] = field(default_factory=dict)
 
     def number(self, address: int, kind: str, read: Callable[[], float]) -> None:
-        """Show a number at ``address`` (and the next, where it takes two registers)."""
+        """Show a number at ``address`` (and the next, if it takes two registers)."""
         number = _Number(kind, read)
         for index in range(struct.calcsize(_FORMATS[kind]) // 2):
             self._cells[address + index] = (number, index)

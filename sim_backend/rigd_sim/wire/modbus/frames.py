@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: Size of the PDU of a request by function; 16 says its own (section 6.12).
+#: Size of the PDU of a request by function; 16 contains its own (section 6.12).
 _REQUEST_SIZES = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5}
 _WRITE_MULTIPLE = 16
 

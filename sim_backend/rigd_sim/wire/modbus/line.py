@@ -23,7 +23,7 @@ _GAP_FIXED_S = 1.75e-3
 _FAST_BAUD = 19200
 #: Bits of a character: start, 8, parity or second stop, stop (section 2.5.1).
 _CHARACTER_BITS = 11
-#: A request that has not become whole for so long is thrown away, in s. The standard says 1.5
+#: A request that has not become whole for so long is thrown away, in s. The standard has 1.5
 #: characters; a pty's writer may be held up for longer by its kernel.
 _INCOMPLETE_S = 0.05
 #: How often bytes are let out, in s, at least one character's time.
@@ -42,7 +42,7 @@ class Line(ABC):
 
     @abstractmethod
     async def start(self, handle: Handler) -> str:
-        """Begin to serve; return where.
+        """Begin to serve; return the address.
 
         Raises:
             OSError: the name or port is taken.
@@ -64,7 +64,7 @@ class Line(ABC):
 
 @dataclass
 class TcpLine(Line):
-    """A TCP port; 0 takes a free one, and ``port`` then says which."""
+    """A TCP port; 0 takes a free one, then given by ``port``."""
 
     host: str = "127.0.0.1"
     port: int = 502
@@ -165,15 +165,15 @@ class _Connection(asyncio.Protocol):
 class SerialLine(Line):
     """A pty with a stable name, as slow as the serial line it stands for.
 
-    Bytes leave no sooner than they would at ``baud``. A request is heard only when it comes at
-    that baud rate, after the silence between frames; a device hears nothing else.
+    Bytes leave no sooner than they would at ``baud``. A request is taken only when it comes at
+    that baud rate, after the silence between frames; a device ignores all else.
     """
 
     path: Path
     baud: int = 19200
     strict: bool = True  #: deaf to a request without silence before it; many devices are not
     turnaround_s: float = 2e-3  #: from the end of a request to the begin of its reply
-    ignored: int = 0  #: requests not heard: no silence before them, another baud rate, no frame
+    ignored: int = 0  #: requests not taken: no silence before them, another baud rate, no frame
     is_serial = True
     _master: int = -1
     _slave: int = -1
@@ -291,7 +291,7 @@ class SerialLine(Line):
                 except OSError as error:
                     if error.errno not in (errno.EAGAIN, errno.EIO):
                         raise
-                    return  # nobody reads: the bytes are lost, as on a wire
+                    return  # no client reads: the bytes are lost, as on a wire
             if sent < len(piece):
                 next_due = begin + (sent + 1) * self.character_s
                 await asyncio.sleep(max(next_due - loop.time(), _TICK_S))

@@ -16,8 +16,8 @@ _BUSY = 6
 
 #: Faults of the line: name, and what it does.
 LINE_FAULTS = {
-    "silent": "hears and obeys, and answers nothing",
-    "deaf": "is still connected, and neither hears nor answers (a half-open connection)",
+    "silent": "receives and obeys, and does not answer",
+    "deaf": "is still connected, and neither receives nor answers (a half-open connection)",
     "late": "answers 'delay_s' (0.15) too late",
     "wrong_unit": "answers as another unit",
     "wrong_transaction": "answers with a transaction number never asked with (TCP)",
@@ -92,14 +92,14 @@ class ModbusPart(Part):
         self.cleared(fault)
 
     def show(self, fault: str) -> bool:
-        """Show a fault of the device's own; False where it is one of the line's."""
+        """Show a fault of the device's own; False if it is one of the line's."""
         return False
 
     def cleared(self, fault: str | None) -> None:
         """Stop showing a fault of the device's own, or all."""
 
     def heard(self) -> None:
-        """Heed that a request for this device has come: it feeds a watchdog."""
+        """Note that a request for this device has come: it feeds a watchdog."""
 
     def _handle(self, ask: Ask) -> Pieces:
         if ask.unit != self.unit or self._has("deaf"):

@@ -14,7 +14,7 @@ from rigd_sim.wire.modbus.part import LINE_FAULTS, ModbusPart, Ticker
 from rigd_sim.wire.part import State
 
 _RPM = 2 * math.pi / 60
-#: How often the drive looks at its watchdog, in s.
+#: How often the drive checks its watchdog, in s.
 _TICK_S = 2e-3
 
 
@@ -22,7 +22,7 @@ class Drive(ABC):
     """The behaviour that all drives share: enable, trip, reset, communication watchdog.
 
     ``command`` is called with the speed in rad/s that the motor shall turn at, whenever it changes;
-    ``speed`` says how fast it does.
+    ``speed`` is the rate at which it does.
     """
 
     #: Fault codes of the drive for a silent line and for too much current.
@@ -49,7 +49,7 @@ class Drive(ABC):
         self._heard: float | None = None  # it watches from the first request on
 
     def heard(self) -> None:
-        """Heed a request."""
+        """Note that a request has come."""
         self._heard = self._now()
 
     def tick(self) -> None:
@@ -70,7 +70,7 @@ class Drive(ABC):
         self.fault_code = 0
 
     def apply(self) -> None:
-        """Tell the motor."""
+        """Command the motor."""
         wanted = self.setpoint if self.enabled else 0.0
         if wanted != self._commanded:
             self._commanded = wanted
@@ -169,7 +169,7 @@ class Asda(Drive):
     silence_code = 20  # ALE20
     overcurrent_code = 1  # ALE01
     _SON, _ARST, _SPD0 = 1, 2, 4
-    #: Parameters with other than factory values, as the map wants them.
+    #: Parameters with other than factory values, as the map needs them.
     _SETTINGS: Mapping[int, int] = {
         0x0101: 2, 0x020A: 0x0101, 0x020B: 0x0102, 0x020C: 0x0114, 0x0212: 0x0102,
     }  # fmt: skip

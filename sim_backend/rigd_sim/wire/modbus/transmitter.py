@@ -185,7 +185,7 @@ INSTRUMENTS = {
 class SimModbusTransmitter(ModbusPart):
     """A load-cell transmitter of one of :data:`INSTRUMENTS`.
 
-    ``cell`` is a :class:`LoadCell`, whose ``force`` is the physics.
+    ``cell`` is a :class:`LoadCell`, its ``force`` is the physics.
     """
 
     faults = LINE_FAULTS | {

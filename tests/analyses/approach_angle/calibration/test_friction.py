@@ -1,4 +1,4 @@
-"""Friction of rails and bearings: recovered with its interval; what is not known is said."""
+"""Friction of rails and bearings: recovered with its interval; what is not known is reported."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_load_share_is_subtracted_and_reported_as_unmeasured() -> None:
     difference = other.measured["rail_constant"].value - result.measured["rail_constant"].value
     assert difference == pytest.approx(0.01 * 3.0 * 9.81)
     assert result.measured["rail_constant"].u == pytest.approx(0.003 * 3.0 * 9.81, rel=0.02)
-    assert "cannot tell it from rail_constant" in result.kept["rail_load"]
+    assert "cannot separate it from rail_constant" in result.kept["rail_load"]
 
 
 def test_coast_begins_at_release_and_ends_before_stop() -> None:
@@ -141,7 +141,7 @@ def test_unseen_viscosity_is_kept_and_reported() -> None:
     result = calibrate_bearings(spins(1, viscous=0.0), BEARINGS)
     assert "bearing_constant" in result.measured
     assert "bearing_viscous" not in result.measured
-    assert "do not tell it from nothing" in result.kept["bearing_viscous"]
+    assert "do not distinguish it from zero" in result.kept["bearing_viscous"]
     assert "carries no load" in result.kept["bearing_load"]
 
 
@@ -172,7 +172,7 @@ def test_speed_and_acceleration_are_those_of_the_middle() -> None:
     assert acceleration == pytest.approx(1.5)
 
 
-def test_one_refusal_refuses_the_whole() -> None:
+def test_refused_part_refuses_combined_calibration() -> None:
     good, bad = calibrate_rails(pushes(1), RAILS), calibrate_bearings(spins(1)[:3], BEARINGS)
     result = together("both", [good, bad])
     assert not result.measured

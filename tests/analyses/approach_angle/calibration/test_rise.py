@@ -96,7 +96,7 @@ def test_even_ground_sag_and_scale_span_change_nothing() -> None:
 
 
 def test_disproportionate_rise_is_in_the_uncertainty() -> None:
-    """Rails whose bolts are stiff: so many newtons more, whatever the load."""
+    """Rails whose bolts are stiff: so many newtons more, at any load."""
     result = calibrated([push(load, RISE * 6.0 / load) for load in LOADS])
     terms = {item.name: item.u for item in result.measured["load_rise"].budget}
     assert terms["scatter between pushes"] == pytest.approx(0.0, abs=1e-9)

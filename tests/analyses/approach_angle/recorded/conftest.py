@@ -41,7 +41,7 @@ def record(tmp_path: Path, calibration: str) -> Record:
 
 @pytest.fixture
 def analyse() -> Evaluate:
-    """Evaluate recordings; with another calibration where one is given."""
+    """Evaluate recordings; with another calibration if one is given."""
 
     def run(*paths: Path, calibration: Path | None = None) -> CampaignEvaluation:
         found = evaluate(paths, Options(calibration=calibration))

@@ -1,4 +1,4 @@
-"""Recordings to the campaign: as one, under which calibration, and every bad run told."""
+"""Recordings to the campaign: as one, under which calibration, and every bad run reported."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def pot_at_end(recorded: Recorded) -> Recorded:
 
 
 def as_run(run: SimulatedRun, other: SimulatedRun) -> SimulatedRun:
-    """Return ``run`` as if it had been played where ``other`` was planned."""
+    """Return ``run`` as if it had been played instead of ``other``."""
     return replace(
         run,
         announced_load_kg=other.announced_load_kg,
@@ -88,7 +88,9 @@ BAD: Mapping[str, tuple[Callable[[Recorded], Recorded], str, str]] = {
         lambda item: replace(item, complete=False, reason="stopped by hand"),
         "incomplete", "stopped by hand",
     ),
-    "never driven": (lambda item: replace(item, driven=False), "not_driven", "never told to close"),
+    "never driven": (lambda item: replace(item, driven=False), "not_driven",
+        "never commanded to close",
+    ),
 }  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def test_samples_are_those_recorded_timed_from_command(
     assert np.array_equal(run.wheel_v, simulated.wheel_v)
     assert np.array_equal(run.platform_v, simulated.platform_v)
     assert run.t_s == pytest.approx(simulated.t_s, abs=1e-6)
-    # The relay's rows are 1 ms apart; the stop is the first of them that tells it to open.
+    # The relay's rows are 1 ms apart; the stop is the first of them that commands it to open.
     assert simulated.stop_s <= run.stop_s < simulated.stop_s + 1.1e-3
     assert (run.set_name, run.announced_load_kg, run.voltage_v, run.repeat) == (
         "clean_15", 4.0, 7.0, 2,
@@ -91,10 +91,10 @@ def test_continuous_recording_is_cut_to_the_drive(
             "incomplete",
             "not within 1.5 s",
         ),
-        ({"driven": False}, "not_driven", "never told to close"),
-        ({"stopped": False}, "no_stop", "not told to open"),
+        ({"driven": False}, "not_driven", "never commanded to close"),
+        ({"stopped": False}, "no_stop", "not commanded to open"),
         ({"rails": 0b100}, "at_rail", "wheel_angle in 10 of"),
-        ({"again": True}, "driven_twice", "told to close 2 times"),
+        ({"again": True}, "driven_twice", "commanded to close 2 times"),
         ({"card_s": lambda t_s: 0.5 * t_s}, "clocks_disagree", "another rate"),
         ({"card_s": lambda t_s: t_s + (t_s > 0.5)}, "clocks_disagree", "samples were lost"),
         ({"card_s": lambda t_s: np.full(len(t_s), np.nan)}, "clocks_disagree", "or no number"),

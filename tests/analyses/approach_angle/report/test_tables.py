@@ -1,4 +1,4 @@
-"""The tables of a campaign as text: what stands first, and what is said beside a number."""
+"""The tables of a campaign as text: what stands first, and the notes beside a number."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def lateral_bench() -> LateralBench:
 
 @pytest.fixture(scope="package")
 def rig(lateral_bench: LateralBench) -> RigConstants:
-    """Return what the rig file of the independent simulator would say."""
+    """Return the rig-file constants of the independent simulator."""
     return known_rig(lateral_bench.bench.constants)
 
 
@@ -35,5 +35,5 @@ def trials(lateral_bench: LateralBench) -> list[LateralTrial]:
 def found(
     trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
 ) -> LateralFound:
-    """Return what the twelve trials say."""
+    """Return the result of the twelve trials."""
     return find_lateral(trials, rig, lateral_bench.constants)
