@@ -100,8 +100,8 @@ def _both(
         ours: BetterRun = no_numbers(flags)
     else:
         ours = evaluate(moves, better, flags=flags, bending=bending)
-    flags = {flag.code: flag for flag in (*by_paper.flags, *ours.flags)}
-    return RunResult(run, by_paper, ours, tuple(flags.values()))
+    by_code = {flag.code: flag for flag in (*by_paper.flags, *ours.flags)}
+    return RunResult(run, by_paper, ours, tuple(by_code.values()))
 
 
 def _cells(runs: Sequence[KnownRun]) -> Mapping[tuple[str, float, float], int]:
