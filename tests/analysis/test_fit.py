@@ -44,7 +44,7 @@ def test_fit_at_a_bound_continues_with_other_parameters(decay: Callable[..., Mod
     assert found.theta[0] == pytest.approx(float(CLEAN @ shape / (shape @ shape)), rel=1e-6)
 
 
-def test_a_held_combination_is_kept(decay: Callable[..., Model]) -> None:
+def test_fit_keeps_a_held_combination(decay: Callable[..., Model]) -> None:
     direction = np.array([1.0, 1.0])
     found = fit(decay(CLEAN, T), affine=Affine.holding(direction, 1.0))
     assert float(direction @ found.scaled) == pytest.approx(1.0, abs=1e-12)

@@ -50,7 +50,7 @@ def test_inflation_widens_by_its_root(line: Callable[..., Model]) -> None:
     assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.01)
 
 
-def test_an_end_the_data_leave_open_is_none(decay: Callable[..., Model]) -> None:
+def test_open_end_of_profile_is_none(decay: Callable[..., Model]) -> None:
     t = np.linspace(0.0, 1.0, 300)
     flat = decay(1.0 + 0.01 * np.random.default_rng(12).standard_normal(300), t)
     found = scan(flat, fit(flat), axis(2, 1), np.log(np.geomspace(1e-3, 1e2, 60)), inflation=1.0)

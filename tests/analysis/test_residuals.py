@@ -14,7 +14,7 @@ def test_whiteness_separates_white_from_smoothed_noise() -> None:
     assert not ljung_box(COLOURED, 20).passed
 
 
-def test_autocorrelation_of_a_moving_average() -> None:
+def test_autocorrelation_matches_a_moving_average() -> None:
     found = autocorrelation(COLOURED, 30, 1e-3)
     assert found.lag_s[0] == pytest.approx(1e-3)
     assert found.value[4] == pytest.approx(0.5, abs=0.1)

@@ -102,7 +102,7 @@ def test_a_parameter_on_its_bound_has_no_variance(decay: Callable[..., Model]) -
     assert correlation(cov.white)[1, 1] == 1.0
 
 
-def test_delta_method_on_a_sum() -> None:
+def test_delta_method_matches_variance_of_sum() -> None:
     cov = np.array([[4.0, 1.0], [1.0, 9.0]])
     np.testing.assert_allclose(delta_sd(np.array([[1.0, 1.0]]), cov), np.sqrt(15.0))
 

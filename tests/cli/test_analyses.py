@@ -52,7 +52,7 @@ def test_broken_analysis_does_not_hide_others(with_broken: Path) -> None:
     assert rigd("analyses", "acme-plain", cwd=with_broken).code == 2
 
 
-def test_an_absent_analysis_is_refused(tmp_path: Path) -> None:
+def test_unknown_analysis_is_refused_with_nearest_name(tmp_path: Path) -> None:
     absent = rigd("analyses", "lugres", cwd=tmp_path)
     assert absent.code == 2
     assert "there is no analysis 'lugres'" in absent.err

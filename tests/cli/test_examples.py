@@ -377,7 +377,7 @@ def test_each_command_is_in_the_table_once() -> None:
 
 
 @pytest.mark.parametrize(("file", "commands"), ELSEWHERE.items())
-def test_the_other_test_uses_the_command(file: str, commands: tuple[str, ...]) -> None:
+def test_command_tested_elsewhere_is_used_there(file: str, commands: tuple[str, ...]) -> None:
     text = (TESTS / file).read_text("utf-8")
     for command in commands:
         words = command.split()

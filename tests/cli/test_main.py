@@ -82,7 +82,7 @@ def test_bash_completion_completes_a_command(tmp_path: Path) -> None:
     assert done.stdout.split() == ["identify"]
 
 
-def test_a_bug_is_reported_as_one(
+def test_unexpected_exception_is_reported_as_bug(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object) -> None:

@@ -201,7 +201,7 @@ def test_invalid_package_name_is_refused_with_hint(name: str, words: str) -> Non
     assert caught.value.hint
 
 
-def test_a_plant_goes_by_names_of_plants() -> None:
+def test_plant_name_is_compared_with_plants_only() -> None:
     check_name("serial-scale", "plant")
     with pytest.raises(ConfigError, match="a plant 'approach-angle' is installed"):
         check_name("approach-angle", "plant")

@@ -32,7 +32,7 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["info", "runs", "check"])
-def test_a_terminal_shows_escapes(
+def test_control_characters_are_escaped_at_terminal(
     path: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     named = {"runs": path.parent, "info": path, "check": path.parent / f"{TURNED}.yaml"}[command]
@@ -43,7 +43,7 @@ def test_a_terminal_shows_escapes(
     assert not {"\u202e", "\x1b", "\x9b"} & set(shown)
 
 
-def test_a_page_shows_escapes(path: Path) -> None:
+def test_control_characters_are_escaped_on_page(path: Path) -> None:
     assert main(["report", str(path)]) == 0
     page = path.with_name("run-run.html").read_text(encoding="utf-8")
     assert r"wheel\u202ecleaned" in page

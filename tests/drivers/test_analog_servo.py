@@ -238,7 +238,7 @@ def test_one_shot_makes_drive_ready_and_failed() -> None:
         rig.cycle()
 
 
-def test_a_rescue_comes_over_another_connection() -> None:
+def test_rescue_uses_another_connection() -> None:
     rig = Rig()
     rig.arm()
     rig.cycle(1.0)

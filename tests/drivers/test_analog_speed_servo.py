@@ -73,7 +73,7 @@ def test_speed_and_clutch_once_it_is_armed() -> None:
     assert (rig.terminals.volts_out[1], rig.lines) == (-10.0, ENABLE | CLUTCH)
 
 
-def test_safe_is_standing_still_with_the_clutch_engaged() -> None:
+def test_safe_belt_stands_with_clutch_engaged() -> None:
     rig = Rig(link={"high_at_rest": [2]})
     rig.belt.arm()
     rig.cycle(0.5, 0.0)

@@ -41,7 +41,7 @@ def test_a_command_within_limits_passes_unchanged() -> None:
     assert not limiter.cut
 
 
-def test_command_that_is_no_number_holds_last_one() -> None:
+def test_non_finite_command_holds_the_last_one() -> None:
     limiter = Limiter([SetpointLimit(-1, 1)], PERIOD_S)
     limiter.apply([0.5])
     for bad in (math.nan, math.inf, -math.inf):

@@ -280,7 +280,7 @@ def test_a_repeated_run_gives_the_same_rows(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
-def test_a_device_of_real_time_still_needs_it(tmp_path: Path) -> None:
+def test_real_time_device_is_blocked_in_virtual_time(tmp_path: Path) -> None:
     real = rig(Grid, tmp_path)
     with pytest.raises(Blocked, match=r"grid .*real time"):
         wire(real, VirtualClock(PERIOD_NS, START_NS), Control(), 1)

@@ -158,7 +158,7 @@ def test_next_program_is_skipped_after_early_end(tmp_path: Path) -> None:
         assert -0.25 in speeds
 
 
-def test_a_request_ends_the_program(tmp_path: Path) -> None:
+def test_stop_request_ends_the_program(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, _, control):
         ready(host)
         path = tmp_path / "axis"
@@ -436,7 +436,7 @@ def test_one_rig_is_driven_by_one(tmp_path: Path) -> None:
         RunFolder.take(rig.name, command="another")
 
 
-def test_the_daemon_may_wait_for_something_slow(tmp_path: Path) -> None:
+def test_cycle_tolerates_announced_wait_of_daemon(tmp_path: Path) -> None:
     """Longer than its silence would be taken for: the cycle hears of it meanwhile."""
     with host_of(file_axis.rig(tmp_path / "axis", daemon_silence_s=0.3)) as (host, _, _):
         ready(host)

@@ -71,7 +71,7 @@ def test_error_in_prepare_plays_no_trial_but_finishes() -> None:
         (Severity.ESTOP, False, RunState.ESTOPPED),
     ],
 )
-def test_a_person_ends_the_run(verb: Severity, finishes: bool, state: RunState) -> None:
+def test_request_of_person_ends_run(verb: Severity, finishes: bool, state: RunState) -> None:
     bench = Bench()
     run = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5)]))
 

@@ -43,6 +43,6 @@ def test_note_or_metadata_beyond_bounds_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "a=b", "x" * 41, "é"])
-def test_names_of_values_are_words(name: str) -> None:
+def test_metadata_name_must_be_a_word(name: str) -> None:
     with pytest.raises(ValueError, match="is not a name"):
         About(meta={name: "v"})

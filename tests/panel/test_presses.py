@@ -300,7 +300,7 @@ def test_every_button_but_the_stops_waits_at_first(panel: ServedPanel, watched: 
         expect(unguarded).to_have_count(0)
 
 
-def test_the_stops_act_at_once(panel: ServedPanel, clocked: Watched) -> None:
+def test_stop_buttons_need_no_settling_time(panel: ServedPanel, clocked: Watched) -> None:
     page = running(panel, clocked)
     stand_still(page)
     panel.rig.trip()

@@ -20,7 +20,7 @@ class Clock:
         return self.now
 
 
-def test_a_code_opens_one_session_of_its_role() -> None:
+def test_invitation_code_opens_one_session_of_role() -> None:
     sessions = Sessions()
     code = sessions.invite("observer")
     opened = sessions.redeem(code, "Ada")
@@ -59,7 +59,7 @@ def test_session_ends_when_idle_unless_page_is_open() -> None:
     assert sessions.find(key) is None
 
 
-def test_the_longest_unused_makes_room() -> None:
+def test_full_session_table_drops_longest_unused() -> None:
     clock = Clock()
     sessions = Sessions(clock)
     keys = []

@@ -68,7 +68,7 @@ def test_message_that_is_no_stop_closes_the_line(panel: ServedPanel) -> None:
     assert "stop" not in panel.line.verbs
 
 
-def test_a_line_ends_with_its_session(panel: ServedPanel) -> None:
+def test_logout_closes_the_stop_line(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     with visitor.page(path=LINE) as line:
         assert visitor.post("/api/logout")[0] == 200

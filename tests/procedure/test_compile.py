@@ -169,7 +169,7 @@ def test_profile_text_compiles_to_its_profile(
     assert drive.setpoints["wheel_servo.current"] == profile
 
 
-def test_when_chooses_steps(rig: RigConfig) -> None:
+def test_when_selects_steps_by_parameter(rig: RigConfig) -> None:
     compiled = compile_procedure(load_procedure("recommended_identification"), rig)
     names = [
         [segment.name for segment in only_program(trial.steps).segments[2:]]

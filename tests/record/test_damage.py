@@ -266,7 +266,7 @@ def test_truncated_index_costs_no_chunk(whole: Whole, tmp_path: Path) -> None:
             assert rows <= set(got[stream]), f"an index is cut {name}"
 
 
-def test_a_header_that_claims_chunks_hides_none(whole: Whole, tmp_path: Path) -> None:
+def test_damaged_header_hides_no_chunk(whole: Whole, tmp_path: Path) -> None:
     damaged = bytearray(whole.content)
     damaged[10] ^= 0x7F
     check(whole, bytes(damaged), tmp_path / "run.mcap")

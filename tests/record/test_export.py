@@ -188,7 +188,7 @@ def test_streams_of_several_rates_share_one_time_base(several_rates: Recording) 
     assert np.nanmax(table["trial_time"]) == pytest.approx(0.99)
 
 
-def test_nothing_is_held_beyond_end_of_stream(
+def test_joined_table_is_nan_beyond_stream_end(
     create: Create, rows: MakeRows, servo: Stream, force: Stream, tmp_path: Path
 ) -> None:
     with create() as writer:

@@ -63,7 +63,7 @@ def test_long_summary_is_written_every_two_seconds_only(
     assert np.array_equal(Recording.open(path).read("s")["c0"], np.arange(6000))
 
 
-def test_the_closed_file_does_not_depend_on_it(
+def test_closed_file_is_independent_of_summary_limit(
     tmp_path: Path, spare: Callable[[int], None]
 ) -> None:
     contents = []

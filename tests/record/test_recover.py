@@ -85,7 +85,7 @@ def test_a_cut_file_can_be_looked_into(
 
 
 @pytest.mark.parametrize("portion", [100, 1_050])
-def test_a_torn_flush_loses_no_flushed_row(
+def test_interrupted_flush_loses_no_earlier_row(
     create: Create,
     rows: MakeRows,
     servo: Stream,

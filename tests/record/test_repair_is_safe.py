@@ -247,7 +247,7 @@ def test_a_repair_by_a_link_repairs_the_file(
     assert list(link.parent.iterdir()) == [link]
 
 
-def test_the_mode_of_the_file_is_kept(damaged: Path) -> None:
+def test_repair_keeps_the_file_mode(damaged: Path) -> None:
     damaged.chmod(0o640)
     recover(damaged)
     assert damaged.stat().st_mode & 0o777 == 0o640

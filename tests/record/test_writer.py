@@ -149,7 +149,7 @@ def test_units_are_in_schema_and_channel(create: Create, tmp_path: Path) -> None
     assert channel.metadata["source"] == "sim-servo"
 
 
-def test_wrong_rows_are_refused(
+def test_writer_refuses_unknown_stream_or_wrong_rows(
     create: Create, rows: MakeRows, servo: Stream, force: Stream
 ) -> None:
     with create() as writer:

@@ -67,7 +67,7 @@ def holder_for(name: str, verb: str) -> str:
 
 
 @pytest.mark.parametrize(("name", "kind", "verb", "end"), ROWS)
-def test_each_verb_of_each_role(
+def test_each_role_may_use_only_its_verbs(
     over_tls: Served,
     clients: Mapping[str, ZenohClient],
     name: str,
@@ -92,14 +92,14 @@ def test_each_verb_of_each_role(
         assert [(item.requester.identity, item.verb.name) for item in after] == [(name, verb)]
 
 
-def test_the_table_has_every_verb_there_is() -> None:
+def test_access_table_has_every_verb() -> None:
     known = {f"{kind.value}/{verb}" for kind, verbs in VERBS.items() for verb in verbs}
     for row in TABLE.values():
         assert set(row) == known
 
 
 @pytest.mark.parametrize("verb", NEED_LEASE)
-def test_without_the_lease_nothing_moves(
+def test_command_without_lease_is_refused(
     over_tls: Served, clients: Mapping[str, ZenohClient], verb: str
 ) -> None:
     over_tls.rig.hold_lease("another")

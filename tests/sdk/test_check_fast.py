@@ -276,7 +276,7 @@ class Curt(WireLink):
 @pytest.mark.parametrize(
     ("link", "words"), [(Pretending, "open() succeeds"), (Curt, "not what to do about it")]
 )
-def test_device_that_is_not_there_must_be_missed(link: type[WireLink], words: str) -> None:
+def test_missing_device_must_raise_link_error(link: type[WireLink], words: str) -> None:
     @contextmanager
     def peer() -> Iterator[Peer]:
         wire = MotorWire()

@@ -227,7 +227,7 @@ def test_a_correct_plant_keeps_every_rule() -> None:
         (PerStep, "halved step", "changes the truth by"),
     ],
 )
-def test_a_fault_is_found(plant: type[Cart], rule: str, words: str) -> None:
+def test_check_plant_finds_each_broken_rule(plant: type[Cart], rule: str, words: str) -> None:
     with pytest.raises(NonConforming) as caught:
         check_plant(plant, devices=DEVICES, truth="truth", only={rule})
     assert any(words in finding.problem for finding in caught.value.report.findings), str(

@@ -58,7 +58,7 @@ def test_wrong_parameter_is_refused_with_its_place(
     assert str(raised.value).startswith(f"{file}:")
 
 
-def test_the_place_is_that_of_the_value(tmp_path: Path) -> None:
+def test_parameter_error_names_place_of_value(tmp_path: Path) -> None:
     file = edited(tmp_path, "resistance: 3.2 ohm", "resistance: 3.2 V")
     lines = file.read_text("utf-8").splitlines()
     line = next(n for n, text in enumerate(lines, 1) if "resistance: 3.2 V" in text)

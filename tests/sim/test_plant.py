@@ -168,7 +168,7 @@ def test_vibration_shakes_at_the_roller_transitions(make_plant: MakePlant) -> No
     assert np.hypot(*fit.T) == pytest.approx([0.30, 0.15], rel=0.15)
 
 
-def test_at_rest_with_the_belt_engaged_nothing_drifts(make_plant: MakePlant) -> None:
+def test_rig_at_rest_with_belt_does_not_drift(make_plant: MakePlant) -> None:
     plant = make_plant()
     plant.advance(0)
     rows = play(plant, 5000)

@@ -215,7 +215,7 @@ def test_dead_potentiometer_is_stopped_by_longest_drive(tmp_path: Path) -> None:
     assert not any(trial.complete for trial in run_info(recording).trials)
 
 
-def test_beneath_the_procedure_an_interlock_opens_the_relay(tmp_path: Path) -> None:
+def test_interlock_opens_relay_if_procedure_does_not(tmp_path: Path) -> None:
     patient = campaign(
         tmp_path,
         spoilt_by("platform_pot_dead")

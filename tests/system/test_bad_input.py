@@ -120,7 +120,7 @@ def test_an_output_that_exists_is_not_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "run.mcap").read_bytes() == b"precious"
 
 
-def test_an_error_has_no_traceback_unless_asked(tmp_path: Path) -> None:
+def test_traceback_is_shown_only_with_debug(tmp_path: Path) -> None:
     assert "Traceback" not in rigd("info", "missing.mcap", cwd=tmp_path).err
     debug = subprocess.run(
         [sys.executable, "-m", "rigd", "info", "missing.mcap", "--debug"],

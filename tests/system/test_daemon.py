@@ -208,7 +208,7 @@ def test_a_signal_ends_the_run_then_the_daemon(
     assert gaps(Recording.open(recording), "wheel_servo") == 0
 
 
-def test_killed_daemon_leaves_safe_rig_and_next_continues(start: Start, bench: WireRig) -> None:
+def test_killed_daemon_leaves_safe_rig_for_next(start: Start, bench: WireRig) -> None:
     daemon = start()
     recording = begin(daemon, bench, set={"time": "1.5 s"})
     daemon.until(lambda status: status["trials_done"] == 1 and status["step"] == "shake")

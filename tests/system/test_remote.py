@@ -70,7 +70,7 @@ def test_script_can_start_and_watch_a_run(folder: Path) -> None:
     assert parameters == {"current": "0.2 A"}
 
 
-def test_only_the_watching_may_end(daemon: Daemon, folder: Path) -> None:
+def test_ctrl_c_can_end_only_the_watching(daemon: Daemon, folder: Path) -> None:
     words = ["remote", "start", "asking.yaml", "--yes", "--watch", "--set", "time=7200 s"]
     terminal = Terminal.open(words, folder)
     try:

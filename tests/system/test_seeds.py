@@ -33,7 +33,7 @@ def test_each_rig_and_procedure_is_in_some_pair() -> None:
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
-def test_the_other_test_names_the_procedure(procedure: str, file: str) -> None:
+def test_procedure_tested_elsewhere_is_named_there(procedure: str, file: str) -> None:
     assert f'"{procedure}"' in (TESTS / file).read_text("utf-8")
 
 

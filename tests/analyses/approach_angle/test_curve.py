@@ -46,7 +46,7 @@ def test_interval_holds_true_maximum_as_often_as_stated(runs: int) -> None:
     assert held >= 0.88 * 150  # 95 %, less four standard deviations of the count
 
 
-def test_the_scatter_is_that_between_runs() -> None:
+def test_scatter_of_curve_equals_spread_between_runs() -> None:
     found = pool(*made(np.random.default_rng(3), runs=80, between=0.02), range(80))
     assert found.scatter == pytest.approx(0.02, rel=0.35)
 

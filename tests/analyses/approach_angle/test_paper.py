@@ -160,7 +160,7 @@ def test_no_steady_torque_without_a_peak_before_it(
     assert all("record" in flag.reason for flag in found.flags)
 
 
-def test_a_platform_that_comes_back_has_no_slip(golden: Golden, analyse: Analyse) -> None:
+def test_returning_platform_has_no_slip(golden: Golden, analyse: Analyse) -> None:
     run = golden("r5").whole
     turning = np.interp(0.04, run.t_s, run.platform_v)
     back = turning - 0.15 * (run.platform_v - turning)
@@ -169,7 +169,7 @@ def test_a_platform_that_comes_back_has_no_slip(golden: Golden, analyse: Analyse
     assert np.all(np.isnan(numbers(found)))
 
 
-def test_a_slow_record_is_refused(golden: Golden, analyse: Analyse) -> None:
+def test_paper_method_refuses_slow_record(golden: Golden, analyse: Analyse) -> None:
     run = golden("r2").whole
     thin = {
         name: getattr(run, name)[::40]

@@ -90,7 +90,7 @@ def test_rolling_wheel_matches_ode_solver() -> None:
     assert np.max(np.abs(force_of("lugre", [v_s, mu_c, ratio, s0, s1, s2])[1] - exact)) > 1e-2
 
 
-def test_a_wheel_without_relaxation_is_plain_lugre() -> None:
+def test_rolling_law_without_relaxation_equals_lugre() -> None:
     theta = [0.02, 0.1, 0.4, 50.0, 0.4, 2.5]
     _, plain = force_of("lugre", theta)
     _, rolling = force_of("lugre-rolling", [*theta, 0.0])

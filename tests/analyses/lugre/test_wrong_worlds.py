@@ -47,7 +47,7 @@ def test_kinds_are_many_and_differ() -> None:
 
 
 @pytest.mark.parametrize("kind", some(KINDS, 3), ids=lambda kind: kind.name)
-def test_each_size_of_a_kind_shows(kind: Any) -> None:
+def test_each_size_of_wrong_world_changes_data(kind: Any) -> None:
     base = right("pvc")
     if kind.field.startswith("stated."):
         stated = [kind.world(base, size).rig for size in kind.sizes]

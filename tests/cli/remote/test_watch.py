@@ -134,7 +134,7 @@ def test_ctrl_z_pauses_and_resumes(remote: Served, terminal: Terminal) -> None:
     assert remote.rig.verbs()[-2:] == ["pause", "resume"]
 
 
-def test_ctrl_c_asks_and_neither_may_be_meant(remote: Served, terminal: Terminal) -> None:
+def test_ctrl_c_question_can_be_left_unanswered(remote: Served, terminal: Terminal) -> None:
     remote.rig.prompt = WEIGH
     terminal.expect("value with unit")
     terminal.process.send_signal(signal.SIGINT)

@@ -40,7 +40,7 @@ def channel(values: Sequence[float], low: float = -math.inf, high: float = math.
     return judge_channel("channels", device, Channel("acceleration", "m/s^2", "", low, high), seen)
 
 
-def test_a_channel_shows_its_zero_and_its_noise() -> None:
+def test_doctor_reports_zero_and_noise_of_channel() -> None:
     check = channel([0.9, 1.1, 0.9, 1.1])
     assert check.verdict is CheckVerdict.OK
     assert check.found == "zero 1 m/s^2, noise 0.115 m/s^2"

@@ -133,7 +133,7 @@ def test_a_fast_stream_is_thinned_evenly(server: FoxgloveServer, client: ClientC
     assert numbers == list(range(0, 400, 10))  # of 9600 Hz
 
 
-def test_nothing_can_be_commanded(server: FoxgloveServer, client: ClientConnection) -> None:
+def test_foxglove_commands_are_refused(server: FoxgloveServer, client: ClientConnection) -> None:
     subscribe(client, server, "cycle")
     for request in (
         {"op": "advertise", "channels": [{"id": 1, "topic": "/x", "encoding": "json",

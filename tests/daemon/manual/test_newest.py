@@ -56,7 +56,7 @@ def test_value_that_is_not_a_number_reads_none() -> None:
     assert current(newest, 2).state == "NaN"
 
 
-def test_a_device_means_all_its_channels() -> None:
+def test_device_name_selects_all_its_channels() -> None:
     assert chosen_channels(RIG, ["wheel_encoder", "carriage.position"]) == [
         "wheel_encoder.angle",
         "wheel_encoder.counts",

@@ -70,7 +70,7 @@ def check(aside: CalculationWorker, text: str = LONG) -> CheckReport:
     return aside.check(rig.source.text, rig.source.path, text, "long", {})
 
 
-def test_a_long_check_is_done() -> None:
+def test_long_check_completes_in_worker() -> None:
     assert check(CalculationWorker()) == CheckReport(ok=True, trials=1001, prompts=0)
 
 

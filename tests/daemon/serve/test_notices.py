@@ -21,7 +21,7 @@ def test_client_text_cannot_break_lines_or_steer_terminal(
     assert caplog.records[0].getMessage() == notice.text
 
 
-def test_the_newest_are_kept_the_newest_last() -> None:
+def test_newest_notices_are_kept_in_order() -> None:
     news: list[int] = []
     notices = Notices(lambda: news.append(1), clock=lambda: len(news))
     for number in range(KEPT + 5):

@@ -37,7 +37,7 @@ def test_service_manager_gets_start_life_and_end(manager: tuple[socket.socket, s
     assert link.recv(1000) == b"STOPPING=1\nSTATUS=ending"
 
 
-def test_without_a_manager_nothing_is_sent() -> None:
+def test_notifier_without_manager_sends_nothing() -> None:
     with Notifier({}) as notifier:
         notifier.ready()
 

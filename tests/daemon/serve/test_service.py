@@ -189,7 +189,7 @@ def test_only_lease_holder_answers_prompts(tmp_path: Path) -> None:
     assert [(item["answer"], item["by"]) for item in given] == [(1.1, "alice"), (2.0, "alice")]
 
 
-def test_a_stop_takes_the_prompt_away(tmp_path: Path) -> None:
+def test_stop_ends_a_waiting_prompt(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(ASKING)
         served.until(lambda status: status.prompt)
@@ -385,7 +385,7 @@ def test_no_run_starts_without_the_audit_log(tmp_path: Path) -> None:
         assert told == [f"nothing can start: {served.audit.broken}"]
 
 
-def test_a_resumed_run_may_go_on_alone(tmp_path: Path) -> None:
+def test_resumed_run_can_continue_without_client(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(set={"time": "0.5 s"}, answers="procedure")
         served.until(lambda status: status.trials_done == 1 and status.step == "go")

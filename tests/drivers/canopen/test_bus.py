@@ -146,7 +146,7 @@ def test_bus_errors_end_run_only_without_good_frames(connect: Connect) -> None:
             bus.begin(0)
 
 
-def test_only_errors_while_listening(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_frames_alone_at_opening_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     port = ScriptedBus()
     monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
     port.say(0x2000_0088, bytes(8))

@@ -93,7 +93,7 @@ def test_write_only_object_cannot_be_read(tmp_path: Path) -> None:
     assert problem == f"x.eds:{line}: 0x6041 Statusword is write only (wo)"
 
 
-def test_an_array_has_the_parts_that_are_described(tmp_path: Path) -> None:
+def test_eds_array_has_its_described_parts(tmp_path: Path) -> None:
     text = SMALL + (
         "[1003]\nParameterName=Errors\nObjectType=8\n"
         "[1003sub0]\nParameterName=Number\nDataType=5\nAccessType=rw\n"
@@ -142,7 +142,7 @@ def test_object_that_cannot_be_mapped_is_reported(
 
 
 @pytest.mark.parametrize(("access", "receives"), [("rwr", False), ("rww", True), ("wo", True)])
-def test_an_access_for_one_direction_forbids_the_other(
+def test_object_access_limits_direction_of_mapping(
     tmp_path: Path, access: str, receives: bool
 ) -> None:
     sheet = read_sheet(write_eds(tmp_path / "x.eds", {"6071/AccessType": access}))

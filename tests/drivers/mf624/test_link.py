@@ -132,7 +132,7 @@ def test_outputs_change_together_and_lines_after_them(io: Recorder) -> None:
     ]
 
 
-def test_the_one_shot_gets_one_edge_a_cycle(io: Recorder) -> None:
+def test_one_shot_gets_one_edge_per_cycle(io: Recorder) -> None:
     link = opened(io, one_shot={"output": 6, "time": "20 ms", "input": 2, "active": "low"})
     io.answers[DIN] = lambda: 0b100
     levels = []

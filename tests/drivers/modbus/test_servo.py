@@ -91,7 +91,7 @@ def test_the_watchdog_is_set_and_proven_by_silence(servo: ServoBench, drive: str
     rows_of(driver, 1)
 
 
-def test_a_dead_watchdog_is_found_out(servo: ServoBench) -> None:
+def test_dead_watchdog_of_modbus_drive_is_detected(servo: ServoBench) -> None:
     servo.fault("watchdog_dead")
     driver = servo.driver()
     driver.open()

@@ -150,7 +150,7 @@ def test_request_is_pending_until_card_confirms(rig: Rig) -> None:
     assert row(driver)[1] >= 0.1
 
 
-def test_of_many_wishes_the_newest_counts(rig: Rig) -> None:
+def test_newest_of_many_relay_requests_is_sent(rig: Rig) -> None:
     driver = armed(rig.opened(watchdog=None))
     rig.inject("stall", seconds=0.1)
     before = len(rig.bench.line)

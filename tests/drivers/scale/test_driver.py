@@ -245,7 +245,7 @@ def test_occasional_bad_line_costs_at_most_one_row(fault: str, tmp_path: Path) -
         ("unplug", DeviceError, "/dev/serial/by-id"),
     ],
 )
-def test_a_lasting_fault_ends_the_run_in_words(
+def test_lasting_scale_fault_ends_run_with_cause(
     fault: str,
     kind: type[Exception],
     words: str,
@@ -283,9 +283,7 @@ def test_scale_plugged_in_again_can_be_opened(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_a_load_that_never_rests_is_not_tared(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_moving_load_is_not_tared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "REST_S", 0.3)
 
     async def main() -> None:
@@ -302,7 +300,7 @@ def test_a_load_that_never_rests_is_not_tared(
     asyncio.run(main())
 
 
-def test_abandoned_action_does_not_happen_later(
+def test_abandoned_tare_is_cancelled_at_scale(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The load moves between the reading that was stable and the command: the scale waits."""

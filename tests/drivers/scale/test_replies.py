@@ -141,7 +141,7 @@ def test_lines_end_however_the_scale_ends_them(end: bytes) -> None:
     assert buffer.feed(b"+\r\n") == [b"S +"]
 
 
-def test_a_line_without_end_is_bounded_and_forgotten() -> None:
+def test_endless_line_is_bounded_and_discarded() -> None:
     buffer = LineBuffer()
     for _ in range(100):
         assert buffer.feed(b"x" * 100) == []

@@ -151,7 +151,7 @@ def test_resumed_recording_is_counted_from_where_it_was(folder: RunFolder, job: 
     assert list(recording.attachments) == ["rig.yaml"]
 
 
-def test_nothing_was_recorded_yet_so_nothing_is_left(folder: RunFolder, job: Job) -> None:
+def test_drain_without_rows_leaves_no_file(folder: RunFolder, job: Job) -> None:
     assert drain_leftovers(folder) is None
     assert not job.recording.exists()
     assert not folder.has_job

@@ -159,7 +159,7 @@ def test_signals_of_a_terminal_do_not_reach_it(placed: Placed) -> None:
     assert place.helper.poll() is None
 
 
-def test_asked_to_terminate_it_closes_the_device(placed: Placed) -> None:
+def test_sigterm_closes_the_block_device(placed: Placed) -> None:
     place = placed(counter())
     place.helper.start()
     until(lambda: place.ring.head >= 10)

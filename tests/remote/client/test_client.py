@@ -53,7 +53,7 @@ def test_client_of_several_users_names_the_user(remote: Served, client: Client) 
     assert remote.rig.given("stop") == [{}, {"reason": "smoke"}]
 
 
-def test_a_procedure_travels_as_it_is_written(
+def test_client_sends_procedure_text_unchanged(
     remote: Served, client: Client, tmp_path: Path
 ) -> None:
     path = tmp_path / "mine.yaml"
@@ -75,7 +75,7 @@ def test_a_procedure_that_is_wrong_never_leaves(
     assert "start" not in remote.rig.verbs()
 
 
-def test_a_run_from_start_to_end(remote: Served, client: Client) -> None:
+def test_client_steers_run_from_start_to_end(remote: Served, client: Client) -> None:
     with client.control():
         run = client.start(FILE.name).run
         assert run is not None
@@ -170,7 +170,7 @@ def test_control_left_by_a_refusal_is_given_back(client: Client) -> None:
     assert client.lease().holder is None
 
 
-def test_control_that_another_was_given_meanwhile_is_theirs(client: Client) -> None:
+def test_control_given_away_is_not_released(client: Client) -> None:
     with client.control():
         connection = client.asynchronous.connection
         client.run_async(connection.request(Kind.COMMAND, "lease_give", {"to": "bob"}, LeaseView))

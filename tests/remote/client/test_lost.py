@@ -119,7 +119,7 @@ def test_silent_daemon_is_not_waited_for_indefinitely(
         asyncio.run(ask())
 
 
-def test_daemon_that_leaves_between_two_attempts_leaves_doubt(
+def test_daemon_lost_between_attempts_leaves_outcome_unknown(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with serve(RemoteSetup((endpoint,))) as found, Client(endpoint=endpoint) as rig:

@@ -11,7 +11,7 @@ from rigd.remote.protocol.keys import MAX_KEY
 KEYS = Keys("lugre-1")
 
 
-def test_every_key_of_a_rig() -> None:
+def test_keys_of_a_rig_are_as_documented() -> None:
     assert KEYS.alive == "rigd/lugre-1/alive"
     assert KEYS.status == "rigd/lugre-1/status"
     assert KEYS.event == "rigd/lugre-1/event"

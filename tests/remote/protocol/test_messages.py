@@ -51,7 +51,7 @@ def refused(payload: bytes) -> Refusal:
     return caught.value
 
 
-def test_a_request_survives_the_wire() -> None:
+def test_encoded_request_decodes_unchanged() -> None:
     request = new_request(START)
     assert decode(RemoteRequest[StartArguments], encode_request(request)) == request
 
@@ -166,13 +166,13 @@ def test_an_answer_keeps_its_type() -> None:
         assert (got, type(got)) == (value, type(value))
 
 
-def test_a_piece_travels_as_base64() -> None:
+def test_piece_of_file_is_sent_as_base64() -> None:
     piece = PieceView(size=3, sha256="0" * 64, offset=0, data=b"AP8K")
     assert piece.data == b"\x00\xff\n"
     assert b'"data":"AP8K"' in encode(piece)
 
 
-def test_a_refusal_survives_the_wire() -> None:
+def test_encoded_refusal_decodes_unchanged() -> None:
     refusal = Refusal(Code.NO_LEASE, "bob holds the lease", hint="ask bob")
     got = decode_refusal(encode_refusal("0" * 32, refusal))
     assert (got.code, got.message, got.hint) == (refusal.code, refusal.message, refusal.hint)

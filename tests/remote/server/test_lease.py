@@ -115,7 +115,7 @@ def test_request_for_lease_is_shown_until_granted(desk: Desk) -> None:
     assert (view.holder, view.asked_by) == (client("bob"), (client("carol"),))
 
 
-def test_asking_is_forgotten_after_a_while(desk: Desk) -> None:
+def test_lease_request_expires(desk: Desk) -> None:
     desk.does("alice", "take")
     desk.does("bob", "request")
     for _ in range(round(ASKING_S)):

@@ -43,7 +43,7 @@ def test_conforms(driver: type) -> None:
     check_driver(driver, {})
 
 
-def test_slow_first_work_is_done_at_opening() -> None:
+def test_compilation_is_done_at_opening() -> None:
     # In a cycle it would be a silence for which the cycle is taken for dead.
     code = """
 from support.angle_plant import make_plant
@@ -207,7 +207,7 @@ def test_scale_has_one_row_for_each_reading() -> None:
     assert late[-1][1] == scale.declaration.status_bits["overload"]
 
 
-def test_the_truth_is_the_hidden_state() -> None:
+def test_truth_device_reports_the_hidden_state() -> None:
     plant = make_plant()
     plant.command(True)
     truth = AngleTruth(DriverConfig(), plant)

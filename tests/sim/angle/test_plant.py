@@ -102,7 +102,7 @@ def test_push_back_leaves_wheel_at_rest_with_breakaway() -> None:
     np.testing.assert_allclose(second[2000:], first[2000:], rtol=0.01)
 
 
-def test_waiting_at_rest_takes_no_physics() -> None:
+def test_resting_plant_skips_integration() -> None:
     plant = make_plant()
     before = plant._state.copy()
     pass_time(plant, 3.0)
@@ -204,7 +204,7 @@ def test_wrong_parameter_file_is_refused_with_place(
         assert part in str(caught.value)
 
 
-def test_the_drawing_is_the_papers() -> None:
+def test_angle_parameters_match_the_paper() -> None:
     p = shipped()
     assert p.motor.torque_per_current * 10 / p.motor.resistance == pytest.approx(13.0, rel=2e-3)
     assert 10 / p.motor.back_emf == pytest.approx(45.0, rel=2e-3)

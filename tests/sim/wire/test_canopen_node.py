@@ -353,7 +353,7 @@ async def test_node_without_supply_is_silent_and_boots_later(tmp_path: Path) -> 
 
 
 @on_loop
-async def test_a_twin_boots_and_answers_beside_the_node(tmp_path: Path) -> None:
+async def test_twin_fault_boots_and_answers_too(tmp_path: Path) -> None:
     async with drive(tmp_path) as (node, client, _):
         node.inject("twin")
         assert await client.receive() == (0x701, "00")

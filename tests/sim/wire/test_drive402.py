@@ -221,7 +221,7 @@ async def test_the_epos4_has_no_rpdo_timer(tmp_path: Path) -> None:
 
 
 @on_loop
-async def test_dead_watchdog_keeps_the_torque(tmp_path: Path) -> None:
+async def test_drive_with_dead_watchdog_keeps_torque(tmp_path: Path) -> None:
     async with drive(tmp_path) as (node, client, physics):
         await _alive(client, DISABLE_ON_LOSS)
         node.inject("watchdog_dead")

@@ -72,7 +72,7 @@ def test_a_stream_lasts_until_another_weight_command() -> None:
     assert scale.tick(9.0) == []
 
 
-def test_a_command_that_waits_gives_up() -> None:
+def test_waiting_tare_times_out() -> None:
     cell = weighing()
     cell.never_stable = True
     scale = Sics(cell, PLATE, 0.1)
@@ -115,7 +115,7 @@ def test_a_name_is_taken_once_and_freed(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_replugged_it_has_another_number_behind_same_name(tmp_path: Path) -> None:
+def test_replugged_scale_keeps_name_with_new_port(tmp_path: Path) -> None:
     async def main() -> None:
         scale = SimScale("scale", tmp_path / "scale", lambda: 1.0)
         await scale.start()

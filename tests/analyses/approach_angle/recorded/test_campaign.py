@@ -280,7 +280,9 @@ def test_a_calibration_that_lacks_a_value_is_refused(
         analyse(record(campaign[:2], calibration=short))
 
 
-def test_the_command_prints_and_writes(campaign: Sequence[Recorded], record: Record) -> None:
+def test_identify_prints_and_writes_campaign_results(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
     path = record([*campaign[:5], BAD["swapped gauges"][0](campaign[5])])
     done = rigd("identify", path.name, cwd=path.parent)
     assert done.code == 0, done.err

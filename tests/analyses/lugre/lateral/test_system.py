@@ -40,7 +40,7 @@ def test_sensitivities_agree_with_differences(found: LateralFound, trial: int) -
             )
 
 
-def test_ignoring_is_the_straight_rig(found: LateralFound) -> None:
+def test_ignored_lateral_force_equals_straight_rig(found: LateralFound) -> None:
     """Without lateral force the guide's friction is the stated one, at any lateral speed."""
     system, local = found.system, found.local(2)
     straight = found.shared[: len(system.rig.shared)]
