@@ -86,7 +86,7 @@ INTERLOCKS = (
                   message="The carriage is about to leave the near end of the travel."),
     InterlockView(name="over_current", source="wheel_servo.current", low=-1.8, high=1.8,
                   action="abort", priority="high", latch=False,
-                  message="The wheel motor draws more than the amplifier was told to give."),
+                  message="The wheel motor draws more current than was commanded."),
     InterlockView(name="wheel_encoder_silent", source="wheel_encoder.angle", action="abort",
                   priority="high", latch=False, message="The wheel encoder gives no values."),
 )  # fmt: skip
