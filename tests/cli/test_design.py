@@ -23,6 +23,7 @@ def test_designed_procedure_states_promise_and_passes_check(
     promised = [line for line in head if line.startswith("#   pvc")]
     assert [line.split()[2] for line in promised] == ["mu_s", "g@50mm/s"]
     assert all("±" in line for line in promised)
+    assert "yaml-language-server" not in output.read_text("utf-8")
     assert main(["check", str(output), "--rig", "lugre-1"]) == 0
 
 

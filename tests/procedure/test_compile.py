@@ -175,9 +175,8 @@ def test_when_selects_steps_by_parameter(rig: RigConfig) -> None:
         [segment.name for segment in only_program(trial.steps).segments[2:]]
         for trial in compiled.trials
     ]
-    assert (
-        names == [["drive"]] * 3 + [["accelerate", "brake with the motor"]] * 4 + [["reverse"]] * 3
-    )
+    changing = [["drive to the change", "drive on"]] * 4
+    assert names == changing + [["drive"]] * 2 + [["drive a ramp"]] * 3 + [["swing"]] * 2
 
 
 def masses_asked(compiled: CompiledProcedure) -> list[tuple[int, object]]:
@@ -206,7 +205,7 @@ def test_prompt_once_per_value(rig: RigConfig) -> None:
         ("quick", 1),
         ("constant_current", 10),
         ("lateral_sweep", 32),
-        ("recommended_identification", 10),
+        ("recommended_identification", 11),
         ("validation_masses", 24),
     ],
 )

@@ -26,6 +26,7 @@ from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
 from rigd_analyses.lugre.design.subject import Subject, obtained
 from rigd_analyses.lugre.reading import known_constants
 from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.sensors import CURRENT_NOISE
 
 #: Of the simulated rig (configs/plants/lugre.yaml).
 SENSORS = Sensors(1e-3, 6e-3, 3.03e-4, 3.07e-5, 0.03, 7.5, 0.1867)
@@ -128,6 +129,7 @@ def test_step_that_drives_is_missing() -> None:
         ({}, ("mu_x",), 1.0, "there is no such target"),
         ({}, ("g@50mm",), 1.0, "there is no such target"),
         ({"settings": {}}, (), 1.0, "not identified by output error"),
+        ({"settings": {CURRENT_NOISE: 6e-3}}, (), 1.0, "0 fitted constants, must have 19"),
         ({"names": ["sigma_0"]}, (), 1.0, "designed for the law lugre alone"),
         ({"model": "approach-angle"}, (), 1.0, "has no design of tests"),
         ({"model": "lugre-lateral"}, (), 1.0, "has no design of tests"),

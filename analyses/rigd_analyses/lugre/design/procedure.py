@@ -15,6 +15,7 @@ from rigd.analysis import ConfigError
 from rigd_analyses.lugre.design.shapes import LONGEST_S, Kind, Shape
 
 CURRENT = "${current}"
+_HEAD = re.compile(r"\A(?:#.*\n)+")  #: of the base: it is about that file
 #: The beginning of a parameter, a step or a block that no empty line sets off.
 _BLOCK = re.compile(r"(?<=[^\n:])\n(  \w+:(?=\n)|    - step:|  after:(?=\n)|\w+:(?=\n))")
 
@@ -48,7 +49,7 @@ def written(
     yaml.preserve_quotes = True
     yaml.width = 100
     yaml.indent(mapping=2, sequence=4, offset=2)
-    data = yaml.load(base)
+    data = yaml.load(_HEAD.sub("", base))
     setpoint, position = signals["motor_current"], signals["carriage_position"]
     index = drive_step(data, setpoint)
     data["procedure"], data["title"], data["doc"] = name, title, doc

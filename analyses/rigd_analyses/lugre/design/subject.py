@@ -148,7 +148,8 @@ class Subject:
         low, high = visited
         speed, slip = float(self.theta[V_S]), slip_of(name)
         if slip is not None:
-            return "" if slip <= high else f"the slip reaches {1e3 * high:.0f} mm/s"
+            inside = low <= slip <= high
+            return "" if inside else f"the slip is {1e3 * low:.2g} to {1e3 * high:.0f} mm/s"
         if name in ("V_s", "mu_c") and speed > high:
             return f"V_s is {speed:.2g} m/s, the slip reaches {high:.2g} m/s"
         if name in ("V_s", "mu_s") and speed < low:
