@@ -58,7 +58,7 @@ class Evaluation(ABC):
 
     @property
     def heading(self) -> Heading | None:
-        """Where the data are from: simulated or not, rig, operator, specimen, dates."""
+        """Origin of the data: simulated or not, rig, operator, specimen, dates."""
         return None
 
     @abstractmethod
@@ -85,14 +85,14 @@ class Analysis(DeclaredAnalysis):
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
-        """Return what ``sweeps`` say, the recordings of one campaign in the order given.
+        """Return the result of ``sweeps``, the recordings of one campaign in the order given.
 
         ``notify`` gets a line before each step that takes long.
 
         Raises:
             RecordingError: a recording is damaged.
             ConfigError: a calibration is wrong.
-            DataError: the data cannot answer; the message says why, the hint what to do.
+            DataError: the data cannot answer; the message gives the reason, the hint what to do.
         """
 
 
@@ -107,16 +107,16 @@ class Validates(Protocol):
         group: str,
         notify: Callable[[str], None],
     ) -> Validation:
-        """Return what ``sweeps`` say of ``models``, those of one file, for `rigd validate`.
+        """Return how ``sweeps`` agree with ``models``, those of one file, for `rigd validate`.
 
-        ``group`` names the model to take whatever the recordings name; empty: the one whose
+        ``group`` names the model to take for any recordings; empty: the one whose
         conditions are those of the trials (:func:`rigd.analysis.validation.saved.chosen`).
         ``notify`` gets a line before each step that takes long.
 
         Raises:
             RecordingError: a recording is damaged.
             ConfigError: a model cannot be simulated, or none is for these conditions.
-            DataError: the data cannot answer; the message says why, the hint what to do.
+            DataError: the data cannot answer; the message gives the reason, the hint what to do.
         """
 
 

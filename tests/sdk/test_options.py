@@ -24,7 +24,7 @@ class Input(DriverConfig):
     zero: Annotated[float, In("V")] = 0.5
     """Volts at zero."""
     gain: float | None = None
-    """Of nobody knows what."""
+    """Of an unknown thing."""
 
 
 class Config(DriverConfig):

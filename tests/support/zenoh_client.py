@@ -66,7 +66,7 @@ class ZenohClient:
             raise
 
     def get(self, key: str, payload: bytes = b"") -> list[dict[str, Any]]:
-        """Query, and return all replies: ``ok``, ``payload`` and, where ok, ``key``."""
+        """Query, and return all replies: ``ok``, ``payload`` and, if ok, ``key``."""
         replies = self._order(do="get", key=key, payload=base64.b64encode(payload).decode())
         return [reply | {"payload": base64.b64decode(reply["payload"])} for reply in replies]
 
@@ -231,7 +231,7 @@ def _main() -> None:
 
     try:
         session = _Session(sys.argv[1])
-    except Exception as error:  # noqa: BLE001 - told to the test
+    except Exception as error:  # noqa: BLE001 - reported to the test
         say(refused=repr(error))
         return
     say(result=None)
@@ -240,7 +240,7 @@ def _main() -> None:
         do: Callable[..., Any] = getattr(session, order.pop("do"))
         try:
             say(result=do(**order))
-        except Exception as error:  # noqa: BLE001 - told to the test
+        except Exception as error:  # noqa: BLE001 - reported to the test
             say(refused=repr(error))
 
 

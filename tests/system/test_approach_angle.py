@@ -37,7 +37,7 @@ def campaign(folder: Path, changes: Mapping[str, str]) -> str:
 
 
 def spoilt_by(fault: str) -> dict[str, str]:
-    """Return the change by which somebody spoils the rig once it is set up, 1 s before it runs."""
+    """Return the change that spoils the rig once it is set up, 1 s before it runs."""
     prompt = (
         f"    - prompt: spoil\n      text: Spoil it.\n      choices: [{fault}]\n"
         f"      answer: {fault}\n      changes: fault\n"
@@ -66,7 +66,7 @@ def steps(recording: Recording) -> list[str]:
 
 
 def closed_s(recording: Recording) -> float:
-    """Return for how long the relay was told to be closed, in s."""
+    """Return for how long the relay was commanded to be closed, in s."""
     return float((recording.read("relay")["closed_setpoint"] > 0.5).sum()) * 1e-3
 
 

@@ -205,7 +205,7 @@ def test_expired_value_blocks_run_that_needs_it(bench: Path) -> None:
         *CAMPAIGN, "--set", "voltage=10 V", "--rig", "bench.yaml", "--start", "2020-06-01",
         "--output", "then.mcap", cwd=bench,
     )  # fmt: skip
-    assert dated.code == 0, dated.err  # it was valid on the day that the run is said to be
+    assert dated.code == 0, dated.err  # it was valid on the stated day of the run
 
 
 @pytest.mark.dates

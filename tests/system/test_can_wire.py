@@ -137,7 +137,7 @@ def test_current_moves_carriage_and_safe_takes_it_away(bench: WireRig, rig: Rig)
     there = rig.run(lambda row: "carriage" in row and row["carriage"][0] > 0.05, **free)
     assert there["wheel_servo"][0] == pytest.approx(0.9, abs=0.1)
     assert there["wheel_encoder"][0] > start["wheel_encoder"][0] + 0.5  # 50 mm on 50 mm radius
-    # The drive's own counts tell the motor's angle, the encoder's the wheel's, behind the gear.
+    # The drive's own counts give the motor's angle, the encoder's the wheel's, behind the gear.
     turned = there["wheel_servo"][2] / 20.25
     assert turned == pytest.approx(there["wheel_encoder"][0], abs=0.05)
     back = {"longitudinal_belt": (-0.2, 1.0)}

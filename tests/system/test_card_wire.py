@@ -48,7 +48,7 @@ simulation:
 links:""",
 }
 
-#: A master with nothing but link and devices: arms, drives the wheel, and says so.
+#: A master with nothing but link and devices: arms, drives the wheel, and reports it.
 MASTER = """
 import sys, time
 from rigd.config.loader import load_rig

@@ -1,6 +1,6 @@
 """The daemon as a process: started, steered over the network, killed, and started again.
 
-On the shipped rig with its devices simulated at the wire: whatever happens, no drive keeps its
+On the shipped rig with its devices simulated at the wire: after any event no drive keeps its
 torque, and no sample is lost.
 """
 
@@ -145,7 +145,7 @@ def begin(daemon: Daemon, bench: WireRig, **args: object) -> Path:
 
 
 def ending(daemon: Daemon, recording: Path, *, steered: bool = True) -> dict[str, Any]:
-    """Wait for the end of a run, and return what the status says of it."""
+    """Wait for the end of a run, and return its part of the status."""
     status = daemon.until(
         lambda status: status["last"] and status["last"]["run"] == recording.name, steered=steered
     )

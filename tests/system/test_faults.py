@@ -70,7 +70,7 @@ def small(whole: WireRig) -> WireRig:
 def judged(rig: WireRig, folder: Path, *shown: tuple[str, ...]) -> dict[str, list[str]]:
     """Show faults, those of a tuple at once; return what was wrong with the answer to each.
 
-    What goes wrong while the machine stalls says nothing: it is then played again.
+    A failure while the machine stalls has no meaning: it is then played again.
     """
     for _ in range(TRIES):
         found: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""A campaign that is run, spoilt at the rig, and identified: what was wrong is told."""
+"""A campaign that is run, spoilt at the rig, and identified: what was wrong is reported."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def played(folder: Path, text: str, **chosen: str) -> CampaignEvaluation:
 
 
 def spoilt_by(fault: str) -> str:
-    """Return the shipped procedure with somebody who spoils the rig once it is set up."""
+    """Return the shipped procedure with a step that spoils the rig once it is set up."""
     text = SHIPPED.read_text("utf-8")
     prompt = (
         f"    - prompt: spoil\n      text: Spoil it.\n      choices: [{fault}]\n"

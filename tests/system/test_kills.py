@@ -1,4 +1,4 @@
-"""Whoever is killed, and however: no drive keeps its torque, and no sample is lost.
+"""After the kill of any process, in any way: no drive keeps its torque, and no sample is lost.
 
 A small sample of the table that ``benchmarks/kill_table.py`` runs whole, on the shipped rig with
 its devices simulated at the wire.
@@ -18,8 +18,8 @@ from support.killing import QUARTER, Killed, Victim, bound_s, own_state
 from support.stalls import witnessed
 from support.wire import WireRig, wire_rig
 
-#: Every process is killed, stopped and told to end once. The recorder, without which a run goes on,
-#: is hit in runs that another hit ends.
+#: Every process is killed, stopped and asked to end once. The recorder, without which a run goes
+#: on, is hit in runs that another hit ends.
 SAMPLE = [
     ("daemon", signal.SIGKILL, None),
     ("cycle", signal.SIGKILL, signal.SIGKILL),

@@ -75,7 +75,7 @@ class Serving:
         self.start()
 
     def start(self) -> None:
-        """Start it, anew where it was killed."""
+        """Start it, again if it was killed."""
         process = subprocess.Popen(
             self._command,
             cwd=ROOT,
@@ -102,7 +102,7 @@ class Serving:
         """Kill the panel, as a lack of memory would."""
         pid = self._processes[-1].pid
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        # The kernel tells the older first; the younger is the spare that stands by.
+        # The kernel lists the older first; the younger is the spare that stands by.
         panel, *_ = (
             int(child)
             for child in children
@@ -142,7 +142,7 @@ def ada(serving: Serving) -> Iterator[Watched]:
 
 @pytest.fixture
 def page(ada: Watched) -> Iterator[Page]:
-    """The same before a rig that rests, and is nobody's; it is left so, unless it is closed."""
+    """The same before a rig that rests, without a holder; it is left so, unless it is closed."""
     state(ada.page, "Idle")
     yield ada.page
     if not ada.page.is_closed():
@@ -247,7 +247,7 @@ def test_killed_process_is_shown_lost_and_returns(serving: Serving, page: Page) 
 
 
 def test_a_closed_page_counts_as_a_vanished_client(ada: Watched, page: Page) -> None:
-    """The run is stopped, as the procedure says of a client that is lost."""
+    """The run is stopped, as the procedure specifies for a lost client."""
     press(page, "Ada")
     press(page, "Link to watch")
     link = page.locator("output.link code").inner_text()

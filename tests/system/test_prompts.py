@@ -1,4 +1,4 @@
-"""Prompts at a real terminal: asked, checked, recorded; blocked where nobody sits."""
+"""Prompts at a real terminal: asked, checked, recorded; blocked without an operator."""
 
 from __future__ import annotations
 

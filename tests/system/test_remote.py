@@ -85,7 +85,7 @@ def test_ctrl_c_can_end_only_the_watching(daemon: Daemon, folder: Path) -> None:
         statuses = rig.watch()
         first_ns = next(statuses).t_ns
         late = next(status for status in statuses if (status.t_ns - first_ns) * 1e-9 > LEASE_S + 1)
-        assert late.state == "running"  # nobody has vanished
+        assert late.state == "running"  # no client has vanished
         assert rig.stop("enough") is True
         assert late.run is not None
         assert rig.wait(late.run).ending == "stopped"

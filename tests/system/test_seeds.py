@@ -1,4 +1,4 @@
-"""Shipped procedures come to their end whatever the seed; `benchmarks/seeds.py` plays many more.
+"""Shipped procedures come to their end with any seed; `benchmarks/seeds.py` plays many more.
 
 Those that another test plays whole are left to it.
 """

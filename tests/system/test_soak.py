@@ -1,4 +1,4 @@
-"""After whatever happened a daemon holds what it held before; benchmarks/soak.py goes on longer."""
+"""After any events a daemon holds what it held before; benchmarks/soak.py plays longer."""
 
 from __future__ import annotations
 

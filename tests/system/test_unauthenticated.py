@@ -64,7 +64,7 @@ def daemon(tmp_path: Path) -> Iterator[Daemon]:
 
 @contextmanager
 def unauthenticated(daemon: Daemon, first_words: bytes) -> Iterator[None]:
-    """Connections that say no more than that, as many as the daemon lets in."""
+    """Connections that send no more than that, as many as the daemon accepts."""
     host, _, port = daemon.endpoint.partition("/")[2].rpartition(":")
     with ExitStack() as all_of_them:
         for _ in range(CONNECTIONS):

@@ -133,7 +133,7 @@ FAULTS: dict[str, tuple[Fault, str, str]] = {
         "noisy",
         r"the wheel's potentiometer 0\.05\d* V",
     ),
-    "an amplifier that nobody balanced": (
+    "an unbalanced amplifier": (
         lambda r: replace(r, gauge_a_v=r.gauge_a_v + 0.2),
         "gauges_off_zero",
         r"show \+0\.\d+ N m before the relay command, must be within 0\.15 N m",
