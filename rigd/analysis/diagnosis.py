@@ -1,8 +1,9 @@
-"""What would explain a misfit? The best of many candidates is fitted with the rest, then the next.
+"""Finds what explains a misfit: fits the best of many candidates with the rest, then the next.
 
-Suspects are everything that a family of rigs can name (:mod:`rigd.analysis.structure`), and each
-constant that is known with an uncertainty, left to the data. The tests cost no fit; only a winner
-is fitted. Forward selection ends when nothing is significant any more, or after ``MOST`` things.
+The candidates are everything that a family of rigs defines (:mod:`rigd.analysis.structure`), and
+each constant with an uncertainty, which is then left to the data. The tests need no fit; only the
+best candidate is fitted. The selection ends if no candidate is significant, or after ``MOST``
+candidates.
 """
 
 from __future__ import annotations

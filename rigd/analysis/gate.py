@@ -1,8 +1,11 @@
-"""May numbers be given at all? What is wrong with a fit, what explains it, and what is left.
+"""Decides whether the results of a fit may be reported, from the misfit and what explains it.
 
-Three outcomes: the model fits; it fits with what is named (a constant that the data correct, or
-something that was added), and its numbers are those with it; or it does not fit, and then no number
-of it may be quoted.
+There are three outcomes:
+
+- the model fits;
+- the model fits after a change that the report names: the data correct a constant, or something is
+  added to the model; the reported numbers are those after the change;
+- the model does not fit: no number of it may be reported.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def find_analysis(name: str) -> type[Analysis]:
     Raises:
         ConfigError: no such analysis is installed, or it cannot be loaded.
     """
-    return find(ANALYSES, Analysis, "analysis", name)  # type: ignore[type-abstract]
+    return find(ANALYSES, Analysis, "analysis", name)
 
 
 def _installed_analysis(name: str, place: Place | None) -> type[Analysis]:

@@ -1,14 +1,16 @@
-"""Score tests: would the fit be better if something more were in the model, and how large is it?
+"""Tests whether an addition to the model would improve the fit, and estimates its size.
+
+The test is a score test.
 
 A candidate is a change of the predicted outputs for each unit of something that the model does not
-have: one more column d of the Jacobian, whitened as the residuals e are. With J the whitened
-Jacobian and P the precision of the constants, what J cannot stand in for is d - J (J'J + P)^-1 J'd;
-its product with e is the score (Rao, Proc. Camb. Phil. Soc. 44, 1948; Engle, Handbook of
-Econometrics II, 1984, ch. 13). No candidate is refitted.
+have: one more column d of the Jacobian, whitened as the residuals e are. With the whitened Jacobian
+J and the precision P of the constants, the part of d that J cannot represent is
+d - J (J'J + P)^-1 J'd. The product of this part with e is the score (Rao, Proc. Camb. Phil. Soc.
+44, 1948; Engle, Handbook of Econometrics II, 1984, ch. 13). No candidate is refitted.
 
 The variance of the score is that of white residuals, or that of its block sums (HAC; Newey and
-West, Econometrica 55, 1987) if that is larger: what else is wrong makes residuals coloured, and
-everything would look significant. The blocks are those of the residuals that the candidate leaves.
+West, Econometrica 55, 1987) if that is larger: other errors colour the residuals, so that every
+candidate would look significant. The blocks are those of the residuals that the candidate leaves.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ The run is like `rigd run`: prompts, limits, interlocks, a recording. The new va
 beside the old values, and written only after you agree. Values that it did not measure keep their
 dates; values that it replaces move to the history of the file.
 
-exit code: 7 where the data are no calibration; nothing is written then
+exit code: 7 if the data are no calibration; nothing is written then
 """
 
 

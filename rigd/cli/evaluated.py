@@ -53,7 +53,7 @@ def one_thread() -> None:
 
 
 def read_corrections(args: argparse.Namespace) -> Corrections:
-    """Return what ``--set`` and ``--plan`` say.
+    """Return the corrections that ``--set`` and ``--plan`` give.
 
     Raises:
         ConfigError: one of them is wrong, or ``--report`` would overwrite a recording.

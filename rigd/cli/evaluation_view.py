@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 #: Columns to use if the width of the terminal is unknown.
 WIDTH = 120
-#: What a heading says that a person at the terminal has just typed, or does not need there.
+#: Entries of a heading that the user has just typed, or does not need at a terminal.
 LEFT_OUT: Final = frozenset({"Procedure", "Recording", "Recordings", "Report made"})
 
 
 def print_evaluation(evaluation: Evaluation) -> None:
-    """Print what may be used, where the data are from, and the report for terminals."""
+    """Print which results may be used, the source of the data, and the report for terminals."""
     opened: list[str] = []
     if evaluation.opening is not None:
         opened.append("\n".join(evaluation.opening.sentences))

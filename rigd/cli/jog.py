@@ -1,8 +1,9 @@
-"""``rigd jog``: moves a rig by hand under the same limits and interlocks as a procedure."""
+"""``rigd jog``: moves a rig by hand, as a procedure: limits, interlocks and recording apply."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from rigd.cli.options import add_json, add_quiet, add_rig, add_runs, read_assignments
@@ -16,6 +17,9 @@ examples:
 The movement is recorded like any run. Ctrl-C stops it. A setpoint changes no faster than its rate
 in the rig file allows; rigd refuses a value beyond its limits.
 """
+
+#: Names that a user can give are channel names; other text could be YAML syntax.
+_QUOTED = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": " "})
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -40,11 +44,10 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
-    from rigd.procedure.manual import jog_text
 
     rig = load_rig(args.rig)
     moves = read_assignments(args.setpoints, "SETPOINT=VALUE")
-    text = jog_text(moves, args.duration)
+    text = _procedure_text(moves, args.duration)
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
     except ConfigError as error:
@@ -54,3 +57,21 @@ def execute(args: argparse.Namespace) -> int:
     # A simulated rig also moves in real time: a person watches it.
     request = RunRequest(procedure, text, rig, seed=1, pace=1.0, folder=args.runs)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=False)
+
+
+def _procedure_text(setpoints: Mapping[str, str], duration: str) -> str:
+    """Return the procedure that holds ``setpoints`` for ``duration``, then goes to rest.
+
+    Both are texts of the user: ``{"wheel_servo.current": "0.1 A"}``, ``"2 s"``. The usual check of
+    a procedure finds their errors.
+    """
+    moves = ", ".join(f'"{name.translate(_QUOTED)}": {_text(to)}' for name, to in setpoints.items())
+    return (
+        "procedure: jog\ntitle: Moved by hand\ndoc: Holds setpoints for a while, then ramps "
+        f"them to rest.\ntrial:\n  steps:\n    - step: jog\n      set: {{{moves}}}\n      "
+        f"for: {_text(duration)}\nrecord: all\n"
+    )
+
+
+def _text(value: str) -> str:
+    return f'"{value.translate(_QUOTED)}"'

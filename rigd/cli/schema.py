@@ -34,6 +34,6 @@ def execute(args: argparse.Namespace) -> int:
     elif args.kind == "remote":
         from rigd.remote.protocol.schema import remote_schema as schema
     else:
-        from rigd.procedure.schema import procedure_schema as schema
+        from rigd.procedure.source import procedure_schema as schema
     print(json.dumps(schema(), indent=2, ensure_ascii=False))
     return 0

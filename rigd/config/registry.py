@@ -33,22 +33,22 @@ def find_driver(name: str) -> type[AnyDriver]:
     Raises:
         ConfigError: no such driver is installed, or it cannot be loaded.
     """
-    return find(DRIVERS, AnyDriver, "driver", name)  # type: ignore[type-abstract]
+    return find(DRIVERS, AnyDriver, "driver", name)
 
 
 def find_link(name: str) -> type[Link]:
     """Return the link class called ``name``; raises as :func:`find_driver`."""
-    return find(LINKS, Link, "link", name)  # type: ignore[type-abstract]
+    return find(LINKS, Link, "link", name)
 
 
 def find_plant(name: str) -> type[Plant]:
     """Return the plant class called ``name``; raises as :func:`find_driver`."""
-    return find(PLANTS, Plant, "plant", name)  # type: ignore[type-abstract]
+    return find(PLANTS, Plant, "plant", name)
 
 
 def find_simulation(name: str) -> type[Simulation]:
     """Return the simulation class called ``name``; raises as :func:`find_driver`."""
-    return find(SIMULATIONS, Simulation, "simulation", name)  # type: ignore[type-abstract]
+    return find(SIMULATIONS, Simulation, "simulation", name)
 
 
 def find(group: str, base: type[T], kind: str, name: str) -> type[T]:

@@ -51,7 +51,7 @@ class RunSetup:
 
     host: Host
     change: ChangePlant | None
-    #: Lets simulated devices show faults, where they are simulated at the wire.
+    #: Makes devices that are simulated at the wire show faults; None for other devices.
     faults: ShownFaults | None = None
     #: Ends everything that was started for the run, however it ended.
     release: Callable[[], None] = lambda: None

@@ -1,8 +1,8 @@
 """Defines the messages between the daemon and the cycle process: one pickled object per packet.
 
 The daemon sends commands. A question is a command that names the type of its answer. The cycle
-process sends answers, the endings of commands, and news (a step, a trip, a notice). Both processes
-run the same code, and no other process has an end of the socket.
+process sends answers, the endings of commands, and notifications (a step, a trip, a notice). Both
+processes run the same code, and no other process has an end of the socket.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from rigd.config.schema import file_schema
 from rigd.config.source import (
     ChannelName,
     FileName,
@@ -374,3 +375,8 @@ class ProcedureSource(Source):
     """The action of the run when the client that steers it remotely vanishes: continue, stop after
     the present trial, or stop at once (controlled, `finish` plays).
     """
+
+
+def procedure_schema() -> dict[str, Any]:
+    """Return the JSON Schema of procedure files, with which an editor checks a file."""
+    return file_schema(ProcedureSource, "rigd procedure file")

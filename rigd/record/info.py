@@ -40,7 +40,7 @@ class RunInfo:
     state: str  #: the state in ``run_end``, or :data:`INTERRUPTED`
     reason: str
     recovered: bool  #: whether the file was torn and has been repaired
-    problem: str  #: what is wrong with the file, where it was opened as partial
+    problem: str  #: the first damage of the file, if it was opened as partial
     trials: tuple[TrialInfo, ...]
     streams: tuple[StreamInfo, ...]
     parameters: Mapping[str, str]

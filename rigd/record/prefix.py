@@ -20,7 +20,7 @@ FORMAT_METADATA: Final = "rigd"
 #: Metadata record of a recording that was repaired; its run counts as interrupted.
 RECOVERY_METADATA: Final = "recovery"
 GAPS_KEY: Final = "lost_rows"  #: in it: the gaps, as JSON
-LIBRARY: Final = "rigd "  #: how the library in the header of our files begins
+LIBRARY: Final = "rigd "  #: the beginning of the library name in the header of a file by rigd
 START_KEY: Final = "start_ns"
 EVENTS_CHANNEL: Final = 1  #: so that streams follow from 2
 

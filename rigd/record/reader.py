@@ -69,7 +69,7 @@ class Recording:
     other_topics: tuple[str, ...]
     metadata: Mapping[str, Mapping[str, str]]
     size: int  #: bytes
-    problem: str = ""  #: what is wrong with the file first, where it was opened as partial
+    problem: str = ""  #: the first damage of the file, if it was opened as partial
     data_end: int = 0  #: bytes from its start that are sound
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
 

@@ -22,7 +22,7 @@ from rigd.model.units import PREFIXES, parse_quantity, parse_unit, symbols
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.expression import ExpressionError, parse_expression
 from rigd.procedure.loader import parse_procedure
-from rigd.procedure.schema import procedure_schema
+from rigd.procedure.source import procedure_schema
 from rigd.sdk.shipped import shipped_folder
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from rigd.procedure.schema import procedure_schema
+from rigd.procedure.source import procedure_schema
 from rigd.sdk.shipped import shipped_folder
 
 FILES = sorted(shipped_folder("procedures").glob("*.yaml"))

@@ -211,7 +211,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("dead", BadWords, "read_block raises OSError"),
     ("silent", Inventive, "still gives rows"),
     ("not there", Pretending, "open() succeeds"),
-    ("not there", Curt, "not what to do about it"),
+    ("not there", Curt, "without a hint"),
 ]
 
 

@@ -274,7 +274,7 @@ class Curt(WireLink):
 
 
 @pytest.mark.parametrize(
-    ("link", "words"), [(Pretending, "open() succeeds"), (Curt, "not what to do about it")]
+    ("link", "words"), [(Pretending, "open() succeeds"), (Curt, "without a hint")]
 )
 def test_missing_device_must_raise_link_error(link: type[WireLink], words: str) -> None:
     @contextmanager
@@ -303,4 +303,4 @@ def test_skipped_rules_are_reported_with_the_reason() -> None:
     assert report.skipped == {"dead": "the peer has no fault 'dead'"}
     report = examine_driver(Closed, peer=motor)
     assert {finding.rule for finding in report.findings} == {"opens and arms"}
-    assert report.skipped["rows"] == "mend what is above first"
+    assert report.skipped["rows"] == "correct the findings above first"

@@ -246,7 +246,7 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("silent at open", Startled, "UnicodeDecodeError"),
     ("garbled at open", Startled, "UnicodeDecodeError"),
     ("not there", Pretending, "open() succeeds"),
-    ("not there", Curt, "not what to do about it"),
+    ("not there", Curt, "without a hint"),
 ]
 
 

@@ -1,4 +1,4 @@
-"""Tests whether recordings that are fitted together agree; something may have changed in between.
+"""Tests whether recordings that are fitted together agree, or the rig changed between them.
 
 The test compares one set of parameters for all recordings with one set for each recording. With
 residuals of inflation t the statistic is n/t ln(S_together/S_apart). If nothing changed, it is a

@@ -124,13 +124,12 @@ def compare_laws(
     """
     slip = np.geomspace(*data.visited, POINTS)
     rolling = data.rolling_m_s
-    contenders = [
-        Contender(
-            name, law.title(), LawModel(law, data.trials),
-            lambda theta, law=law: law.steady(theta, slip, rolling),  # type: ignore[misc]
-        )
-        for name, law in laws.items()
-    ]  # fmt: skip
+
+    def contender(name: str, law: type[FrictionLaw]) -> Contender:
+        model = LawModel(law, data.trials)
+        return Contender(name, law.title(), model, lambda theta: law.steady(theta, slip, rolling))
+
+    contenders = [contender(name, law) for name, law in laws.items()]
     window = max(1, round(data.window_s / data.period_s))
     scores, sentences = compare(
         contenders, starts=options.starts, seed=options.seed, window=window,

@@ -21,7 +21,7 @@ def find_law(name: str) -> type[FrictionLaw]:
         ConfigError: no such law is installed, it cannot be loaded or compiled, or is incomplete.
     """
     try:
-        law: type[FrictionLaw] = find(FRICTION_LAWS, FrictionLaw, "friction law", name)  # type: ignore[type-abstract]
+        law: type[FrictionLaw] = find(FRICTION_LAWS, FrictionLaw, "friction law", name)
     except NumbaError as error:
         raise ConfigError(
             f"friction law {name!r} cannot be compiled: {str(error).strip().splitlines()[0]}",

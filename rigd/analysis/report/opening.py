@@ -1,4 +1,4 @@
-"""Makes the two sentences that a report opens with: what may be used, and what may not and why."""
+"""Makes the two sentences at the top of a report: which results may be used, which not, and why."""
 
 from __future__ import annotations
 

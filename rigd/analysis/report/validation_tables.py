@@ -1,6 +1,6 @@
 """Makes the tables of a validation as data, for a terminal and for the report page.
 
-Of speeds and of what else is small, errors stand in thousandths of their unit: mm/s of m/s.
+Small errors, such as those of speeds, have a thousandth of the unit: mm/s instead of m/s.
 """
 
 from __future__ import annotations

@@ -104,13 +104,13 @@ def _in_words(view: LeaseView) -> str:
 
 COMMANDS = {
     "lease": RemoteCommand(
-        "show who has control, take it, request it, or hand it over",
+        "show which client has control, take it, request it, or hand it over",
         _execute,
         _configure,
         """\
 examples:
-  rigd remote lease                  who has control
-  rigd remote lease request          ask whoever has it, wait for it, and hold it until Ctrl-C
+  rigd remote lease                  the client that has control
+  rigd remote lease request          ask its holder for it, wait, and hold it until Ctrl-C
   rigd remote lease give bob         hand over what you hold, here or in another terminal
   rigd remote lease take             hold it until Ctrl-C
   rigd remote lease seize            the same, taken from another; for maintainers

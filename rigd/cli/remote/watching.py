@@ -290,7 +290,7 @@ class Watch:
         """Request the next more severe stop, at once."""
         stop = self._control.escalate("Ctrl-C")
         do = getattr(self._rig, stop.word)
-        self._request(do("Ctrl-C where it is watched"), f"Ctrl-C: {ESCALATION[stop]}")
+        self._request(do("Ctrl-C in a terminal that shows the run"), f"Ctrl-C: {ESCALATION[stop]}")
 
     def _toggle_pause(self) -> None:
         """Handle Ctrl-Z: pause after this trial, or resume; refused without control."""

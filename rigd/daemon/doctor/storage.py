@@ -28,7 +28,7 @@ _HOURS: Final = 8.0
 _RESERVE: Final = 3.0
 #: While the disk stands still, rings hold the rows of a minute; a run ends if they are 80 % full.
 _LONG_SYNC_S: Final = 5.0
-#: Memory for the rings if no rig says how much it needs: 20 streams at 1 kHz for a minute.
+#: Memory for the rings if no rig is given: 20 streams at 1 kHz for a minute.
 _SOME_RINGS: Final = 100_000_000
 
 

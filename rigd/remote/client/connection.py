@@ -136,7 +136,7 @@ class Connection:
         """Return the newest status.
 
         Raises:
-            LinkError: there is no daemon of that rig, or it has no role for us.
+            LinkError: there is no daemon of that rig, or it gives this client no role.
             ProtocolError: it is of another version.
         """
         return decode_or_raise(Status, await self.ask_status())

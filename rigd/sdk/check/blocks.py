@@ -206,7 +206,7 @@ def _not_there(subject: Subject) -> Iterator[str]:
         elif not isinstance(outcome.error, FAILURES):
             yield f"open() raises {described(outcome.error)}"
         elif outcome.error.hint is None:
-            yield f"open() says {outcome.error.message!r}, and not what to do about it"
+            yield f"open() raises {outcome.error.message!r} without a hint"
         closed = caller.call(driver.close, OPEN_S)
         if closed.error is not None:
             yield f"close() after that raises {described(closed.error)}"

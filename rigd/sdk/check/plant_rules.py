@@ -20,7 +20,7 @@ from rigd.sdk.check.plant_bench import (
     gentle,
     wild,
 )
-from rigd.sdk.check.subject import UnfitSubject, described
+from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
 from rigd.sdk.options import options_of
 from rigd.sdk.parameters import ParametersConfig
 from rigd.sdk.plant import Plant, PlantConfig
@@ -37,14 +37,12 @@ ROUNDING: Final = 1e-6
 
 
 @dataclass(frozen=True)
-class PlantRule:
+class PlantRule(NamedRule):
     """One rule for plants; ``check`` yields a sentence for every breach.
 
-    ``missing`` says why the rule cannot be applied to a plant, "" if it can.
+    ``missing`` returns why the rule cannot be applied to a plant, "" if it can.
     """
 
-    name: str
-    demand: str
     check: Callable[[PlantSubject], Iterator[str]]
     missing: Callable[[PlantSubject], str] = lambda _: ""
 
@@ -280,7 +278,7 @@ def _not_finite(bench: PlantBench, seen: Played) -> Iterator[str]:
         rows = seen.table(name)
         if not rows.size:
             continue
-        # A device may show NaN if its status word says that something is wrong.
+        # A device may show NaN if its status word reports a problem.
         healthy = rows[rows[:, -1] == 0] if driver.declaration.has_status else rows
         for number, channel in enumerate(driver.declaration.channels):
             if not np.isfinite(healthy[:, number]).all():

@@ -10,8 +10,7 @@ from pydantic import ValidationError
 from rigd.sdk.check.plant_bench import Device, PlantSubject
 from rigd.sdk.check.plant_physics import RULES
 from rigd.sdk.check.plant_rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
-from rigd.sdk.check.report import Finding, NonConforming, Report
-from rigd.sdk.check.subject import UnfitSubject
+from rigd.sdk.check.report import NonConforming, Report, examine
 from rigd.sdk.plant import Plant
 
 _STAGES: Final = (CLASS_RULES, CONSTRUCTOR, PLANT_RULES, RULES)
@@ -62,9 +61,6 @@ def examine_plant(
     only: Collection[str] = (),
 ) -> Report:
     """Return the report of :func:`check_plant`, without raising."""
-    known = [rule.name for rules in _STAGES for rule in rules]
-    if unknown := set(only) - set(known):
-        raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
     subject = PlantSubject(plant_class, options or {}, devices or {}, truth, accuracy)
     if truth and truth not in subject.devices:
         raise ValueError(f"no device {truth!r}; there are {', '.join(subject.devices)}")
@@ -72,24 +68,12 @@ def examine_plant(
         subject.config()
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
-    findings: list[Finding] = []
-    checked: list[str] = []
-    skipped: dict[str, str] = {}
-    for rules in _STAGES:
-        # A plant that cannot be made has nothing else to show.
-        stopped = any(finding.rule == CONSTRUCTOR[0].name for finding in findings)
-        for rule in rules:
-            if only and rule.name not in only:
-                continue
-            missing = "mend what is above first" if stopped else rule.missing(subject)
-            if missing:
-                skipped[rule.name] = missing
-                continue
-            checked.append(rule.name)
-            try:
-                findings += [
-                    Finding(rule.name, problem, rule.demand) for problem in rule.check(subject)
-                ]
-            except UnfitSubject as unfit:
-                findings.append(Finding(rule.name, str(unfit), rule.demand))
-    return Report(plant_class.__name__, tuple(findings), tuple(checked), skipped)
+    # A plant that cannot be made has nothing else to show.
+    return examine(
+        plant_class.__name__,
+        _STAGES,
+        lambda rule: rule.check(subject),
+        lambda rule: rule.missing(subject),
+        gates={CONSTRUCTOR[0].name},
+        only=only,
+    )

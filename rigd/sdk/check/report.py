@@ -7,8 +7,14 @@ checked with what was missing. :class:`NonConforming` is the error that a failed
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
+
+from rigd.sdk.check.caller import Hung
+from rigd.sdk.check.subject import NamedRule, UnfitSubject
+
+R = TypeVar("R", bound=NamedRule)
 
 
 @dataclass(frozen=True)
@@ -49,3 +55,42 @@ class NonConforming(AssertionError):
         broken = len({finding.rule for finding in report.findings})
         super().__init__(f"{broken} rules broken\n{report}")
         self.report = report
+
+
+def examine(
+    subject: str,
+    stages: Sequence[Sequence[R]],
+    problems: Callable[[R], Iterable[str]],
+    missing: Callable[[R], str],
+    *,
+    gates: Collection[str],
+    only: Collection[str],
+) -> Report:
+    """Apply rules stage by stage; a broken rule of ``gates`` prevents the following stages.
+
+    ``problems`` applies a rule, ``missing`` returns why a rule cannot be applied, or "". ``only``
+    are names of the rules to apply; empty: all.
+
+    Raises:
+        ValueError: there is no such rule.
+    """
+    known = [rule.name for rules in stages for rule in rules]
+    if unknown := set(only) - set(known):
+        raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    findings: list[Finding] = []
+    checked: list[str] = []
+    skipped: dict[str, str] = {}
+    for rules in stages:
+        stopped = any(finding.rule in gates for finding in findings)
+        for rule in rules:
+            if only and rule.name not in only:
+                continue
+            if reason := "correct the findings above first" if stopped else missing(rule):
+                skipped[rule.name] = reason
+                continue
+            checked.append(rule.name)
+            try:
+                findings += [Finding(rule.name, item, rule.demand) for item in problems(rule)]
+            except (UnfitSubject, Hung) as unfit:
+                findings.append(Finding(rule.name, str(unfit), rule.demand))
+    return Report(subject, tuple(findings), tuple(checked), skipped)

@@ -206,7 +206,7 @@ async def _actions(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
 
 
 async def _closed_twice(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    with contextlib.suppress(*FAILURES):  # an open driver stays open, or says that it is
+    with contextlib.suppress(*FAILURES):
         await driver.open()
     for turn in ("close", "close again"):
         try:
@@ -264,7 +264,7 @@ async def _not_there(driver: SlowDriver, peer: Peer, problems: Problems) -> None
         problems.add("open() succeeds although nothing is connected")
     except FAILURES as error:
         if error.hint is None:
-            problems.add(f"open() says {error.message!r}, and not what to do about it")
+            problems.add(f"open() raises {error.message!r} without a hint")
 
 
 def _opens_in_words(fault: str) -> Scene:
@@ -302,7 +302,7 @@ RULES: Final = (
     ),
     Rule(
         "actions",
-        "act() does each of actions while run() goes on, returns what the device said, and "
+        "act() does each of actions while run() goes on, returns the reply of the device, and "
         "raises ValueError for another name",
         _scene(_actions),
         "",

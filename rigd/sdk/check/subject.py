@@ -61,15 +61,21 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class Rule:
+class NamedRule:
+    """A rule; ``demand`` is the sentence that states what it requires."""
+
+    name: str
+    demand: str
+
+
+@dataclass(frozen=True)
+class Rule(NamedRule):
     """A rule for drivers.
 
     ``check`` yields a sentence for every breach. ``fault`` is the fault that the peer must be able
     to show; "" if a healthy peer is enough, None if no peer is needed.
     """
 
-    name: str
-    demand: str
     check: Callable[[Subject], Iterator[str]]
     fault: str | None = None
 

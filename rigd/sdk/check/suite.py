@@ -10,12 +10,11 @@ from pydantic import ValidationError
 
 from rigd.sdk.check import declared
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
-from rigd.sdk.check.caller import Hung
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
-from rigd.sdk.check.report import Finding, NonConforming, Report
+from rigd.sdk.check.report import NonConforming, Report, examine
 from rigd.sdk.check.slow import RULES as SLOW_RULES
-from rigd.sdk.check.subject import Rule, Subject, UnfitSubject
+from rigd.sdk.check.subject import Rule, Subject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 
 #: The rules of each kind of driver that need a device.
@@ -75,29 +74,16 @@ def examine_driver(
         declared.CLASS_RULES, declared.DECLARES, declared.DECLARED_RULES,
         declared.UNOPENED_RULES[:1], declared.UNOPENED_RULES[1:], RULES[kind][:1], RULES[kind][1:],
     )  # fmt: skip
-    known = [rule.name for rules in stages for rule in rules]
-    if unknown := set(only) - set(known):
-        raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
     subject, faults = _subject(driver_class, {} if options is None else options, peer)
-    findings: list[Finding] = []
-    checked: list[str] = []
-    skipped: dict[str, str] = {}
-    for rules in stages:
-        # A driver that cannot be constructed, or opened, has nothing else to show.
-        stopped = any(finding.rule in GATES for finding in findings)
-        for rule in rules:
-            if only and rule.name not in only:
-                continue
-            missing = "mend what is above first" if stopped else _missing(rule, faults)
-            if missing:
-                skipped[rule.name] = missing
-                continue
-            checked.append(rule.name)
-            try:
-                findings += [Finding(rule.name, item, rule.demand) for item in rule.check(subject)]
-            except (UnfitSubject, Hung) as unfit:
-                findings.append(Finding(rule.name, str(unfit), rule.demand))
-    return Report(driver_class.__name__, tuple(findings), tuple(checked), skipped)
+    # A driver that cannot be constructed, or opened, has nothing else to show.
+    return examine(
+        driver_class.__name__,
+        stages,
+        lambda rule: rule.check(subject),
+        lambda rule: _missing(rule, faults),
+        gates=GATES,
+        only=only,
+    )
 
 
 def _missing(rule: Rule, faults: frozenset[str] | None) -> str:

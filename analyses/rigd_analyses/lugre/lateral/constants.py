@@ -1,4 +1,4 @@
-"""Holds what is known of the lateral coupling before a trial, and one trial of the sweep."""
+"""Holds the constants of the lateral coupling that are known before a trial, and one trial."""
 
 from __future__ import annotations
 

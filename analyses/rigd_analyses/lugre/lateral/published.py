@@ -1,7 +1,7 @@
-"""The speed errors that the paper reports: Tables III and IV, RMS in m/s, on natural stone.
+"""Lists the speed errors that the paper reports: Tables III and IV, RMS in m/s, on natural stone.
 
 "Investigation of longitudinal friction characteristics of an omnidirectional wheel via LuGre
-model". They are printed beside what is found and never used.
+model". A report prints them beside its own results; no computation uses them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compares measured with modelled carriage speeds, the lateral force ignored and included."""
+"""Compares measured with modelled carriage speeds, with and without the modelled lateral force."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests whether what the model leaves of a lateral sweep still follows the lateral speed."""
+"""Tests whether the residuals of the fit of a lateral sweep depend on the lateral speed."""
 
 from __future__ import annotations
 

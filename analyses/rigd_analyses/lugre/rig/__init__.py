@@ -1,1 +1,1 @@
-"""The whole rig as a model: motor current in; wheel, carriage and acceleration out."""
+"""Models the whole rig: motor current in; wheel, carriage and acceleration out."""

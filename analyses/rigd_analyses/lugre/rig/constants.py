@@ -1,4 +1,4 @@
-"""What is known of the rig before a trial, each value with its standard uncertainty."""
+"""Holds the constants of the rig that are known before a trial, each with its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""How noise of the current and of the sensors moves the outputs of a simulated trial.
+"""Computes how noise of the current and of the sensors changes the outputs of a simulated trial.
 
-State of the deviations: carriage position, wheel angle, both speeds, bristle, and what the zero of
-the current is off in this trial. The step from sample to sample is the derivative of the recursion
-itself (:mod:`.kernel`): wheel and carriage drift by a millimetre, their difference is known to a
-tenth of a micrometre, so that no approximation of it will do.
+The state of the deviations is: carriage position, wheel angle, both speeds, bristle, and the zero
+error of the current in this trial. The step from sample to sample is the derivative of the
+recursion itself (:mod:`.kernel`). An approximation would not be exact enough: wheel and carriage
+drift by a millimetre, and their difference is known to a tenth of a micrometre.
 """
 
 from __future__ import annotations

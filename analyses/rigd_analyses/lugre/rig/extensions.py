@@ -1,6 +1,7 @@
-"""What may be wrong on the omni-wheel rig beyond its constants: named things, and dependences.
+"""Lists possible errors of the model of the omni-wheel rig beyond its constants.
 
-Each is a change of the outputs for each unit of it, at the fitted motion (:mod:`.disturbed`).
+Each has a name, or is a dependence on some quantity, and is given as the change of the outputs for
+each unit of it, at the fitted motion (:mod:`.disturbed`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One trial of the rig, integrated with its forward sensitivities, compiled.
+"""Integrates one trial of the rig with its forward sensitivities (compiled code).
 
 State y = (v, w, z): carriage speed in m/s, wheel speed in rad/s, bristle deflection times sigma_0.
 With V = r w - v, u = V - |V| z / g(V) and S(s) = tanh(s / 1 mm/s) (lugre.md section 2, items 1 to

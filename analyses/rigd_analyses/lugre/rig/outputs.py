@@ -1,8 +1,9 @@
-"""The outputs of the rig and their derivatives, from the states of the recursion; compiled.
+"""Computes the outputs of the rig and their derivatives from the states of the recursion.
 
-Slip travel r_0 angle - position with the radius r_0 as stated (a constant combination of what is
-measured), carriage position, acceleration. Encoders read late, the accelerometer has a gain and a
-zero, and shakes with the speed at once and twice the rate of the rollers' transitions.
+The outputs are: slip travel r_0 angle - position, with the stated radius r_0 (a constant
+combination of measured values); carriage position; acceleration. The encoders have a delay. The
+accelerometer has a gain and a zero error, and vibrates with the speed at once and twice the rate of
+the rollers' transitions. The code is compiled.
 """
 
 from __future__ import annotations

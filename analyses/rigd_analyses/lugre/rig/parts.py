@@ -1,4 +1,4 @@
-"""Finds the part of each trial in which the motor alone moves the carriage, and what has none."""
+"""Selects the part of each trial in which only the motor moves the carriage; rejects the others."""
 
 from __future__ import annotations
 

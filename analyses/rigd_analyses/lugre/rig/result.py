@@ -1,4 +1,4 @@
-"""Makes the result of an identification of what output error found: curve, trials, account."""
+"""Converts the output of an output-error fit to a result: curve, trials, preprocessing."""
 
 from __future__ import annotations
 

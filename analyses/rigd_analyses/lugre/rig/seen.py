@@ -1,7 +1,7 @@
-"""What the acceleration shows of the friction curve, for the points beside a curve of output error.
+"""Computes points of the friction curve from the measured acceleration, to plot beside the fit.
 
 Slip and all terms besides g are those of the fit. The residual of the acceleration is m/F_N of it,
-smoothed as method A smooths it: alone the accelerometer's noise would hide everything.
+smoothed as method A smooths it; without that, the noise of the accelerometer hides everything.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Trials of the omni-wheel rig as a system whose outputs are predicted from the motor current."""
+"""Defines trials of the omni-wheel rig as a system: predicts its outputs from the motor current."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Makes the verdict on one model from what was found in the trials of one recording."""
+"""Makes the verdict on one model from the errors in the trials of one recording."""
 
 from __future__ import annotations
 

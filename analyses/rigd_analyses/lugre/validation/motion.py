@@ -1,8 +1,8 @@
-"""Simulates a trial from its measured current, and compares it with what was measured.
+"""Simulates a trial from its measured current, and compares the result with the measurement.
 
-Measured and modelled travel go through the same zero-phase filter (that of method A), so that it
-takes nothing from one that it leaves in the other. The current is taken as the monitor shows it:
-an offset of the monitor is a finding, and is not removed in silence.
+Measured and modelled travel pass the same zero-phase filter (that of method A), so the filter
+causes no difference between them. The measured current is used as it is: an offset of the current
+monitor is reported as a finding and not removed before.
 """
 
 from __future__ import annotations

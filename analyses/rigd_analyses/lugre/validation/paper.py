@@ -1,6 +1,7 @@
-"""Table II of the paper: RMS of measured minus estimated speed in its validation tests, in m/s.
+"""Lists Table II of the paper: RMS of measured minus estimated speed in its validation tests.
 
-Tables III and IV (lateral motion) belong here too, once trials with lateral motion are validated.
+The values are in m/s. Tables III and IV (lateral motion) belong here too, once trials with lateral
+motion are validated.
 """
 
 from __future__ import annotations
