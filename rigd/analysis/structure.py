@@ -1,10 +1,10 @@
-"""Does what a fit leaves depend on anything? Every source of error against everything at hand.
+"""Tests whether the residuals of a fit depend on anything: every source of error on every quantity.
 
-An :class:`ErrorSource` is a place at which an error may enter (a reading, a force, the input); a
-:class:`Context` is what it may depend on (time, position, speed, an angle, the trial). For each
-pair the functions of the context go through the source into the outputs, and the residuals are
-tested for them (:mod:`rigd.analysis.score`). A family of rigs brings its sources; the mechanism is
-the same.
+An :class:`ErrorSource` is a place at which an error may enter (a reading, a force, the input). A
+:class:`Context` is a quantity on which it may depend (time, position, speed, an angle, the trial).
+For each pair, the functions of the context go through the source into the outputs, and the
+residuals are tested for them (:mod:`rigd.analysis.score`). A family of rigs defines its sources;
+the tests are the same for all.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Are whitened residuals white, of unit variance, without jumps? Against no alternative at all.
+"""Tests whether whitened residuals are white, have unit variance, and have no jumps.
 
-What the model leaves must be what the noise of input and sensors leaves, at every frequency. So
-what has no name is seen, too.
+If the model is right, its residuals look like the noise of input and sensors at every frequency.
+The tests need no candidate for what is wrong, so they also find errors without a known cause.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Identifies the friction of the passive rollers by output error on a lateral sweep.
 
-The longitudinal friction and the constants of the drive are fitted along, the latter with their
-uncertainties. Every sweep is also fitted with the lateral speed turned round, and with the other
-way in which a lifted row of rollers may rub: the likelihood, for the same noise, shows what the
-data support.
+The longitudinal friction and the constants of the drive are fitted too, the latter with their
+uncertainties. Every sweep is also fitted with the opposite sign of the lateral speed, and with the
+other law for the friction of a lifted row of rollers. The likelihoods, for the same noise, show
+which the data support.
 """
 
 from __future__ import annotations

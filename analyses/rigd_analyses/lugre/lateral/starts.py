@@ -1,8 +1,9 @@
-"""Finds starts for a fit of the rollers' friction: by the force that each trial lacks without it.
+"""Finds starting values for the fit of the rollers' friction.
 
-Over the friction of the rollers, the load of the guide falls to nothing and rises again, at another
-friction for each lateral speed: a fit has many optima. The speeds of the carriage alone show the
-friction of the guide in each trial to some per cent; a grid finds what goes with all of them.
+The load of the guide, over the friction of the rollers, falls to zero and rises again, at another
+friction for each lateral speed: the fit has many optima. The speeds of the carriage alone determine
+the friction of the guide in each trial to some per cent. A grid search finds the frictions of the
+rollers that agree with all of these values.
 """
 
 from __future__ import annotations

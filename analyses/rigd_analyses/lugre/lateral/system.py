@@ -1,10 +1,10 @@
-"""Adds the lateral coupling to the simulated rig: guide and bearings carry what the rollers push.
+"""Adds the lateral coupling to the simulated rig: the rollers push on guide and bearings.
 
-The lateral speed is measured, as the current is. During a drive it is nearly constant, and so is
-the load that follows from it: a trial is that of the straight rig, with a guide friction and a
-bearing torque of its own (lugre.md section 2, items 6 and 11). If the guide's friction differs
-from its mean, carriage and wheel follow together, with the inertia m_T + I / r^2; the contact force
-changes by a twelfth of the difference, which the slip does not show.
+The lateral speed is measured, like the current. During a drive it is nearly constant, and so is the
+load that follows from it. A trial is therefore simulated like one without lateral motion, but with
+its own guide friction and bearing torque (lugre.md section 2, items 6 and 11). If the friction of
+the guide differs from its mean, carriage and wheel accelerate together, with the inertia
+m_T + I / r^2. The contact force changes by a twelfth of the difference; the slip does not show it.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The motor current that a trial is simulated with: without the monitor's noise.
+"""Removes the monitor's noise from the motor current with which a trial is simulated.
 
-A simulation adds up every error of its input, and friction rectifies noise at small slip.
-Between jumps the current is smooth (constant, or falling at the voltage limit). A polynomial filter
-takes the noise away there; it never reaches across a jump, and its window is as wide at each sample
-as the current allows: the confidence intervals of the filters with wider and wider windows are
-intersected until one has nothing in common with those before (ICI rule: Goldenshluger and
-Nemirovski, Math. Meth. Stat. 6, 1997; Katkovnik, IEEE Trans. Signal Processing 47, 1999).
+A simulation adds up every error of its input, and friction rectifies noise if the slip is small.
+Between jumps the current is smooth (constant, or falling at the voltage limit), and a polynomial
+filter removes the noise there. The filter never reaches across a jump. Its window is as wide at
+each sample as the current permits: the confidence intervals of filters with increasing windows are
+intersected until the intersection is empty (ICI rule: Goldenshluger and Nemirovski, Math. Meth.
+Stat. 6, 1997; Katkovnik, IEEE Trans. Signal Processing 47, 1999).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What a small disturbance of the rig would change in its outputs, to first order.
+"""Computes how a small disturbance of the rig changes its outputs, to first order.
 
 A disturbance adds to the rates of carriage speed, wheel speed and bristle. Its effect follows the
 derivative of each step of the recursion (:func:`.deviations.transitions`): the variational equation
-(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, sec. I.14). If the rig
-stands, static friction takes it up.
+(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, sec. I.14). While the rig
+stands still, static friction takes the disturbance up.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Fits single constants of a recording while friction is held, and judges what is left.
+"""Fits single constants of a recording, with fixed friction, and tests the residuals that are left.
 
-The drive's gain and the zero of the current are fitted to the speeds alone: slip, which separates
-floors, does not affect them. Gauss and Newton's steps, with the sensitivities of the recursion.
+The drive's gain and the zero of the current are fitted to the speeds alone, not to the slip,
+because the slip is what distinguishes floors. The steps are those of Gauss and Newton, with the
+sensitivities of the recursion.
 """
 
 from __future__ import annotations

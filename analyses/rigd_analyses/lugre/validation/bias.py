@@ -1,4 +1,4 @@
-"""Describes in sentences which constants of a recording would have to differ."""
+"""Describes in words which constants of a recording must have other values to explain it."""
 
 from __future__ import annotations
 

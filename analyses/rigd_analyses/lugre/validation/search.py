@@ -1,8 +1,8 @@
-"""Finds the fewest constants that would have to differ for a recording to be explained.
+"""Searches the fewest constants that must have other values for a model to explain a recording.
 
-First none; then one, the drive's gain or the current's zero before all others; then these two; then
-one further constant beside them.
-A constant that must move by more than three of its uncertainties explains nothing.
+The order is: no constant; one constant, first the drive's gain and the zero of the current; these
+two together; one further constant beside them. A constant that must change by more than three of
+its uncertainties explains nothing.
 """
 
 from __future__ import annotations
