@@ -1,1 +1,1 @@
-"""Designs tests of the omni-wheel rig: shapes of the current, their motion, what they notify."""
+"""Designs tests of the omni-wheel rig: current shapes, their motion and information."""

@@ -1,1 +1,4 @@
-"""Friction of the passive rollers, from drives during lateral motion (lugre.md section 2)."""
+"""Identifies the friction of the passive rollers from drives during lateral motion.
+
+See lugre.md section 2.
+"""
