@@ -1,4 +1,4 @@
-"""A lateral sweep of independent code, and what is found in it, for all tests of its analysis."""
+"""A lateral sweep of independent code, for all tests of its analysis."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from support.lugre_bench import known_rig
 from support.lugre_lateral_bench import LateralBench
 
 from rigd_analyses.lugre.lateral.constants import LateralTrial
-from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
 from rigd_analyses.lugre.rig.constants import RigConstants
 
-SPEEDS_M_S, CURRENTS_A = (0.2, 0.5, 0.65), (0.6, 1.2)
+SPEEDS_M_S, CURRENTS_A = (0.2, 0.65), (0.6, 1.2)
 
 
 @pytest.fixture(scope="package")
@@ -27,13 +26,11 @@ def rig(lateral_bench: LateralBench) -> RigConstants:
 
 @pytest.fixture(scope="package")
 def trials(lateral_bench: LateralBench) -> list[LateralTrial]:
-    """Return twelve trials: three speeds, two currents, both directions."""
+    """Return eight trials: two speeds, two currents, both directions."""
     return lateral_bench.sweep(2, SPEEDS_M_S, CURRENTS_A)
 
 
 @pytest.fixture(scope="package")
-def found(
-    trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
-) -> LateralFound:
-    """Return the result of the twelve trials."""
-    return find_lateral(trials, rig, lateral_bench.constants)
+def fast(lateral_bench: LateralBench) -> list[LateralTrial]:
+    """Return the four trials of the fastest lateral motion, the shortest of all."""
+    return lateral_bench.sweep(2, SPEEDS_M_S[1:], CURRENTS_A)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from collections.abc import Mapping
 
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd.analysis import Options
-from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
-from rigd.analysis.evaluation import evaluate_sweeps
-from rigd.analysis.source import open_sweep
+from rigd.analysis import Evaluation
+from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, intervals_of
+from rigd.analysis.check.suite import Interval
 from rigd.analysis.terminal import TerminalTable
+from rigd.sdk.check import Report
 from rigd_analyses.lugre.lateral.analysis import LateralAnalysis
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.rig.constants import RigConstants
@@ -57,23 +57,35 @@ def case(trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConsta
     return Case(simulated, constants, {"mu_R_dry": DRY, "mu_R_vis": VISCOUS})
 
 
-def test_lateral_analysis_conforms(case: Case, tmp_path: Path) -> None:
-    check_analysis(LateralAnalysis, [case], tmp_path)
+@pytest.fixture(scope="module")
+def checked(case: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Report, Evaluation]:
+    """Return what the check finds, and the first evaluation that it makes."""
+    evaluated: list[Evaluation] = []
+
+    def read(evaluation: Evaluation) -> Mapping[str, Interval]:
+        evaluated.append(evaluation)
+        return intervals_of(evaluation)
+
+    report = examine_analysis(LateralAnalysis, [case], tmp_path_factory.mktemp("case"), read=read)
+    return report, evaluated[0]
 
 
-def test_report_json_and_table_agree(case: Case, tmp_path: Path) -> None:
-    sweep = open_sweep(write_case(tmp_path / "lateral.mcap", LateralAnalysis, case))
-    evaluation = evaluate_sweeps(LateralAnalysis, [sweep], Options(), lambda _: None)
+def test_lateral_analysis_conforms(checked: tuple[Report, Evaluation]) -> None:
+    assert checked[0].findings == ()
+
+
+def test_report_json_and_table_agree(checked: tuple[Report, Evaluation]) -> None:
+    evaluation = checked[1]
     found = json.loads(json.dumps(evaluation.to_json(), allow_nan=False))
     errors = found["speed_error"]
-    assert len(errors["trials"]) == 12
+    assert len(errors["trials"]) == 8
     assert errors["together"]["all"]["ratio"] > 10.0
     page = evaluation.report()
-    assert page.count("<svg") > 12
+    assert page.count("<svg") > 8
     assert found["coupling"].split(";")[0] in page
     tables = [item for item in evaluation.terminal_report() if isinstance(item, TerminalTable)]
     _, each, together = tables
-    assert len(each.rows) == 6 and len(together.rows) == 3
+    assert len(each.rows) == 4 and len(together.rows) == 3
     ratio = f"{errors['together']['all']['ratio']:.1f}"
     assert ratio in together.rows[-1].cells and ratio in page
     for row in each.rows:

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.lateral.identify import LateralFound
+from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.lateral.constants import LateralTrial
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.model import PARAMETERS
+from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.trial import sampling_period_s
 
 CHECKED = (
     "guide_friction", "no_load", "current_zero", "mu_R_dry", "mu_R_vis", "guide_lever",
@@ -14,11 +22,30 @@ CHECKED = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("trial", [4, 10], ids=["fast and positive", "fast and negative"])
-def test_sensitivities_agree_with_differences(found: LateralFound, trial: int) -> None:
-    system = found.system
+@pytest.fixture(scope="module")
+def system(
+    fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
+) -> LateralSystem:
+    recorded = [item.trial for item in fast]
+    parts, _ = sort_out(recorded, [sampling_period_s(item) for item in recorded], Settings())
+    smooth = np.array([parameter.start for parameter in PARAMETERS])
+    straight = rig_system(parts, rig, smooth)
+    speeds = tuple(item.speed_m_s[part] for item, (_, part) in zip(fast, parts, strict=True))
+    return LateralSystem(straight, speeds, lateral_bench.constants, rig.bearing_torque.value)
+
+
+@pytest.fixture(scope="module")
+def point(system: LateralSystem) -> FloatArray:
+    """Return parameters of one trial, with the true friction of the rollers."""
+    start = {item.parameter.name: item.parameter.start for item in (*system.shared, *system.local)}
+    return np.array(list((start | {"mu_R_dry": DRY, "mu_R_vis": VISCOUS}).values()))
+
+
+@pytest.mark.parametrize("trial", [1, 3], ids=["fast and positive", "fast and negative"])
+def test_sensitivities_agree_with_differences(
+    trial: int, system: LateralSystem, point: FloatArray
+) -> None:
     count = len(system.shared)
-    point = np.concatenate([found.shared, found.local(trial)])
 
     def outputs(values: FloatArray) -> FloatArray:
         return system.simulate(trial, values[:count], values[count:])
@@ -40,10 +67,12 @@ def test_sensitivities_agree_with_differences(found: LateralFound, trial: int) -
             )
 
 
-def test_ignored_lateral_force_equals_straight_rig(found: LateralFound) -> None:
+def test_ignored_lateral_force_equals_straight_rig(
+    system: LateralSystem, point: FloatArray
+) -> None:
     """Without lateral force the guide's friction is the stated one, at any lateral speed."""
-    system, local = found.system, found.local(2)
-    straight = found.shared[: len(system.rig.shared)]
+    shared, local = np.split(point, [len(system.shared)])
+    straight = shared[: len(system.rig.shared)]
     np.testing.assert_allclose(
-        system.ignoring(2, found.shared, local), system.rig.simulate(2, straight, local)
+        system.ignoring(2, shared, local), system.rig.simulate(2, straight, local)
     )
