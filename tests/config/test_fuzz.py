@@ -68,16 +68,17 @@ def test_valid_keys_with_any_values_give_located_errors(pairs: dict[str, str]) -
 
 
 #: Every key but those the author invents: names of devices and constants.
+PLACES = parse_document(TEXT, FILE).keys
 KEYS = [
     path
-    for path in parse_document(TEXT, FILE).keys
+    for path in PLACES
     if path[0] not in ("devices", "constants") or len(path) > 2 or len(path) == 1
 ]
 
 
 @pytest.mark.parametrize("path", KEYS, ids=lambda path: ".".join(map(str, path)))
 def test_no_misspelt_key_goes_unnoticed(path: tuple[str | int, ...]) -> None:
-    place = parse_document(TEXT, FILE).keys[path]
+    place = PLACES[path]
     lines = TEXT.split("\n")
     line, start, key = lines[place.line - 1], place.column - 1, str(path[-1])
     assert line[start:].startswith(key)

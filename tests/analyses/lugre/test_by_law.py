@@ -25,7 +25,7 @@ TRUTH: dict[str, dict[str, tuple[float, float]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("law", some(list(SURFACES), 2))
+@pytest.mark.parametrize("law", some(list(SURFACES), 4, 2))
 def test_the_law_that_made_the_data_wins(law: str) -> None:
     bench = LawBench("stone", law=law)
     found = _compared(bench, (0.3, 0.6, 0.9, 1.2, 1.5))

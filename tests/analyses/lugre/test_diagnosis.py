@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
-from support.lugre_wrong import World, control, right
+from support.lugre_wrong import Program, World, control, right
 
 from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.model import to_natural
@@ -23,17 +23,18 @@ from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s
 
 FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
+SLOW = tuple(((amps, 3.0),) for amps in (0.3, 0.6, 0.9, 1.2))
 
 
-def found(world: World, seed: int = 1) -> IdentificationResult:
+def found(world: World, program: Program) -> IdentificationResult:
     return identify_output_error(
-        replace(world, program=FEW).trials(seed), world.constants, world.rig
+        replace(world, program=program).trials(1), world.constants, world.rig
     )
 
 
 def test_a_measuring_wheel_out_of_centre_is_named() -> None:
     world = replace(right("pvc"), guide_eccentric=1e-4)
-    result = identify_output_error(world.trials(1), world.constants, world.rig)
+    result = found(world, SLOW)
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.CORRECTED
     (first, *_) = result.gate.explanations
@@ -46,7 +47,7 @@ def test_a_measuring_wheel_out_of_centre_is_named() -> None:
 
 @pytest.mark.parametrize("number", some(range(6), 6))
 def test_rig_with_correct_constants_fits(number: int) -> None:
-    result = found(control(number))
+    result = found(control(number), FEW)
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.FITS, result.gate.sentence
 

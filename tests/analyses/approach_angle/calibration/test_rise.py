@@ -18,7 +18,7 @@ from rigd_sim.plants.angle.plant import AnglePlant
 LOADS = (4.0, 4.0, 4.0, 4.0, 8.0, 8.0, 8.0, 8.0)
 RISE = 0.1  #: of the shipped plant, 1/m: 3 % over 0.3 m
 TRAVEL = 0.3
-RIGS = some(range(1, 21), 2)
+RIGS = some(range(1, 21), 3)
 
 
 def calibrated(pushes: list[Push]) -> CalibrationResult:

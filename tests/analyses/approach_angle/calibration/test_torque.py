@@ -16,7 +16,7 @@ BENCH = ArmBench(
 )  # fmt: skip
 MASSES = np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0])
 SCALE = 2.04
-RIGS = some(range(1, 21), 2)
+RIGS = some(range(1, 21), 3)
 
 
 def gauges(scale: float = SCALE, common: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
