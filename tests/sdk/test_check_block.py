@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
-import pytest
-from support.memory_wire import Wire, assert_found
+from support.memory_wire import Wire, assert_found, each_mistake
 
 from rigd.sdk import Block, BlockDriver, Channel, Declaration, DriverConfig, LinkError
 from rigd.sdk.check import Peer, check_driver, examine_driver
@@ -215,7 +214,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("rule", "driver", "words"), BAD)
+@each_mistake(BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], words: str) -> None:
     assert_found(examine_driver(driver, peer=card, only=[rule]), rule, words)
 

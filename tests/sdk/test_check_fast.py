@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import pytest
 from support.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLink, motor
-from support.memory_wire import assert_found
+from support.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Declaration, Driver, LinkError, Row
 from rigd.sdk.check import Peer, check_driver, examine_driver
@@ -254,9 +254,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("rule", "driver", "words"), BAD, ids=lambda item: getattr(item, "__name__", "")
-)
+@each_mistake(BAD)
 def test_mistake_is_found_by_its_rule(rule: str, driver: type[Driver], words: str) -> None:
     assert_found(examine_driver(driver, peer=motor, only=[rule]), rule, words)
 

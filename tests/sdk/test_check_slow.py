@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
-import pytest
-from support.memory_wire import Wire, assert_found
+from support.memory_wire import Wire, assert_found, each_mistake
 
 from rigd.sdk import (
     Channel,
@@ -250,7 +249,7 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("rule", "driver", "words"), BAD)
+@each_mistake(BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[SlowDriver], words: str) -> None:
     assert_found(examine_driver(driver, peer=thermometer, only=[rule]), rule, words)
 

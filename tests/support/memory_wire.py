@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
+
+import pytest
 
 from rigd.sdk.check import FAULTS, Peer, Report
 
@@ -24,6 +26,12 @@ class Wire:
         return Peer(
             link=link or (lambda: self), faults={name: partial(self.begin, name) for name in FAULTS}
         )
+
+
+def each_mistake(bad: Sequence[tuple[str, type[Any], str]]) -> pytest.MarkDecorator:
+    """Run a test for each mistake: the rule that it breaks, its driver, words of the finding."""
+    names = ("rule", "driver", "words")
+    return pytest.mark.parametrize(names, bad, ids=lambda item: getattr(item, "__name__", ""))
 
 
 def assert_found(report: Report, rule: str, words: str) -> None:

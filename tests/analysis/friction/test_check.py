@@ -10,6 +10,7 @@ import pytest
 from rigd.analysis.friction import FrictionLaw, LawParameter, gradient, step
 from rigd.analysis.friction.check import check_friction_law, examine_friction_law
 from rigd.analysis.friction.compiled import Gradient
+from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
 from rigd.sdk.check import NonConforming
 
@@ -24,15 +25,21 @@ def smooth(
     return float(theta[0] * np.tanh(slip / theta[1]))
 
 
+@kernel
+def bent(theta: FloatArray, slip: float, row: FloatArray) -> float:
+    """Return the force that `smooth` has, and write its derivatives to ``row`` (2,)."""
+    bend = np.tanh(slip / theta[1])
+    row[0] = bend
+    row[1] = -theta[0] * (1.0 - bend**2) * slip / theta[1] ** 2
+    return float(theta[0] * bend)
+
+
 @gradient
 def smooth_gradient(
     state: FloatArray, sensitivity: FloatArray, theta: FloatArray,
     between: float, slip: float, rolling: float, dt: float, row: FloatArray,
 ) -> float:  # fmt: skip
-    bend = np.tanh(slip / theta[1])
-    row[0] = bend
-    row[1] = -theta[0] * (1.0 - bend**2) * slip / theta[1] ** 2
-    return float(theta[0] * bend)
+    return bent(theta, slip, row)
 
 
 class Smooth(FrictionLaw):
@@ -88,10 +95,9 @@ def wrong_gradient(
     state: FloatArray, sensitivity: FloatArray, theta: FloatArray,
     between: float, slip: float, rolling: float, dt: float, row: FloatArray,
 ) -> float:  # fmt: skip
-    bend = np.tanh(slip / theta[1])
-    row[0] = bend
-    row[1] = -theta[0] * (1.0 - bend**2) * slip / theta[1]
-    return float(theta[0] * bend)
+    force = bent(theta, slip, row)
+    row[1] *= theta[1]
+    return force
 
 
 @gradient
@@ -99,10 +105,7 @@ def another_force(
     state: FloatArray, sensitivity: FloatArray, theta: FloatArray,
     between: float, slip: float, rolling: float, dt: float, row: FloatArray,
 ) -> float:  # fmt: skip
-    bend = np.tanh(slip / theta[1])
-    row[0] = bend
-    row[1] = -theta[0] * (1.0 - bend**2) * slip / theta[1] ** 2
-    return float(1.01 * theta[0] * bend)
+    return 1.01 * bent(theta, slip, row)
 
 
 class NoSymbol(Smooth):
