@@ -66,6 +66,8 @@ finish:
     set: {axis.speed: 0 m/s}
     for: 0.1 s
 """
+#: Lasts until something ends it.
+LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
 
 #: Asks for a load in each trial.
 ASKING = """\

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 from support.file_axis import word
-from support.served_axis import ASKING, SWEEP, ServedAxis, travelling
+from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit
@@ -17,9 +17,6 @@ from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
-from rigd.remote.protocol.limits import LEASE_S
-
-LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
 
 
 def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
@@ -127,18 +124,6 @@ def test_estop_does_not_wait_for_disk(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [line["what"] for line in served.audited()[2:]] == ["stop", "estop"]
 
 
-def test_client_vanished_before_run_starts_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """No one else would stop it: its client vanished while nothing ran."""
-    with ServedAxis(tmp_path) as served:
-        monkeypatch.setattr(served.trips, "begin_run", lambda: vanish(served))
-        with pytest.raises(Refusal) as refused:
-            served.start(LONG)
-        assert refused.value.code is Code.NO_LEASE
-        assert served.status.state == "idle"
-
-
 def test_stop_while_devices_open_ends_the_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, opens_in_s=20.0) as served:
         served.start()
@@ -203,112 +188,6 @@ def test_stop_ends_a_waiting_prompt(tmp_path: Path) -> None:
 def test_answers_of_procedure_are_used_on_request(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(ASKING, answers="procedure")
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "complete"
-
-
-def vanish(served: ServedAxis) -> None:
-    """The client shows life no more."""
-    served.clock.ahead_ns += round(LEASE_S * 1e9)
-    served.service.tend()
-
-
-def test_run_without_its_client_stops_by_default(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start(LONG)
-        served.until(lambda status: status.step == "go")
-        vanish(served)
-        last = served.until_idle().last
-        assert last is not None
-        assert (last.ending, last.run) == ("stopped", served.ask("runs")["runs"][0]["run"])
-        assert "alice, who steered this run, has vanished" in last.reason
-    assert ("alice", "lease_lost", "the run is stopped") in [
-        (line["who"], line["what"], line["result"]) for line in served.audited()
-    ]
-
-
-def test_run_stopped_by_closed_page_names_person(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.command("lease_take", "panel", user="Ada")
-        served.command("start", "panel", user="Ada", procedure=travelling(LONG))
-        served.until(lambda status: status.step == "go")
-        served.lease.request(ClientUser.of("panel", "Bob"))
-        served.command("lease_give", "panel", user="Ada", to="panel")
-        vanish(served)
-        last = served.until_idle().last
-        assert last is not None
-        assert "Bob's page (panel) was closed or disconnected" in last.reason
-        assert "Bob's page (panel) was closed or disconnected: the run is stopped" in [
-            notice.text for notice in served.status.notices
-        ]
-    assert ("panel", "Bob", "lease_lost") in [
-        (line["who"], line.get("user"), line["what"]) for line in served.audited()
-    ]
-
-
-def test_run_may_end_trial_if_its_client_vanishes(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start(set={"time": "2 s"}, on_client_loss="finish_trial")
-        served.until(lambda status: status.step == "go")
-        vanish(served)
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "stopped"
-        (line,) = served.ask("runs")["runs"]
-        assert line["trials_done"] == 1
-
-
-def test_run_may_continue_when_its_client_vanishes(tmp_path: Path) -> None:
-    text = f"{SWEEP}on_client_loss: continue\n"
-    with ServedAxis(tmp_path) as served:
-        served.start(text)
-        served.until(lambda status: status.step == "go")
-        vanish(served)
-        assert served.status.lease.holder is None
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "complete"
-
-
-def test_ending_trial_gets_no_answer_to_its_prompt(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start(ASKING, on_client_loss="finish_trial")
-        served.until(lambda status: status.prompt)
-        vanish(served)
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "stopped"
-
-
-def test_returning_client_may_let_run_continue(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start(set={"time": "1 s"}, on_client_loss="finish_trial")
-        served.until(lambda status: status.step == "go")
-        vanish(served)
-        served.command("lease_take", "bob")
-        served.command("resume", "bob")
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "complete"
-
-
-def test_new_lease_holder_steers_run_of_vanished_client(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start()
-        served.until(lambda status: status.step == "go")
-        served.clock.ahead_ns += round(LEASE_S * 1e9)
-        served.command("lease_take", "bob")  # before the daemon came to look whose lease ran out
-        last = served.until_idle().last
-        assert last is not None
-        assert last.ending == "complete"
-
-
-def test_client_that_releases_lease_is_not_lost(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        served.start()
-        served.command("lease_release")
-        vanish(served)
         last = served.until_idle().last
         assert last is not None
         assert last.ending == "complete"
@@ -383,23 +262,6 @@ def test_no_run_starts_without_the_audit_log(tmp_path: Path) -> None:
             served.service.tend()
         told = [notice.text for notice in served.status.notices if notice.level == "error"]
         assert told == [f"nothing can start: {served.audit.broken}"]
-
-
-def test_resumed_run_can_continue_without_client(tmp_path: Path) -> None:
-    with ServedAxis(tmp_path) as served:
-        run = served.start(set={"time": "0.5 s"}, answers="procedure")
-        served.until(lambda status: status.trials_done == 1 and status.step == "go")
-        served.stop("eve", "abort")
-        served.until_idle()
-        served.command("resume_run", run=run, on_client_loss="continue")
-        served.until(lambda status: status.step == "go")
-        vanish(served)
-        assert "alice has vanished: the run goes on" in [
-            notice.text for notice in served.status.notices
-        ]
-        last = served.until_idle().last
-        assert last is not None
-        assert "vanished" not in last.reason
 
 
 def test_interrupted_run_is_offered_and_resumed(tmp_path: Path) -> None:
