@@ -54,7 +54,7 @@ SHOWN: dict[str, Shows] = {
     ),
     f"rigd identify {PVC}": Shows("sigma_2"),
     "rigd identify runs/*constant_current*.mcap": Shows("sigma_2"),
-    "rigd identify FILE --figures figures/": Shows("index.csv says what each is", {"FILE": PVC}),
+    "rigd identify FILE --figures figures/": Shows("index.csv says what each is", {"FILE": TORQUE}),
     "rigd identify FILE --json": Shows('"recordings"', {"FILE": ANGLES}),
     "rigd identify runs/*approach_angles*.mcap": Shows("clean_0"),
     "rigd identify FILE --compare": Shows("Fewer do not suffice", {"FILE": PVC}),
