@@ -28,7 +28,8 @@ class Options:
     a file to use instead of the calibration that a recording carries. ``by_recording`` gives each
     recording groups of its own, so that they can be compared. ``method`` names one of the ways
     that the analysis has, ``law`` a friction law that is installed; empty: its own choice.
-    ``compare`` asks which of the installed laws the data support.
+    ``compare`` asks which of the installed laws the data support. ``joint`` fits the groups with
+    the constants of the rig in common.
     """
 
     starts: int = 8
@@ -39,6 +40,7 @@ class Options:
     method: str = ""
     law: str = ""
     compare: bool = False
+    joint: bool = False
 
 
 class Evaluation(ABC):

@@ -86,12 +86,24 @@ class Levels:
         )
 
 
+@dataclass(frozen=True)
+class TrialParts:
+    """Parts of trials that should share a parameter; ``names`` (trials,) has that of each trial.
+
+    ``kind`` is what the parts are, such as recordings; ``advice`` is given if they disagree.
+    """
+
+    kind: str
+    names: Sequence[str]
+    advice: str
+
+
 def homogeneity(
-    fit: OutputErrorFit, index: int, what: str, recordings: Sequence[str]
+    fit: OutputErrorFit, index: int, what: str, parts: Sequence[TrialParts]
 ) -> tuple[ResidualTest, ...]:
     """Return the tests of the level of parameter ``index``, which a person calls ``what``.
 
-    ``recordings`` (trials,) names the file of each trial, in the order in which they were played.
+    The trials are in the order in which they were played; ``parts`` of only one name are no test.
     """
     levels = Levels(fit, index)
     trend = levels.trend()
@@ -108,18 +120,19 @@ def homogeneity(
             else f"The {what} neither rises nor falls over the trials.",
         )
     ]
-    names = list(dict.fromkeys(recordings))
-    if len(names) > 1:
-        apart = levels.differ([names.index(name) for name in recordings])
+    for part in parts:
+        names = list(dict.fromkeys(part.names))
+        if len(names) < 2:
+            continue
+        apart = levels.differ([names.index(name) for name in part.names])
         found.append(
             ResidualTest(
-                "agreement of recordings",
+                f"agreement of {part.kind}",
                 apart.statistic,
                 apart.p_value,
                 not apart.found,
-                f"{', '.join(names)} disagree on the {what} (p = {apart.p_value:.1g}). Something "
-                "changed between them; identify each by itself (`rigd identify --group-by "
-                "recording`)."
+                f"{', '.join(names)} disagree on the {what} (p = {apart.p_value:.1g}). "
+                f"{part.advice}"
                 if apart.found
                 else f"{', '.join(names)} agree on the {what}.",
             )

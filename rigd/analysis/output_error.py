@@ -142,18 +142,38 @@ class SomeTrials:
 
 
 @dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of parameters (p,) besides the data: residuals ``rows`` (r, p) @ scaled - aim.
+
+    ``scores`` (p, p) is the covariance of ``rows``' times these residuals: rows'rows, or more.
+    """
+
+    rows: FloatArray
+    aim: FloatArray
+    scores: FloatArray
+
+    def joined(self, other: Knowledge) -> Knowledge:
+        """Return what is known from both."""
+        rows, aim = np.vstack([self.rows, other.rows]), np.append(self.aim, other.aim)
+        return Knowledge(rows, aim, self.scores + other.scores)
+
+
+@dataclass(frozen=True, eq=False)
 class OutputErrorModel:
     """Whitened residuals of all trials and of the constants, as :mod:`rigd.analysis.fit` asks.
 
     The parameters are the shared ones, then the local ones trial by trial. Residuals are of unit
-    variance; the last rows are those of the constants. ``noise`` whitens each trial.
+    variance; the last rows are those of what is stated of constants, then those of ``elsewhere``.
+    ``noise`` whitens each trial.
     """
 
     system: System
     noise: tuple[Whitener, ...]
+    elsewhere: Knowledge | None = None
     parameters: tuple[FitParameter, ...] = field(init=False)
     prior: FloatArray = field(init=False, repr=False)
     precision: FloatArray = field(init=False, repr=False)
+    known: Knowledge = field(init=False, repr=False)  #: stated, then from elsewhere
     trial_slices: tuple[slice, ...] = field(init=False, repr=False)
     mask: FloatArray = field(init=False, repr=False)
 
@@ -162,21 +182,22 @@ class OutputErrorModel:
         trials = self.system.measured
         unknowns = [*shared, *(item for _ in trials for item in local)]
         parameters = tuple(item.parameter for item in unknowns)
-        known = np.array([math.isfinite(item.u) for item in unknowns])
-        precision = np.array(
-            [1.0 / item.u**2 if math.isfinite(item.u) else 0.0 for item in unknowns]
-        )
+        precision = np.array([1.0 / item.u**2 for item in unknowns])  # 0 of a free one
         ends = np.cumsum([item.size for item in trials])
         slices = [slice(int(e) - t.size, int(e)) for e, t in zip(ends, trials, strict=True)]
+        prior = to_scaled(parameters, np.array([item.start for item in parameters]))
+        stated = np.diag(np.sqrt(precision))[precision > 0.0]
+        both = Knowledge(stated, stated @ prior, np.diag(precision))
+        both = both if self.elsewhere is None else both.joined(self.elsewhere)
         rows = int(ends[-1])
-        slices += [slice(rows + k, rows + k + 1) for k in range(int(known.sum()))]
-        starts = np.array([item.start for item in parameters])
+        slices += [slice(rows + k, rows + k + 1) for k in range(len(both.aim))]
         for name, value in (
             ("parameters", parameters),
-            ("prior", to_scaled(parameters, starts)),
+            ("prior", prior),
             ("precision", precision),
+            ("known", both),
             ("trial_slices", tuple(slices)),
-            ("mask", np.ones(rows + int(known.sum()))),
+            ("mask", np.ones(rows + len(both.aim))),
         ):
             object.__setattr__(self, name, value)
 
@@ -202,16 +223,15 @@ class OutputErrorModel:
             noise.whiten_errors(error).ravel()
             for noise, error in zip(self.noise, self.errors(theta), strict=True)
         ]
-        return np.concatenate([*white, self.prior_pulls(theta)])
+        return np.concatenate([*white, self.prior_residuals(to_scaled(self.parameters, theta))])
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
         """Return d(residuals)/d(theta), (n, p)."""
         out = np.zeros((len(self.mask), len(self.parameters)))
         for trial, part in zip(range(self.trials), self.trial_slices, strict=False):
             out[part, self.columns(trial)] = self.linearise(trial, theta)[1]
-        known = np.flatnonzero(self.precision)
-        scale = 1.0 / slopes(self.parameters, theta)
-        out[np.arange(-len(known), 0), known] = (np.sqrt(self.precision) * scale)[known]
+        rows = self.known.rows
+        out[len(out) - len(rows) :] = rows / slopes(self.parameters, theta)
         return out
 
     def linearise(self, trial: int, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -230,11 +250,9 @@ class OutputErrorModel:
         self, theta: FloatArray, weights: FloatArray | None = None
     ) -> NormalEquations:
         """Return cost, gradient and information, trial by trial."""
-        pulls = self.prior_pulls(theta)
-        scale = slopes(self.parameters, theta)
-        offset = to_scaled(self.parameters, theta) - self.prior
-        gradient = self.precision * offset / scale
-        information = np.diag(self.precision / scale**2)
+        pulls = self.prior_residuals(to_scaled(self.parameters, theta))
+        rows = self.known.rows / slopes(self.parameters, theta)
+        gradient, information = rows.T @ pulls, rows.T @ rows
         cost = 0.5 * float(pulls @ pulls)
         for trial, part in zip(range(self.trials), self.trial_slices, strict=False):
             error, jacobian = self._raw(trial, theta)
@@ -258,11 +276,9 @@ class OutputErrorModel:
         shared = len(self.system.shared)
         return self.system.simulate(trial, theta[:shared], theta[self.columns(trial)[shared:]])
 
-    def prior_pulls(self, theta: FloatArray) -> FloatArray:
-        """Return by how many uncertainties each constant is moved, (known,)."""
-        known = self.precision > 0.0
-        pulls = np.sqrt(self.precision) * (to_scaled(self.parameters, theta) - self.prior)
-        return np.asarray(pulls[known])
+    def prior_residuals(self, scaled: FloatArray) -> FloatArray:
+        """Return by how many uncertainties parameters (p,) are off what is known, (r,)."""
+        return np.asarray(self.known.rows @ scaled - self.known.aim)
 
 
 #: A fit with the model, and so the noise, that it was made with.
@@ -275,6 +291,8 @@ class OutputErrorFit:
 
     ``covariance`` is the sandwich, of which ``from_data`` is the part of the noise; ``pulls`` (p,)
     is by how many of its own uncertainties each constant was moved, 0 for a free parameter.
+    ``information``, ``scores`` and ``slope`` (p,) are of these data alone, without what is known of
+    constants: J'J of the whitened Jacobian, the covariance of J'e, and J'e itself.
     ``errors`` are the residuals of each trial, (n, m), not whitened. ``others`` are the natural
     parameters (p,) of other optima that the data do not rule out at once.
     """
@@ -284,6 +302,9 @@ class OutputErrorFit:
     covariance: FloatArray
     from_data: FloatArray
     inverse: FloatArray
+    information: FloatArray
+    scores: FloatArray
+    slope: FloatArray
     on_bound: tuple[bool, ...]
     pulls: FloatArray
     errors: tuple[FloatArray, ...]
@@ -303,6 +324,9 @@ class OutputErrorFit:
             if math.isfinite(item.u)
         }
         local = float(np.sum(shares[len(unknowns) :]))
+        if (more := self.model.elsewhere) is not None:
+            moved = self.inverse @ gradient
+            found["other groups"] = float(moved @ more.scores @ moved)
         return {"noise": float(gradient @ self.from_data @ gradient) + local, **found}
 
 
@@ -399,7 +423,7 @@ def noise_at(system: System, theta: FloatArray) -> tuple[Whitener, ...]:
 
 def _reweighted(model: OutputErrorModel, found: Fit, enough: float) -> Branch:
     """Return the model with the noise as it moves the outputs at ``found``, and its fit."""
-    model = OutputErrorModel(model.system, noise_at(model.system, found.theta))
+    model = replace(model, noise=noise_at(model.system, found.theta))
     return model, _fit(model, found.theta, enough)
 
 
@@ -424,30 +448,35 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
     """
     count = len(model.parameters)
     scale = slopes(model.parameters, best.theta)
-    information = np.zeros((count, count))
+    information, slope = np.zeros((count, count)), np.zeros(count)
     scores = []
     for trial in range(model.trials):
         error, jacobian = model.linearise(trial, best.theta)
         here = model.columns(trial)
         jacobian = jacobian * scale[here]
         information[np.ix_(here, here)] += jacobian.T @ jacobian
+        slope[here] += jacobian.T @ error
         edges = np.arange(0, len(error), block * len(model.system.outputs))
         sums = np.zeros((len(edges), count))
         sums[:, here] = np.add.reduceat(jacobian * error[:, None], edges, axis=0)
         scores.append(sums)
-    seen = np.flatnonzero(np.diag(information) + model.precision > UNSEEN)
+    known = model.known.rows.T @ model.known.rows
+    seen = np.flatnonzero(np.diag(information + known) > UNSEEN)
     both = np.ix_(seen, seen)
     inverse, varied = np.zeros((count, count)), np.zeros((count, count))
-    inverse[both] = scaled_pinv((information + np.diag(model.precision))[both])
+    inverse[both] = scaled_pinv((information + known)[both])
     varied[both] = _score_covariance(information[both], np.concatenate(scores)[:, seen])
     from_data = inverse @ varied @ inverse
     pulls = np.sqrt(model.precision) * (best.scaled - model.prior)
     return OutputErrorFit(
         model=model,
         fit=best,
-        covariance=from_data + inverse @ np.diag(model.precision) @ inverse,
+        covariance=from_data + inverse @ model.known.scores @ inverse,
         from_data=from_data,
         inverse=inverse,
+        information=information,
+        scores=varied,
+        slope=slope,
         on_bound=bounds_reached(model, best.scaled),
         pulls=pulls,
         errors=tuple(model.errors(best.theta)),

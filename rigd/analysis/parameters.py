@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 from typing import Final
 
 from rigd.analysis.analysis import Evaluation, Options
+from rigd.analysis.joint import JointAccount
+from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import (
+    Facts,
     Heading,
     Opening,
     Provenance,
@@ -39,6 +42,7 @@ class Group:
 
     label: str
     trials: Trials
+    pooled: tuple[str, ...] = ()  #: named by `group_by`, but not separating groups
 
     @property
     def recordings(self) -> tuple[Path, ...]:
@@ -48,7 +52,8 @@ class Group:
     @property
     def conditions(self) -> dict[str, str]:
         """What `group_by` names, with the values that the trials have in common."""
-        return conditions(*self.trials[0])
+        found = conditions(*self.trials[0])
+        return {name: value for name, value in found.items() if name not in self.pooled}
 
     @property
     def reference(self) -> dict[str, float]:
@@ -90,6 +95,7 @@ class ParameterEvaluation(Evaluation):
     recordings: tuple[tuple[Path, ...], ...]  #: those of each section
     provenance: Provenance
     conditions: tuple[Mapping[str, str], ...] = ()  #: of each section, as `group_by` names them
+    joint: JointAccount | None = None  #: of groups that share constants
 
     @property
     def fits(self) -> bool:
@@ -109,7 +115,11 @@ class ParameterEvaluation(Evaluation):
 
     @classmethod
     def of(
-        cls, sweeps: Sequence[RecordedSweep], fitted: Sequence[Fitted], options: Options
+        cls,
+        sweeps: Sequence[RecordedSweep],
+        fitted: Sequence[Fitted],
+        options: Options,
+        joint: JointAccount | None = None,
     ) -> ParameterEvaluation:
         """Return the evaluation of ``sweeps`` from the results of all their groups."""
         sections = tuple(item.section for item in fitted)
@@ -120,10 +130,14 @@ class ParameterEvaluation(Evaluation):
             {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
             [_bridged_facts(sweep) for sweep in sweeps],
         )
+        if joint is not None and joint.constants:
+            entries = {item.wording: item.text for item in joint.constants.values()}
+            facts = Facts(joint.title.capitalize(), entries)
+            origin = replace(origin, facts=(*origin.facts, facts))
         titles = dict.fromkeys(item.result.title for item in fitted)
         recordings = tuple(item.group.recordings for item in fitted)
         values = tuple(item.group.conditions for item in fitted)
-        return cls(", ".join(titles), sections, recordings, origin, values)
+        return cls(", ".join(titles), sections, recordings, origin, values, joint)
 
     def report(self) -> str:
         """Return the report as a self-contained HTML page; 2.5 s for each group of ten trials.
@@ -157,12 +171,13 @@ class ParameterEvaluation(Evaluation):
                 self.sections, self.recordings, self.conditions, strict=True
             )
         ]
-        return groups[0] if len(groups) == 1 else {"groups": groups}
+        found: dict[str, object] = groups[0] if len(groups) == 1 else {"groups": groups}
+        return found if self.joint is None else {**found, "joint": plain_object(self.joint)}
 
     def terminal_report(self) -> TerminalReport:
         """Return one table of all groups, and the advice below it."""
         rows = summary_rows(self.sections)
-        paragraphs = []
+        paragraphs: list[TerminalTable | str] = []
         if any(row.verdict is Verdict.UNIDENTIFIABLE for row in rows):
             paragraphs.append(
                 f"not identifiable:{FROM_HERE}; no number is printed for what is not known"
@@ -183,6 +198,8 @@ class ParameterEvaluation(Evaluation):
                 lines.append(f"  {account}")
             lines += [f"  {warning}" for warning in section.result.warnings]
             paragraphs.append("\n".join(lines))
+        if self.joint is not None:
+            paragraphs += _shared(self.joint)
         compared = [part for section in self.sections for part in _comparison(section)]
         return (self._table(rows), *paragraphs, *compared)
 
@@ -214,6 +231,24 @@ class ParameterEvaluation(Evaluation):
         return TerminalTable(tuple(columns), tuple(found))
 
 
+def _shared(joint: JointAccount) -> TerminalReport:
+    """Return the constants that groups share, and what is said of the joint fit."""
+    said = "\n".join(joint.sentences)
+    if not joint.constants:
+        return (said,) if said else ()
+    rows = tuple(
+        TableRow(
+            (
+                item.wording, f"{item.stated:.5g} ± {item.stated_u:.2g}",
+                f"{item.value:.5g} ± {item.u:.2g}", item.unit,
+            )
+        )
+        for item in joint.constants.values()
+    )  # fmt: skip
+    heads = (Column("constant"), Column("stated", right=True), Column("fitted", right=True))
+    return (TerminalTable((*heads, Column("unit")), rows, joint.title), said)
+
+
 def _comparison(section: ReportSection) -> TerminalReport:
     """Return which models the data of ``section`` support; nothing if none were compared."""
     found = section.result.comparison
@@ -228,9 +263,14 @@ def _comparison(section: ReportSection) -> TerminalReport:
 
 
 def complete_groups(
-    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep],
+    options: Options,
+    notify: Callable[[str], None],
+    pooled: Sequence[str] = (),
 ) -> Iterator[Group]:
     """Yield the complete trials, group by group; ``notify`` gets a line on each as it is yielded.
+
+    ``pooled`` names parameters that do not separate groups, although `group_by` names them.
 
     Raises:
         DataError: a recording has no complete trial.
@@ -241,9 +281,10 @@ def complete_groups(
                 f"{sweep.path} has no complete trial",
                 hint=f"`rigd run --resume {quote(str(sweep.path))}` plays the missing ones",
             )
-    for label, trials in groups(sweeps, by_recording=options.by_recording).items():
+    found = groups(sweeps, by_recording=options.by_recording, pooled=pooled)
+    for label, trials in found.items():
         notify(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
-        yield Group(label, trials)
+        yield Group(label, trials, tuple(pooled))
 
 
 def conditions(sweep: RecordedSweep, trial: TrialInfo) -> dict[str, str]:
@@ -262,16 +303,17 @@ def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:
 
 
 def groups(
-    sweeps: Sequence[RecordedSweep], *, by_recording: bool = False
+    sweeps: Sequence[RecordedSweep], *, by_recording: bool = False, pooled: Sequence[str] = ()
 ) -> dict[str, list[tuple[RecordedSweep, TrialInfo]]]:
     """Return the trials by their values of `group_by`; all under one label without it.
 
-    ``by_recording`` separates the recordings as well.
+    ``by_recording`` separates the recordings as well; what ``pooled`` names does not separate.
     """
     found: dict[str, list[tuple[RecordedSweep, TrialInfo]]] = {}
     for sweep in sweeps:
         for trial in sweep.trials:
-            words = list(conditions(sweep, trial).values())
+            named = conditions(sweep, trial)
+            words = [value for name, value in named.items() if name not in pooled]
             words += [str(sweep.path)] if by_recording else []
             label = ", ".join(words) or sweep.info.procedure
             found.setdefault(label, []).append((sweep, trial))

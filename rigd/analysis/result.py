@@ -289,10 +289,10 @@ class Preprocessing:
         others: Counter[str] = Counter()
         for item in self.rows.values():
             others.update(item.not_used)
-        others["in trials that are left out"] += sum(item.rows for item in self.rejected)
+        others["in trials left out"] += sum(item.rows for item in self.rejected)
         reasons = ", ".join(f"{count} {why}" for why, count in others.items() if count)
         total = used + others.total()
-        return f"{used} of {total} rows used" + (f"; not used: {reasons}" if reasons else "")
+        return f"{used} of {total} rows used" + (f"; {reasons}" if reasons else "")
 
 
 class FitOutcome(Enum):

@@ -63,7 +63,7 @@ class Scores:
         self._fit, self._rows = fit, block * len(model.system.outputs)
         self._errors: list[FloatArray] = []
         self._jacobians: list[FloatArray] = []
-        gradient = model.precision * (fit.fit.scaled - model.prior)
+        gradient = model.known.rows.T @ model.prior_residuals(fit.fit.scaled)
         for trial in range(model.trials):
             error, jacobian = model.linearise(trial, theta)
             here = model.columns(trial)
@@ -122,7 +122,7 @@ class Scores:
             return Score(gain, int(used.size), p_value, size, sd, -step @ size)
         blocks = self._blocks(white, places, step, size)[:, used]
         coloured = blocks.T @ blocks
-        coloured += step[:, used].T @ (model.precision[:, None] * step[:, used])
+        coloured += step[:, used].T @ model.known.scores @ step[:, used]
         inflation = max(1.0, float(np.trace(inverse @ coloured)) / used.size)
         sd *= np.sqrt(inflation)
         p_value = _p_value(gain / inflation, used.size, len(blocks), inflation)

@@ -21,6 +21,7 @@ examples:
   rigd identify before.mcap after.mcap --group-by recording
   rigd identify runs/*approach_angles*.mcap        one campaign from several files
   rigd identify FILE --method output-error         simulate the rig; reports a misfit
+  rigd identify FILE --method output-error --joint    floors and masses in one fit
   rigd identify FILE --compare                     which friction law the data support
   rigd identify FILE --law lugre-4                 the parameters of another law
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
@@ -64,6 +65,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
+        "--joint",
+        action="store_true",
+        help=(
+            "with output error: groups share the constants of the rig, and masses on one floor "
+            "their friction"
+        ),
+    )
+    parser.add_argument(
         "--law",
         default="",
         metavar="NAME",
@@ -94,7 +103,7 @@ def execute(args: argparse.Namespace) -> int:
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
-        args.law, args.compare,
+        args.law, args.compare, args.joint,
     )  # fmt: skip
     remarks = Remarks()
     evaluation = evaluate(

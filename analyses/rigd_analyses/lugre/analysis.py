@@ -37,7 +37,7 @@ class LugreAnalysis(Analysis):
         references=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameters=("current",),
     )
-    options = ("starts", "seed", "robust", "by_recording", "method", "law", "compare")
+    options = ("starts", "seed", "robust", "by_recording", "method", "law", "compare", "joint")
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]

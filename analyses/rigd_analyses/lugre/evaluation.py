@@ -12,6 +12,7 @@ from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult
 from rigd.analysis.source import RecordedSweep
 from rigd_analyses.lugre.reading import identify
+from rigd_analyses.lugre.together import check_joint, identify_together, masses
 
 
 def evaluate(
@@ -22,12 +23,28 @@ def evaluate(
     Raises:
         DataError: a recording has no complete trial, or the data cannot answer.
     """
+    if options.joint:
+        return _evaluate_together(sweeps, options, notify)
     fitted = []
     for group in complete_groups(sweeps, options, notify):
         result = identify(group.trials, options)
         curve = reference_curve(group.reference_label, group.reference, result)
         fitted.append(Fitted(group, result, curve))
     return ParameterEvaluation.of(sweeps, fitted, options)
+
+
+def _evaluate_together(
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+) -> ParameterEvaluation:
+    """Return the parameters of all groups in one fit; those of several masses are one group."""
+    check_joint(sweeps, options)
+    found = list(complete_groups(sweeps, options, notify, masses(sweeps)))
+    results, account = identify_together(found, options)
+    fitted = []
+    for group, result in zip(found, results, strict=True):
+        curve = reference_curve(group.reference_label, group.reference, result)
+        fitted.append(Fitted(group, result, curve))
+    return ParameterEvaluation.of(sweeps, fitted, options, account)
 
 
 def reference_curve(

@@ -13,10 +13,11 @@ from rigd_analyses.lugre.analysis import LugreAnalysis
 from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.rig.identify import identify_output_error
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, identify_output_error
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 CONSTANTS = LugreAnalysis.needs.constants
+MASS = "mass"
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
 OUTPUT_ERROR = "output-error"
@@ -64,10 +65,7 @@ def identify(
             )
         result = identify_by_law(found, constants, settings, options)
     elif options.method == OUTPUT_ERROR:
-        if options.robust:
-            raise ConfigError(
-                "--robust: output error has no robust loss", hint="leave it out, or --method"
-            )
+        _check_output_error(options)
         rig = rig_constants(usable, constants)
         result = identify_output_error(found, constants, rig, settings)
     else:
@@ -79,6 +77,35 @@ def identify(
     account = result.preprocessing
     whole = replace(account, rejected=(*unusable, *account.rejected))
     return replace(result, preprocessing=whole)
+
+
+def first_fit(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], options: Options
+) -> tuple[FirstFit, list[TrialRejection]]:
+    """Return the fit of one group for a joint fit, and its trials that cannot be used.
+
+    The masses of the trials may differ.
+
+    Raises:
+        ConfigError, DataError: as :func:`identify`.
+    """
+    _check_output_error(options)
+    usable, unusable = sort_out(trials)
+    found, constants = loaded(usable)
+    rig = rig_constants(usable, constants)
+    return fit_group(found, constants, rig, Settings(options.starts, options.seed)), unusable
+
+
+def _check_output_error(options: Options) -> None:
+    """Refuse what output error does not take.
+
+    Raises:
+        ConfigError: it is given.
+    """
+    if options.robust:
+        raise ConfigError(
+            "--robust: output error has no robust loss", hint="leave it out, or --method"
+        )
 
 
 def sort_out(
@@ -120,6 +147,30 @@ def arrays(
     return found, _constants(trials)
 
 
+def loaded(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+) -> tuple[list[LugreTrial], LugreConstants]:
+    """Return as :func:`arrays` does trials whose masses may differ; constants at the first mass.
+
+    Raises:
+        DataError: as :func:`arrays`, or the mass at which the guide rubs as stated is not known.
+    """
+    first = trials[0][0].constant(trials[0][1], MASS)
+    shares = [sweep.constant(trial, MASS) / first for sweep, trial in trials]
+    if len(set(shares)) > 1 and not _gives(trials, FRICTION_MASS):
+        raise DataError(
+            f"the trials have several masses, and {FRICTION_MASS} is not known",
+            hint=f"give the mass at which guide_friction was measured: `--set {FRICTION_MASS}=...`",
+        )
+    several = _several(trials)
+    found = []
+    for (sweep, trial), share in zip(trials, shares, strict=True):
+        label = _label(sweep, trial, several=several)
+        label += "" if len(set(shares)) == 1 else f", {sweep.constant(trial, MASS):g} kg"
+        found.append(replace(_trial(sweep, trial, label), load=share))
+    return found, _constants(trials, differing=(MASS,))
+
+
 def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
     """Return the label of ``trial``, with its file if there are ``several``."""
     label = sweep.parameter(trial, "current")
@@ -152,8 +203,12 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
     )
 
 
-def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConstants:
-    """Return what all ``trials`` have in common; the guide's friction is that at their mass.
+def _constants(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], differing: Sequence[str] = ()
+) -> LugreConstants:
+    """Return what all ``trials`` have in common; the guide's friction is that at the first mass.
+
+    Constants that are ``differing`` may do so.
 
     The guide carries its load at a lever, so that its friction is proportional to the mass
     (Eqs. 20 and 21 of the paper); the plan may state at which mass it was measured.
@@ -161,19 +216,9 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
     Raises:
         DataError: a constant is missing, not possible, or differs between trials.
     """
-    first_sweep, first_trial = trials[0]
     given = [name for name in (*CONSTANTS, FRICTION_MASS) if _gives(trials, name)]
-    values = {name: first_sweep.constant(first_trial, name) for name in given}
-    for sweep, trial in trials:
-        for name, value in values.items():
-            other = sweep.constant(trial, name)
-            if other != value:
-                raise DataError(
-                    f"{name} is {value:g} in trial {first_trial.number} of {first_sweep.path} and "
-                    f"{other:g} in trial {trial.number} of {sweep.path}",
-                    hint="they cannot be fitted together: add what changed to `group_by`",
-                )
-    mass = values["mass"]
+    values = _in_common(trials, given, differing)
+    mass = values[MASS]
     friction_mass = values.get(FRICTION_MASS, mass)
     if not friction_mass > 0.0:
         raise DataError(f"{FRICTION_MASS} is {friction_mass:g} kg, must be above 0 kg")
@@ -184,6 +229,30 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
         rolling_resistance=values["rolling_resistance"],
         gravity_m_s2=values["gravity"],
     )
+
+
+def _in_common(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+    names: Sequence[str],
+    differing: Sequence[str] = (),
+) -> dict[str, float]:
+    """Return the constants ``names`` of the first trial.
+
+    Raises:
+        DataError: one is missing, or differs between trials and is not among ``differing``.
+    """
+    first_sweep, first_trial = trials[0]
+    values = {name: first_sweep.constant(first_trial, name) for name in names}
+    for sweep, trial in trials:
+        for name, value in values.items():
+            other = sweep.constant(trial, name)
+            if other != value and name not in differing:
+                raise DataError(
+                    f"{name} is {value:g} in trial {first_trial.number} of {first_sweep.path} and "
+                    f"{other:g} in trial {trial.number} of {sweep.path}",
+                    hint="they cannot be fitted together: add what changed to `group_by`",
+                )
+    return values
 
 
 def _gives(trials: Sequence[tuple[RecordedSweep, TrialInfo]], name: str) -> bool:
@@ -197,7 +266,7 @@ def rig_constants(
     """Return what the simulation of the rig takes, each value with its standard uncertainty.
 
     Raises:
-        DataError: a constant of the drive is missing.
+        DataError: a constant of the drive is missing, or differs between trials.
     """
     sweep, trial = trials[0]
     if missing := [name for name in DRIVE if name not in sweep.plan.constants]:
@@ -206,7 +275,7 @@ def rig_constants(
             hint="give them with `--set NAME=VALUE`, or under `identify: constants:` in the "
             "procedure; `--method slip-force` does without",
         )
-    values = {name: sweep.constant(trial, name) for name in (*CONSTANTS, *DRIVE)}
+    values = {name: sweep.constant(trial, name) for name in CONSTANTS} | _in_common(trials, DRIVE)
     share = 1.0
     if FRICTION_MASS in sweep.plan.constants:
         share = constants.mass_kg / sweep.constant(trial, FRICTION_MASS)

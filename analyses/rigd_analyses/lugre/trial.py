@@ -25,6 +25,7 @@ class LugreTrial:
     carriage's, ``motor_current_a`` the monitor's. Nothing is filtered and no bias is removed.
     ``recording`` is the file that it is from. ``held`` (n,) is above
     0.5 while something else than the motor holds or moves the carriage; None if not recorded.
+    ``load`` is the mass over that of the constants.
     """
 
     label: str
@@ -36,6 +37,7 @@ class LugreTrial:
     motor_current_a: FloatArray
     recording: str = ""
     held: FloatArray | None = None
+    load: float = 1.0
 
 
 @dataclass(frozen=True)

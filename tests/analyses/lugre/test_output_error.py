@@ -149,7 +149,7 @@ def test_braking_rows_count_until_the_carriage_is_held(bench: Bench) -> None:
     assert part.stop == still_free
     assert part.stop > free_part(trial, 1e-3, Settings()).stop
     rows = rows_used(held, part)
-    assert rows.not_used["after something else than the motor holds the carriage"] == 40
+    assert rows.not_used["after the end (carriage held)"] == 40
 
 
 def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:

@@ -21,10 +21,9 @@ from rigd.analysis.output_error import Output, Unknown
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralConstants
 from rigd_analyses.lugre.lateral.coupling import NAMES, LiftedRows, Load, Shape, load
-from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, TRAVEL
-from rigd_analyses.lugre.rig.system import LEAD, RigSystem
+from rigd_analyses.lugre.rig.system import GUIDE, LEAD, NO_LOAD, RigSystem
 
 REACH = 8.0  #: a length may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor
@@ -34,8 +33,6 @@ HELD_U = 1e-9  #: in the coordinate of the fit
 DRY_BOX = (1e-3, 0.3)
 VISCOUS_BOX = (1e-4, 1.0)  #: s/m
 FIRST_DRY, FIRST_VISCOUS = 0.02, 0.02  #: start of a fit
-#: Places among the shared unknowns, which begin with those of the recursion.
-GUIDE, NO_LOAD = kernel.NAMES.index("guide_friction"), kernel.NAMES.index("no_load")
 STRAIGHT_M_S = 0.01  #: slower lateral motion is that of a bridge at rest
 
 

@@ -20,8 +20,6 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.rig import kernel as rig
 from rigd_analyses.lugre.rig.outputs import (
     CARRIAGE_DELAY,
-    DYNAMIC,
-    FIRST_BRISTLE,
     GAIN,
     WHEEL_DELAY,
 )
@@ -110,10 +108,10 @@ def stepped(
     system: RigSystem, trial: int, states: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return :func:`transitions` along the ``states`` of one trial with parameters ``q`` (20,)."""
-    driven, constants = system.trials[trial], system.constants
+    driven = system.trials[trial]
     return transitions(
         states, q, driven.current_a, driven.jumps, driven.angle_rad, driven.turning_rad_s,
-        constants.roller_transitions, constants.mass.value, constants.normal_force_n,
+        system.constants.roller_transitions, system.mass_kg(trial), system.normal_force_n(trial),
         system.period_s,
     )  # fmt: skip
 
@@ -133,7 +131,7 @@ def deviations(
     the noise of the two encoders is independent.
     """
     states = system.states(trial, shared, local)
-    q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
+    q = system.recursion(trial, shared, local)
     step, by_input, felt = stepped(system, trial, states, q)
     count, radius = len(states), system.constants.wheel_radius.value
     free = moving(states, radius)

@@ -21,8 +21,6 @@ from rigd_analyses.lugre.rig.found import FRICTION
 from rigd_analyses.lugre.rig.outputs import (
     ACCELERATION,
     CARRIAGE_DELAY,
-    DYNAMIC,
-    FIRST_BRISTLE,
     GAIN,
     LOCAL,
     SHARED,
@@ -72,7 +70,7 @@ class Disturbed:
     def _motion(self, trial: int, local: FloatArray) -> Motion:
         system, shared, driven = self.system, self.shared, self.system.trials[trial]
         states = system.states(trial, shared, local)
-        q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
+        q = system.recursion(trial, shared, local)
         forward, _, felt = stepped(system, trial, states, q)
         slip = self.named["wheel_radius"] * states[:, rig.WHEEL_SPEED] - states[:, rig.SPEED]
         return Motion(
@@ -116,7 +114,7 @@ class Disturbed:
         like = next(item for item in (force_n, torque_nm) if item is not None)
         rates = np.zeros((like.shape[0], 3, like.shape[1]))
         if force_n is not None:
-            rates[:, V] += force_n / self.system.constants.mass.value
+            rates[:, V] += force_n / self.system.mass_kg(trial)
         if torque_nm is not None:
             rates[:, W] += torque_nm / self.named["wheel_inertia"]
         return self._outputs(trial, rates)
@@ -133,7 +131,7 @@ class Disturbed:
         ``friction_share`` is added to g, as a share of it; ``traction`` to F/F_N; ``bristle`` to
         dz/dt in 1/s.
         """
-        motion, named, constants = self.motions[trial], self.named, self.system.constants
+        motion, named = self.motions[trial], self.named
         like = next(x for x in (friction_share, traction, bristle) if x is not None)
         pull, stretch = np.zeros_like(like), np.zeros_like(like)
         if traction is not None:
@@ -145,8 +143,8 @@ class Disturbed:
             stretch += by_share[:, None] * friction_share
         pull += stretch * named["sigma_1"] / named["sigma_0"]
         rates = np.zeros((like.shape[0], 3, like.shape[1]))
-        normal = constants.normal_force_n
-        rates[:, V] = normal / constants.mass.value * pull
+        normal = self.system.normal_force_n(trial)
+        rates[:, V] = normal / self.system.mass_kg(trial) * pull
         rates[:, W] = -named["wheel_radius"] * normal / named["wheel_inertia"] * pull
         rates[:, Z] = stretch
         return self._outputs(trial, rates)

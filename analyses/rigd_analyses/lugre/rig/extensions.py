@@ -313,20 +313,21 @@ def _sliding(motion: Motion) -> FloatArray:
 
 def _mass(rig: Disturbed, trial: int) -> FloatArray:
     """Return the outputs for each unit of relative mass: weight and inertia, not guide friction."""
-    motion, named, constants = rig.motions[trial], rig.named, rig.system.constants
+    motion, named = rig.motions[trial], rig.named
     pull = (
         motion.bristle
         + named["sigma_1"] * _sliding(motion)
         + named["sigma_2"] * motion.slip
     )  # fmt: skip
-    torque = -named["wheel_radius"] * constants.normal_force_n * pull
-    held = named["guide_friction"] * np.tanh(motion.speed / 1e-3) + named["drag"] * motion.speed
+    torque = -named["wheel_radius"] * rig.system.normal_force_n(trial) * pull
+    guide = named["guide_friction"] * rig.system.trials[trial].trial.load
+    held = guide * np.tanh(motion.speed / 1e-3) + named["drag"] * motion.speed
     return rig.forced(trial, force_n=held[:, None], torque_nm=torque[:, None])
 
 
 def _eccentric(rig: Disturbed, trial: int) -> FloatArray:
     """Return the outputs (n, 3, 2) for each metre of eccentricity, cosine and sine."""
-    motion, named, constants = rig.motions[trial], rig.named, rig.system.constants
+    motion, named = rig.motions[trial], rig.named
     waves = np.stack([np.cos(motion.angle), np.sin(motion.angle)], axis=1)
     v_s, ratio = named["V_s"], named["ln(mu_s/mu_c)"]
     root = np.sqrt(np.abs(motion.slip) / v_s)
@@ -340,7 +341,8 @@ def _eccentric(rig: Disturbed, trial: int) -> FloatArray:
         bristle=(named["sigma_0"] * by_slip)[:, None] * slip,
     )
     pull = motion.bristle + named["sigma_1"] * _sliding(motion) + named["sigma_2"] * motion.slip
-    return moved + rig.forced(trial, torque_nm=-(constants.normal_force_n * pull)[:, None] * waves)
+    normal = rig.system.normal_force_n(trial)
+    return moved + rig.forced(trial, torque_nm=-(normal * pull)[:, None] * waves)
 
 
 def _by_exponent(rig: Disturbed, motion: Motion) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -13,13 +13,12 @@ from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.extended import same_with
 from rigd.analysis.fit import Fit, fit, multi_start
 from rigd.analysis.gate import judge_fit
-from rigd.analysis.homogeneity import homogeneity
+from rigd.analysis.homogeneity import TrialParts, homogeneity
 from rigd.analysis.model import scaled_bounds
 from rigd.analysis.output_error import (
     ENOUGH,
     NEAR,
     OutputErrorFit,
-    OutputErrorModel,
     estimate,
     improve,
 )
@@ -31,6 +30,7 @@ from rigd.analysis.result import (
     IdentificationResult,
     Meaning,
     ResidualTest,
+    TrialRejection,
 )
 from rigd_analyses.lugre.curve import SLIDING, TRIM
 from rigd_analyses.lugre.identify import Settings
@@ -67,6 +67,26 @@ OTHER_BASIN = 0.3  #: in scaled coordinates
 OTHER_ITERATIONS = 3  #: with another filter; the optimum is near
 
 
+@dataclass(frozen=True, eq=False)
+class FirstFit:
+    """The fit of one group by itself, diagnosed, and what is needed to go on from it."""
+
+    whole: OutputErrorFit
+    gate: Gate
+    shifts: tuple[FloatArray, ...]
+    alike: tuple[ResidualTest, ...]
+    system: RigSystem
+    parts: tuple[tuple[LugreTrial, slice], ...]
+    rejected: tuple[TrialRejection, ...]
+    starts: tuple[FloatArray, ...]
+    block: int
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model fits these trials, as far as the gate can say."""
+        return self.gate.outcome is not FitOutcome.MISFIT
+
+
 def identify_output_error(
     trials: Sequence[LugreTrial],
     constants: LugreConstants,
@@ -80,26 +100,31 @@ def identify_output_error(
     Raises:
         DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
     """
+    return conclude_group(fit_group(trials, constants, rig, settings))
+
+
+def fit_group(
+    trials: Sequence[LugreTrial],
+    constants: LugreConstants,
+    rig: RigConstants,
+    settings: Settings | None = None,
+) -> FirstFit:
+    """Return the fit of ``trials`` with its diagnosis; raises as :func:`identify_output_error`."""
     settings = Settings() if settings is None else settings
     periods = [sampling_period_s(trial) for trial in trials]
     parts, rejected = sort_out(trials, periods, settings)
     used = [trial for trial, _ in parts]
     starts = _starts(used, constants, settings)
-
-    def system(window_s: float) -> RigSystem:
-        return rig_system(parts, rig, starts[0], window_s)
-
-    first = system(WINDOW_S)
+    first = rig_system(parts, rig, starts[0])
     block = max(1, round(SCORES_S / first.period_s))
     known = np.array([unknown.parameter.start for unknown in first.shared[FRICTION:]])
     points = [np.concatenate([start, known]) for start in starts]
     points = [*points, *_other_radius(first, points[-1])]
     whole = estimate(first, points, block)
-    alike = homogeneity(whole, MU_C, "friction", [trial.recording for trial in used])
+    alike = homogeneity(whole, MU_C, "friction", _parts(used, rig))
     changed = [test.sentence for test in reversed(alike) if not test.passed]
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
-    whole = diagnosis.fit
     # Other things move friction from trial to trial too: a trend counts if friction explains most.
     varies = any(item.meaning is Meaning.VARIES for item in gate.explanations[:1])
     if changed and varies:
@@ -107,8 +132,21 @@ def identify_output_error(
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)
         gate = replace(gate, findings=(*changed, *gate.findings))
     shifts = tuple(item.score.shift for item in diagnosis.left)
-    found = with_intervals(whole, system, gate, block, alike, shifts)
-    return result(first, found, rejected, starts, block)
+    return FirstFit(
+        diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
+        tuple(starts), block,
+    )  # fmt: skip
+
+
+def conclude_group(begun: FirstFit) -> IdentificationResult:
+    """Return the result of ``begun``: profiles, other filters of the current, intervals."""
+    first = begun.system
+
+    def system(window_s: float) -> RigSystem:
+        return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
+
+    found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
+    return result(first, found, begun.rejected, begun.starts, begun.block)
 
 
 def with_intervals(
@@ -135,7 +173,7 @@ def with_intervals(
             whole = improve(whole, better[0], block)
     others = []
     for window_s in OTHER_WINDOWS_S:
-        model = OutputErrorModel(same_with(whole, system(window_s)), whole.model.noise)
+        model = replace(whole.model, system=same_with(whole, system(window_s)))
         again = fit(
             model, whole.fit.theta, max_iterations=OTHER_ITERATIONS, relative_decrease=ENOUGH,
             damping=NEAR,
@@ -146,6 +184,22 @@ def with_intervals(
         whole, tuple(others), scans, _visited(first, whole), gate, alike,
         gravity.u / gravity.value, shifts,
     )  # fmt: skip
+
+
+def _parts(trials: Sequence[LugreTrial], rig: RigConstants) -> list[TrialParts]:
+    """Return the parts of ``trials`` that must have one friction."""
+    return [
+        TrialParts(
+            "recordings", [trial.recording for trial in trials],
+            "Something changed between them; identify each by itself (`rigd identify --group-by "
+            "recording`).",
+        ),
+        TrialParts(
+            "masses", [f"{trial.load * rig.mass.value:g} kg" for trial in trials],
+            "Check the masses and the guide's friction; without `--joint` each is identified by "
+            "itself.",
+        ),
+    ]  # fmt: skip
 
 
 def rig_system(
@@ -174,8 +228,9 @@ def _starts(
         point = plain.copy()
         point[V_S] = speed
         spread.append(point)
+    alike = [trial for trial in trials if trial.load == 1.0]  # method A knows one mass
     try:
-        sweep = process(trials, constants, settings.guards)
+        sweep = process(alike, constants, settings.guards)
     except DataError:
         return spread  # method A needs more than this one
     model = LugreModel([trial.samples for trial in sweep.trials])

@@ -73,11 +73,11 @@ def _top_speed(trial: LugreTrial, part: slice, period_s: float) -> float:
 def rows_used(trial: LugreTrial, part: slice) -> RowsUsed:
     """Return how many rows of ``trial`` are simulated, and why the others are not."""
     after = (
-        "after the first drop of the current (no signal carriage_held tells what follows)"
+        "after the first drop of the current (no signal carriage_held)"
         if trial.held is None
-        else "after something else than the motor holds the carriage"
+        else "after the end (carriage held)"
     )
-    reasons = {"at rest before the current step": part.start, after: len(trial.t_s) - part.stop}
+    reasons = {"before the start": part.start, after: len(trial.t_s) - part.stop}
     return RowsUsed(part.stop - part.start, {why: n for why, n in reasons.items() if n})
 
 

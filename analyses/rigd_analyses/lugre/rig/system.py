@@ -44,6 +44,14 @@ ACCELERATION_GAIN = 0.02
 RIPPLE = 1.0  #: (m/s^2)/(m/s), of the rollers' transitions
 BRISTLE = 0.03  #: z that the return to the start leaves in the contact
 ZERO_M_S2 = 0.05
+#: Constants of the rig: the same in all groups of trials. Those of floors, and phases that follow
+#: from where the wheel's encoder begins, are not.
+OF_THE_RIG = (
+    *("drive_gain", "no_load", "wheel_viscous", "wheel_inertia", "guide_friction", "drag"),
+    *("wheel_radius", "current_zero", "wheel_delay", "carriage_delay", "acceleration_gain"),
+)
+#: Places among the shared unknowns, which begin with those of the recursion.
+GUIDE, NO_LOAD = kernel.NAMES.index("guide_friction"), kernel.NAMES.index("no_load")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +78,8 @@ class RigSystem:
 
     Outputs: slip travel r_0 angle - position (r_0 as stated: a constant combination of what is
     measured), carriage position, acceleration. The two positions have counts, the accelerometer
-    noise; what else they share is drift from the noise of the current.
+    noise; what else they share is drift from the noise of the current. ``constants`` are those at
+    a load of 1; a trial with another mass has its share of it as ``load``.
     """
 
     trials: tuple[DrivenTrial, ...]
@@ -85,6 +94,25 @@ class RigSystem:
         object.__setattr__(self, "measured", tuple(trial.measured for trial in self.trials))
         object.__setattr__(self, "shared", (*self._friction(), *self._known()))
         object.__setattr__(self, "local", self._local())
+
+    def mass_kg(self, trial: int) -> float:
+        """Return the mass that moves in one trial."""
+        return self.constants.mass.value * self.trials[trial].trial.load
+
+    def normal_force_n(self, trial: int) -> float:
+        """Return the weight on the wheel in one trial."""
+        return self.constants.normal_force_n * self.trials[trial].trial.load
+
+    def recursion(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the parameters (20,) of the recursion in one trial.
+
+        Guide and bearings rub in proportion to the mass that they carry (Eqs. 20, 21, 48).
+        """
+        q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
+        load = self.trials[trial].trial.load
+        q[GUIDE] *= load
+        q[NO_LOAD] += (load - 1.0) * self.constants.bearing_torque.value
+        return q
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -142,18 +170,19 @@ class RigSystem:
         radius = self.constants.wheel_radius.value
         predicted = outputs(states, phase, shared, local, radius)
         hurry = self.constants.roller_transitions * self.trials[trial].turning_rad_s
-        return predicted, output_slopes(states, by_q, phase, hurry, shared, radius)
+        slopes = output_slopes(states, by_q, phase, hurry, shared, radius)
+        slopes[:, :, GUIDE] *= self.trials[trial].trial.load
+        return predicted, slopes
 
     def _run(
         self, trial: int, shared: FloatArray, local: FloatArray, sensitive: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return states, their derivatives, and the phase of the rollers' transitions (n,)."""
         driven, constants = self.trials[trial], self.constants
-        q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
         states, by_q = kernel.integrate(
-            q, driven.current_a, driven.jumps, driven.angle_rad, driven.turning_rad_s,
-            constants.roller_transitions, constants.mass.value, constants.normal_force_n,
-            self.period_s, sensitive,
+            self.recursion(trial, shared, local), driven.current_a, driven.jumps, driven.angle_rad,
+            driven.turning_rad_s, constants.roller_transitions, self.mass_kg(trial),
+            self.normal_force_n(trial), self.period_s, sensitive,
         )  # fmt: skip
         turned = driven.angle_rad + shared[WHEEL_DELAY] * driven.turning_rad_s
         return states, by_q, constants.roller_transitions * turned
