@@ -12,20 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis.innovations import Deviations
-from rigd.analysis.output_error import Output, OutputErrorFit, System, Unknown
+from rigd.analysis.output_error import Around, OutputErrorFit, System, Unknown
 from rigd.analysis.result import FloatArray
 from rigd.analysis.score import Columns
 
 
 @dataclass(frozen=True, eq=False)
-class Extended:
+class Extended(Around):
     """``system`` with more shared unknowns behind its own; itself a :class:`System`.
 
     ``columns`` (n, m, c) of each trial are the changes of its outputs for each unit of ``added``
     (c,). ``released`` are the places of shared unknowns that lose what is stated of them.
     """
 
-    system: System
     added: tuple[Unknown, ...]
     columns: Columns
     released: frozenset[int] = frozenset()
@@ -43,21 +42,6 @@ class Extended:
             for index, item in enumerate(self.system.shared)
         )
         return (*kept, *self.added)
-
-    @property
-    def local(self) -> tuple[Unknown, ...]:
-        """Return the unknowns that each trial has for itself."""
-        return self.system.local
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """Return the outputs."""
-        return self.system.outputs
-
-    @property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of each trial."""
-        return self.system.measured
 
     def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, m) of one trial."""

@@ -100,11 +100,10 @@ class System(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class SomeTrials:
-    """Some of the trials of a system; itself a :class:`System`."""
+class Around:
+    """A system made of another one; what it does not change is that of ``system``."""
 
     system: System
-    trials: tuple[int, ...]
 
     @property
     def shared(self) -> tuple[Unknown, ...]:
@@ -120,6 +119,18 @@ class SomeTrials:
     def outputs(self) -> tuple[Output, ...]:
         """Return the outputs."""
         return self.system.outputs
+
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """Return the measured outputs of each trial."""
+        return self.system.measured
+
+
+@dataclass(frozen=True, eq=False)
+class SomeTrials(Around):
+    """Some of the trials of a system; itself a :class:`System`."""
+
+    trials: tuple[int, ...]
 
     @property
     def measured(self) -> tuple[FloatArray, ...]:

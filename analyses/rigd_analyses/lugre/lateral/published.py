@@ -9,26 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 CURRENTS_A = (0.6, 0.9, 1.2, 1.5)
-#: By lateral speed in m/s, a value for each current.
-TABLE_III = {
-    0.2: (0.045, 0.029, 0.033, 0.024),
-    0.35: (0.068, 0.054, 0.040, 0.027),
-    0.5: (0.075, 0.038, 0.033, 0.029),
-    0.65: (0.072, 0.040, 0.028, 0.033),
-    -0.2: (0.023, 0.055, 0.051, 0.078),
-    -0.35: (0.047, 0.066, 0.079, 0.102),
-    -0.5: (0.034, 0.064, 0.067, 0.093),
-    -0.65: (0.057, 0.082, 0.088, 0.103),
-}
-TABLE_IV = {
-    0.2: (0.021, 0.005, 0.008, 0.009),
-    0.35: (0.029, 0.013, 0.011, 0.024),
-    0.5: (0.029, 0.014, 0.022, 0.032),
-    0.65: (0.024, 0.019, 0.029, 0.028),
-    -0.2: (0.018, 0.018, 0.015, 0.041),
-    -0.35: (0.016, 0.008, 0.020, 0.044),
-    -0.5: (0.059, 0.023, 0.019, 0.018),
-    -0.65: (0.047, 0.018, 0.014, 0.024),
+#: By lateral speed in m/s: Table III and Table IV, each with a value for each current.
+TABLES = {
+    0.2: ((0.045, 0.029, 0.033, 0.024), (0.021, 0.005, 0.008, 0.009)),
+    0.35: ((0.068, 0.054, 0.040, 0.027), (0.029, 0.013, 0.011, 0.024)),
+    0.5: ((0.075, 0.038, 0.033, 0.029), (0.029, 0.014, 0.022, 0.032)),
+    0.65: ((0.072, 0.040, 0.028, 0.033), (0.024, 0.019, 0.029, 0.028)),
+    -0.2: ((0.023, 0.055, 0.051, 0.078), (0.018, 0.018, 0.015, 0.041)),
+    -0.35: ((0.047, 0.066, 0.079, 0.102), (0.016, 0.008, 0.020, 0.044)),
+    -0.5: ((0.034, 0.064, 0.067, 0.093), (0.059, 0.023, 0.019, 0.018)),
+    -0.65: ((0.057, 0.082, 0.088, 0.103), (0.047, 0.018, 0.014, 0.024)),
 }
 CLOSE_M_S, CLOSE_A = 0.01, 0.01  #: a trial this near to a cell is that cell
 
@@ -56,8 +46,8 @@ class Published:
 
 def published(lateral_speed_m_s: float, current_a: float) -> Published | None:
     """Return the cell of the tables at a lateral speed and a current; None if there is none."""
-    for speed, ignored in TABLE_III.items():
+    for speed, (ignored, included) in TABLES.items():
         for column, current in enumerate(CURRENTS_A):
             if abs(speed - lateral_speed_m_s) < CLOSE_M_S and abs(current - current_a) < CLOSE_A:
-                return Published(ignored[column], TABLE_IV[speed][column])
+                return Published(ignored[column], included[column])
     return None
