@@ -65,9 +65,12 @@ def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method
         _report(floor, [row for row in rows if row["floor"] == floor and row["number"] <= rigs])
 
 
-def _measured(path: Path, number: int) -> Path:
-    """Return a copy of the recording whose constants are as far off as their uncertainties."""
-    random = np.random.default_rng((_CONSTANTS, number))
+def _measured(path: Path, number: int, floor: str) -> Path:
+    """Return a copy of the recording whose constants are as far off as their uncertainties.
+
+    Each floor has draws of its own: with the same gravity on all three, their misses would be one.
+    """
+    random = np.random.default_rng((_CONSTANTS, number, FLOORS.index(floor)))
     content = Content.of(path)
     constants = content.plan("constants")
     for name, stated in sorted(content.plan("uncertainties").items()):
@@ -88,7 +91,7 @@ def _experiment(floor: str, number: int, method: str) -> Row:
             return {**row, "refused": f"the run was {ended.ending}: {ended.reason}"}
         try:
             if method == OUTPUT_ERROR:
-                path = _measured(path, number)
+                path = _measured(path, number, floor)
             evaluation = evaluate([path], Options(method=method))
             assert isinstance(evaluation, ParameterEvaluation)
             evaluation.report()
