@@ -21,6 +21,14 @@ WEAK_LOG_SD = 0.10
 WORTHWHILE_SHRINK = 1.5  #: advice that shrinks a standard error by less is not worth a test
 
 
+#: What leaves an interval too wide, by the verdict.
+_ALLOWS = {
+    Verdict.UNIDENTIFIABLE: "data allow",
+    Verdict.UNRESOLVED: "method allows",
+    Verdict.CONSTANTS: "constants allow",
+}
+
+
 @dataclass(frozen=True)
 class Evidence:
     """The basis of the verdict on one parameter; ``low``/``high`` is None if the end is open.
@@ -29,7 +37,8 @@ class Evidence:
     that the method is known to have for this parameter, empty if none. ``allowed`` is the range
     that the parameter may have at all: an end that reaches it is open, since the data did not stop
     it. ``wider`` names what keeps an interval wide or open that a profile alone would close, and
-    ``data_log_sd`` is the standard deviation of the logarithm that the data alone leave.
+    ``data_log_sd`` is the standard deviation of the logarithm that the data alone leave. ``owed``
+    names the constant that makes the interval too wide, empty if it is not the constants.
     """
 
     estimate: float
@@ -41,6 +50,7 @@ class Evidence:
     allowed: tuple[float, float] = (-math.inf, math.inf)
     wider: str = ""
     data_log_sd: float = math.inf
+    owed: str = ""
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
@@ -63,7 +73,9 @@ class Evidence:
 
     @property
     def undetermined(self) -> Verdict:
-        """What an interval that is too wide is owed to: these tests, or this method."""
+        """What an interval that is too wide is owed to: the constants, this method, these tests."""
+        if self.owed:
+            return Verdict.CONSTANTS
         resolved = self.data_log_sd <= UNIDENTIFIABLE_LOG_SD and self.bound is None
         return Verdict.UNRESOLVED if resolved else Verdict.UNIDENTIFIABLE
 
@@ -72,10 +84,10 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
     """Return the verdict and the reason for it.
 
     Not identifiable: on a bound, an open end, or a standard deviation of the logarithm above 0.35;
-    by this method, although the data alone would leave less.
+    by this method if the data alone would leave less, by these constants if exact ones would.
     """
     (low, high), unit = evidence.ends, _unit(evidence.unit)
-    wider = f" {evidence.wider}" if evidence.wider else ""
+    wider = "".join(f" {reason}" for reason in (evidence.wider, evidence.owed) if reason)
     if low is None or high is None:
         side = "neither upwards nor downwards"
         if high is not None:
@@ -97,7 +109,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
         )
     spread = log_sd(low, high)
     if spread > UNIDENTIFIABLE_LOG_SD:
-        what = "method allows" if evidence.undetermined is Verdict.UNRESOLVED else "data allow"
+        what = _ALLOWS[evidence.undetermined]
         return (
             evidence.undetermined,
             f"The {what} anything from {low:.3g} to {high:.3g}{unit}.{wider}",

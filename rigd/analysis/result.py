@@ -29,6 +29,16 @@ class Verdict(Enum):
     UNIDENTIFIABLE = "not identifiable from this excitation"
     MISFIT = "not given: the model does not fit"
     UNRESOLVED = "not identifiable by this method"  #: the data close it, the method moves it
+    CONSTANTS = "not determined by these constants"  #: exact constants would make it known
+
+
+#: Verdicts under which no number may be quoted.
+_WITHOUT_NUMBER = (
+    Verdict.UNIDENTIFIABLE,
+    Verdict.UNRESOLVED,
+    Verdict.CONSTANTS,
+    Verdict.MISFIT,
+)
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,7 @@ class ParameterEstimate:
         An interval that is open on both sides, or a verdict that it is not identifiable, leaves
         none: table, report and JSON object agree.
         """
-        if self.verdict in (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED, Verdict.MISFIT):
+        if self.verdict in _WITHOUT_NUMBER:
             return None
         return self.estimate if self.low is not None or self.high is not None else None
 

@@ -69,6 +69,7 @@ KNOWN_FIRST: Final = (
     Verdict.WEAK,
     Verdict.BIASED,
     Verdict.UNRESOLVED,
+    Verdict.CONSTANTS,
     Verdict.UNIDENTIFIABLE,
     Verdict.MISFIT,
 )

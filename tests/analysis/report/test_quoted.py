@@ -17,7 +17,7 @@ from rigd.analysis.report.view import build_view
 from rigd.analysis.result import ParameterEstimate, Verdict
 
 ENDS = st.none() | st.floats(0.1, 10.0)
-OPEN = (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED, Verdict.MISFIT)
+OPEN = (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED, Verdict.CONSTANTS, Verdict.MISFIT)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_json_gives_numbers_where_the_table_does(
 def test_no_open_parameter_has_number_in_terminal(
     section: ReportSection, provenance: Provenance
 ) -> None:
-    verdicts = dict(zip(("a", "b", "c", "d", "e", "f"), Verdict, strict=True))
+    verdicts = dict(zip("abcdefg", Verdict, strict=True))
     found = tuple(
         replace(section.result.parameters[3], name=name, verdict=verdict, estimate=7.25)
         for name, verdict in verdicts.items()

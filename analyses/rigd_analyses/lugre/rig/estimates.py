@@ -116,7 +116,7 @@ def _profiled(found: Found, quantity: Quantity, line: ProfileScan) -> ParameterE
     )
     box = PARAMETERS[quantity.index] if quantity.index is not None else PARAMETERS[MU_C]
     return _entry(
-        quantity, value,
+        found, quantity, value,
         Evidence(
             value,
             None if low is None else math.exp(low),
@@ -140,12 +140,13 @@ def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
     evidence = Evidence(
         value, value / below, value * above, quantity.unit, value if on_bound else None
     )
-    return _entry(quantity, value, evidence, error, "covariance")
+    return _entry(found, quantity, value, evidence, error, "covariance")
 
 
 def _entry(
-    quantity: Quantity, value: float, evidence: Evidence, error: float, source: str
+    found: Found, quantity: Quantity, value: float, evidence: Evidence, error: float, source: str
 ) -> ParameterEstimate:
+    evidence = replace(evidence, owed=found.owed(quantity, evidence.log_sd))
     verdict, sentence = judge(evidence)
     known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
     low, high = evidence.ends

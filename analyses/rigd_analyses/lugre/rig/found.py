@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis.extended import own_parameters
+from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.owed import owed_to_constants
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import (
     FloatArray,
@@ -101,6 +103,17 @@ class Found:
         parts = {name: math.sqrt(share) for name, share in self.whole.budget(gradient).items()}
         parts["filter of the current"] = self.method(quantity)
         return {**parts, "gravity": self.weight(quantity)}
+
+    def owed(self, quantity: Quantity, spread: float) -> str:
+        """Return which constant keeps a quantity from being known; empty if none does.
+
+        ``spread`` is the standard deviation of the logarithm that its interval stands for.
+        """
+        gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
+        owed = owed_to_constants(
+            self.whole, gradient, spread, UNIDENTIFIABLE_LOG_SD, {"gravity": self.weight(quantity)}
+        )
+        return "" if owed is None else owed.sentence
 
     def _padded(self, by_natural: FloatArray) -> FloatArray:
         gradient = np.zeros(len(self.theta))
