@@ -406,8 +406,16 @@ def _branch(
     Raises:
         DataError: the cost is not finite there.
     """
-    local = [item.parameter.start for _ in system.measured for item in system.local]
-    theta = np.concatenate([start, local])
+    local = [item.parameter.start for item in system.local]
+    for trial in range(len(system.measured)):
+        if not np.max(np.abs(system.simulate(trial, start, np.array(local)))) < FINITE:
+            raise DataError(
+                "the simulation leaves the numbers at the start of a fit",
+                hint="a constant or a signal is far from what the rig has: compare both with the "
+                "rig (`rigd report FILE` shows signals, `rigd identify FILE --set` corrects "
+                "constants)",
+            )
+    theta = np.concatenate([start, np.tile(local, len(system.measured))])
     model = OutputErrorModel(system, noise_at(system, theta))
     found = fit(model, theta, max_iterations=iterations, relative_decrease=enough, damping=damping)
     return model, found

@@ -13,13 +13,14 @@ import pytest
 from support.lugre_bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
-from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd.analysis.output_error import estimate
+from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
-from rigd_analyses.lugre.rig.identify import identify_output_error
-from rigd_analyses.lugre.rig.parts import free_part, rows_used
+from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.trial import LugreTrial
 
 CURRENTS_A = (0.3, 0.6, 0.9, 1.2)
@@ -152,6 +153,17 @@ def test_braking_rows_count_until_the_carriage_is_held(bench: Bench) -> None:
     assert rows.not_used["after the end (carriage held)"] == 40
 
 
+def test_unknown_gravity_is_named_where_it_decides(bench: Bench) -> None:
+    rig = bench("pvc")
+    stated = known_rig(rig.constants, gravity=Known(9.81, 6.0))
+    result = identify_output_error(rig.sweep(3, CURRENTS_A), rig.constants, stated)
+    entry = result.parameter("sigma_0")
+    assert entry.verdict is Verdict.CONSTANTS
+    assert (entry.quoted, entry.low, entry.high) == (None, None, None)
+    assert "owed to gravity: its u must be" in entry.sentence
+    assert result.parameter("V_s").identifiable  # a speed: no weight is in it
+
+
 def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:
     rig = bench("stone")
     twice = replace(rig.constants, wheel_radius_m=0.1)
@@ -163,6 +175,22 @@ def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:
     assert re.search(r"0\.0(49\d*|50?\d*) .*m, stated 0\.1 m", result.gate.sentence)
     assert "diameter" in result.gate.sentence
     assert result.warnings[0] == result.gate.sentence
+
+
+def test_start_that_diverges_is_passed_over(bench: Bench) -> None:
+    rig = bench("pvc")
+    trials = rig.sweep(1, CURRENTS_A)
+    parts, _ = sort_out(trials, [1e-3] * len(trials), Settings())
+    system = rig_system(parts, known_rig(rig.constants), rig_parameters("pvc", bench)[:6])
+    stated = np.array([item.parameter.start for item in system.shared])
+    wild = stated.copy()
+    wild[:6] = 1e-4, 1e-4, 0.0, 1e4, 1e-4, 1e-3
+    local = np.array([item.parameter.start for item in system.local])
+    assert not np.all(np.isfinite(system.simulate(0, wild, local)))
+    found = estimate(system, [wild, stated], 50)  # a RuntimeWarning would fail the test
+    assert found.fit.theta[3] == pytest.approx(rig.truth.s0, rel=0.05)
+    with pytest.raises(DataError, match="leaves the numbers"):
+        estimate(system, [wild], 50)
 
 
 def test_late_encoder_is_found_and_corrected(bench: Bench) -> None:
