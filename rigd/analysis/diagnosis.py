@@ -172,7 +172,9 @@ def _constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
         share = 1.0 - variance / u**2
         if share < DETERMINED:
             continue
-        moved = float(pulls[place]) * u + float(step[place])
+        moved = float(pulls[place]) * u
+        # Far from the optimum the step is no forecast: only one that comes back counts.
+        moved = min(moved, moved + float(step[place]), key=abs)
         gain = (moved / u) ** 2 / share
         by_noise = variance - variance**2 / u**2
         excess = max(float(found.from_data[place, place]) - by_noise, 0.0)
