@@ -117,7 +117,7 @@ def test_travel_spread_and_residual_load_are_reported() -> None:
 @pytest.mark.parametrize(
     ("spoil", "part"),
     [
-        (lambda p: replace(p, shown_kg=p.shown_kg + 1.0), "the scale shows 5.00 kg where 4 kg"),
+        (lambda p: replace(p, shown_kg=p.shown_kg + 1.0), "the scale shows 5.00 kg while 4 kg"),
         (lambda p: replace(p, shown_kg=0.0 * p.shown_kg), "is the wheel on the surface"),
         (lambda p: replace(p, shown_kg=p.shown_kg * [1, 1.075, 1]), "by +10.7%, the others by +3"),
         (lambda p: replace(p, shown_kg=p.shown_kg * [1, 1, 1.025]), "back at the start the scale"),
