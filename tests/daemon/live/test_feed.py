@@ -165,21 +165,23 @@ def test_value_that_is_not_a_number_becomes_none(tmp_path: Path) -> None:
 
 
 class Frozen(Kept):
-    """Takes nothing more until it is let go."""
+    """Takes nothing more after the first frame of ``stream`` until it is let go."""
 
-    def __init__(self) -> None:
+    def __init__(self, stream: str) -> None:
         super().__init__()
+        self.stream = stream
         self.reached, self.go_on = threading.Event(), threading.Event()
 
     def frame(self, stream: str, payload: bytes) -> None:
-        self.reached.set()
-        assert self.go_on.wait(PATIENCE_S)
+        if stream == self.stream:
+            self.reached.set()
+            assert self.go_on.wait(PATIENCE_S)
         super().frame(stream, payload)
 
 
 def test_frozen_consumer_blocks_no_writer_and_loses_frames(tmp_path: Path) -> None:
-    folder, frozen = folder_of(RIG, tmp_path / "run", 100_000), Frozen()
-    board, first = folder.board(), next(iter(STREAMS))  # in whose frame it freezes
+    folder, first = folder_of(RIG, tmp_path / "run", 100_000), next(iter(STREAMS))
+    board, frozen = folder.board(), Frozen(first)
     with Feed(RIG, frozen) as feed, writer(folder, rate_hz=1000):
         feed.attach(folder)
         assert frozen.reached.wait(PATIENCE_S)
