@@ -9,7 +9,7 @@ from shlex import quote
 from typing import Final
 
 from rigd.analysis.analysis import Evaluation, Options
-from rigd.analysis.joint import JointAccount
+from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import (

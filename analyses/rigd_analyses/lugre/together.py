@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rigd.analysis import ConfigError, DataError, Options
-from rigd.analysis.joint import Joint, JointAccount, SharedConstant, join
+from rigd.analysis.joint import Joint, SharedConstant, join
+from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.parameters import Group
