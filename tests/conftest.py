@@ -75,6 +75,7 @@ SIDE_BY_SIDE = places(
     "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
     "system/test_friction_laws.py",
     "system/test_identify_campaign.py", "system/test_identify_command.py",
+    "system/test_identify_lateral.py",
     "system/test_replay.py", "system/test_run_command.py", "system/test_seeds.py",
     "system/test_third_family.py", "system/test_validate_command.py",
 )  # fmt: skip
