@@ -112,6 +112,8 @@ DATES = places(
 #: Documents of which some do, by the ends of their names, and files that mark those that do.
 DATED_DOCUMENTS = ("[calibration.md]",)
 DATED_IN_PART = places("docs", "system/test_calibrate.py")
+#: Files that take long as a whole: begun last, one would keep all other processors waiting.
+LONG = places("system", "cli/test_examples.py", "panel/test_page.py", "panel/test_presses.py")
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
@@ -124,7 +126,7 @@ def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
 def pytest_sessionstart() -> None:
     """Refuse lists that name what is not there."""
     listed = {
-        place for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART) for place in those
+        place for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, LONG) for place in those
     }
     if missing := sorted(str(place) for place in listed if not place.exists()):
         raise pytest.UsageError(f"tests/conftest.py lists what is not there: {missing}")
@@ -149,7 +151,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests by what may run when."""
+    """Mark the tests by what may run when; the longest files go first, and none is left alone."""
+    items.sort(key=lambda item: not is_in(item.path, LONG))
     for item in items:
         for marker, listed in MARKED.items():
             if is_in(item.path, listed):
