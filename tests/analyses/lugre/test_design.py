@@ -114,11 +114,26 @@ def test_every_shape_makes_a_procedure_that_compiles() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("groups", "floor"), [(("pvc",), "pvc"), (("pvc", "stone"), "stone"), (("ice",), "stone")]
+)
+def test_a_single_designed_floor_becomes_the_default(groups: tuple[str, ...], floor: str) -> None:
+    compiled = compile_procedure(_procedure(CONSTANT, *groups), load_rig("lugre-1"), {})
+    assert {trial.parameters["floor"] for trial in compiled.trials} == {floor}
+
+
+def test_line_ends_part_no_quantity_from_its_unit() -> None:
+    lines = _procedure(shapes(1.5, 1.15)).file.text.splitlines()
+    assert not [line for line in lines if line.endswith(" ")]
+    assert not [line for line in lines if line.lstrip().startswith(("A,", "m,", "s,", "Hz,"))]
+    assert max(map(len, lines)) < 120
+
+
 def test_step_that_drives_is_missing() -> None:
     base = load_procedure("constant_current")
     signals = {"motor_current": "other.current", "carriage_position": "carriage.position"}
     with pytest.raises(ConfigError, match=r"no step that sets other\.current"):
-        written(base.file.text, "designed", "Title", "Doc.\n", CONSTANT, signals)
+        written(base.file.text, "designed", "Title", "Doc.\n", CONSTANT, signals, ["pvc"])
 
 
 @pytest.mark.parametrize(
@@ -164,9 +179,9 @@ def _known(subject: Subject) -> np.ndarray[Any, np.dtype[np.float64]]:
     return subject.known(subject.system([shape], [subject.motion(shape)]))
 
 
-def _procedure(picked: Any) -> Any:
+def _procedure(picked: Any, *groups: str) -> Any:
     base = load_procedure("constant_current")
     plan = compile_procedure(base, load_rig("lugre-1"), {}).identify
     assert plan is not None
-    text = written(base.file.text, "designed", "Title", "Doc.\n", picked, plan.signals)
+    text = written(base.file.text, "designed", "Title", "Doc.\n", picked, plan.signals, groups)
     return parse_procedure(text, Path("designed.yaml"))

@@ -84,8 +84,9 @@ def design(request: DesignRequest, notify: Callable[[str], None]) -> Designed:
         *beyond,
     )
     text = written(
-        request.base, request.name, _title(len(picked)), _doc(seconds), picked, request.signals
-    )
+        request.base, request.name, _title(len(picked)), _doc(seconds), picked, request.signals,
+        [subject.name for subject in subjects],
+    )  # fmt: skip
     return Designed(text, len(picked), seconds, tuple(promises), notes)
 
 

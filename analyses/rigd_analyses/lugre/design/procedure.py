@@ -18,6 +18,9 @@ CURRENT = "${current}"
 _HEAD = re.compile(r"\A(?:#.*\n)+")  #: of the base: it is about that file
 #: The beginning of a parameter, a step or a block that no empty line sets off.
 _BLOCK = re.compile(r"(?<=[^\n:])\n(  \w+:(?=\n)|    - step:|  after:(?=\n)|\w+:(?=\n))")
+#: A quantity that the end of a line parts from its unit, and a space before the end of a line.
+_PARTED = re.compile(r" (-?[\d.e-]+) *\n( +)(\w+)(?=[,\]])")
+_SPACE = re.compile(r" +\n")
 
 
 def drive_step(base: Mapping[str, Any], setpoint: str) -> int:
@@ -36,11 +39,13 @@ def drive_step(base: Mapping[str, Any], setpoint: str) -> int:
 
 
 def written(
-    base: str, name: str, title: str, doc: str, shapes: Sequence[Shape], signals: Mapping[str, str]
-) -> str:
+    base: str, name: str, title: str, doc: str, shapes: Sequence[Shape],
+    signals: Mapping[str, str], groups: Sequence[str],
+) -> str:  # fmt: skip
     """Return the text of the procedure: ``base`` with ``shapes`` as its trials.
 
-    ``signals`` are those of the base's plan of identification.
+    ``signals`` are those of the base's plan of identification. ``groups`` are what it is designed
+    for, such as floors: a single one becomes the default.
 
     Raises:
         ConfigError: the base has no step that drives.
@@ -58,6 +63,10 @@ def written(
     unused = set(data["parameters"]) - _used(data, yaml) - set(data["identify"]["group_by"])
     for parameter in unused:
         del data["parameters"][parameter]
+    if len(groups) == len(by := data["identify"]["group_by"]) == 1:
+        grouped = data["parameters"][by[0]]
+        if groups[0] in grouped.get("choices", ()):
+            grouped["default"] = groups[0]
     data["parameters"] |= _parameters(shapes)
     columns = _columns(sorted(shapes))
     data["sweep"] = CommentedMap(
@@ -65,7 +74,8 @@ def written(
     )
     out = io.StringIO()
     yaml.dump(data, out)
-    return _BLOCK.sub(r"\n\n\1", out.getvalue())
+    text = _SPACE.sub("\n", _PARTED.sub(r"\n\2\1 \3", out.getvalue()))
+    return _BLOCK.sub(r"\n\n\1", text)
 
 
 def _used(data: Mapping[str, Any], yaml: YAML) -> set[str]:
