@@ -17,10 +17,11 @@ from scipy.stats import chi2
 
 from rigd.analysis.extended import Extended, own_parameters
 from rigd.analysis.model import FitParameter, Scaling
-from rigd.analysis.output_error import OutputErrorFit, System, Unknown, estimate
+from rigd.analysis.output_error import OutputErrorFit, estimate
 from rigd.analysis.result import Explanation, FloatArray, Meaning
 from rigd.analysis.score import Columns, Score, Scores, holm
 from rigd.analysis.structure import Suspect
+from rigd.analysis.system import System, Unknown
 from rigd.analysis.whiteness import EXCESS, Jump, LoudBand, largest_jump, levels, loudest_band
 
 LEVEL = 0.005  #: chance of one false alarm in all tests together

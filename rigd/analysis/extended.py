@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis.innovations import Deviations
-from rigd.analysis.output_error import Around, OutputErrorFit, System, Unknown
+from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd.analysis.score import Columns
+from rigd.analysis.system import Around, System, Unknown
 
 
 @dataclass(frozen=True, eq=False)

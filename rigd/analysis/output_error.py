@@ -1,7 +1,8 @@
 """Output-error estimation: measured input in, predicted outputs out, constants with doubt.
 
-A rig family brings a :class:`System`: it simulates each trial from the measured input and returns
-the outputs with their exact sensitivities. Three kinds of unknowns are fitted together:
+A rig family brings a :class:`rigd.analysis.system.System`: it simulates each trial from the
+measured input and returns the outputs with their exact sensitivities. Three kinds of unknowns are
+fitted together:
 
 - free parameters, which only the data determine;
 - constants with an uncertainty u: each adds the residual (value - stated value) / u, so that the
@@ -20,15 +21,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.fit import DAMPING, Fit, fit
-from rigd.analysis.innovations import Deviations, Whitener
+from rigd.analysis.innovations import Whitener
 from rigd.analysis.model import FitParameter, NormalEquations, slopes, to_scaled
 from rigd.analysis.result import FloatArray
+from rigd.analysis.system import SomeTrials, System
 from rigd.analysis.uncertainty import RELATIVE_RANK, bounds_reached, scaled_pinv
 from rigd.model.errors import DataError
 
@@ -46,110 +47,6 @@ RANKING_SAME = 0.2
 HOPELESS = 30.0  #: in -ln L: an optimum that is so much worse does not come back
 UNSEEN = 1e-9  #: information on a scaled parameter that is none
 FINITE = 1e120  #: information beyond it: the simulation has left the numbers
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """A fitted value; ``u`` is its standard uncertainty in the coordinate of the fit.
-
-    ``u`` is infinite for a free parameter. ``wording`` names a constant for a person.
-    """
-
-    parameter: FitParameter
-    u: float = math.inf
-    wording: str = ""
-
-
-@dataclass(frozen=True)
-class Output:
-    """One output of a system."""
-
-    name: str
-    unit: str
-
-
-class System(Protocol):
-    """Trials of a rig that can be simulated from their measured input."""
-
-    @property
-    def shared(self) -> tuple[Unknown, ...]:
-        """Return the (p,) unknowns that all trials have in common."""
-
-    @property
-    def local(self) -> tuple[Unknown, ...]:
-        """Return the (l,) unknowns that each trial has for itself."""
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """Return the (m,) outputs."""
-
-    @property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of each trial, (n, m)."""
-
-    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
-        """Return the outputs (n, m) of one trial; parameters in natural units."""
-
-    def linearise(
-        self, trial: int, shared: FloatArray, local: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the outputs (n, m) and their derivatives (n, m, p + l) to natural parameters."""
-
-    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
-        """Return how noise of input and sensors moves the outputs of one trial."""
-
-
-@dataclass(frozen=True, eq=False)
-class Around:
-    """A system made of another one; what it does not change is that of ``system``."""
-
-    system: System
-
-    @property
-    def shared(self) -> tuple[Unknown, ...]:
-        """Return the unknowns that all trials have in common."""
-        return self.system.shared
-
-    @property
-    def local(self) -> tuple[Unknown, ...]:
-        """Return the unknowns that each trial has for itself."""
-        return self.system.local
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """Return the outputs."""
-        return self.system.outputs
-
-    @property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of each trial."""
-        return self.system.measured
-
-
-@dataclass(frozen=True, eq=False)
-class SomeTrials(Around):
-    """Some of the trials of a system; itself a :class:`System`."""
-
-    trials: tuple[int, ...]
-
-    @property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of these trials."""
-        return tuple(self.system.measured[k] for k in self.trials)
-
-    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
-        """Return the outputs of one of these trials."""
-        return self.system.simulate(self.trials[trial], shared, local)
-
-    def linearise(
-        self, trial: int, shared: FloatArray, local: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the outputs of one of these trials and their derivatives."""
-        return self.system.linearise(self.trials[trial], shared, local)
-
-    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
-        """Return how noise moves the outputs of one of these trials."""
-        return self.system.deviations(self.trials[trial], shared, local)
 
 
 @dataclass(frozen=True, eq=False)

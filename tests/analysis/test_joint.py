@@ -11,8 +11,9 @@ import pytest
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.joint import Joint, join, left_by
 from rigd.analysis.model import FitParameter, Scaling
-from rigd.analysis.output_error import Output, OutputErrorFit, Unknown, estimate
+from rigd.analysis.output_error import OutputErrorFit, estimate
 from rigd.analysis.result import FloatArray
+from rigd.analysis.system import Output, Unknown
 
 ROWS, BLOCK = 60, 10
 NOISE = 0.05

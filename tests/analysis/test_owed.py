@@ -10,9 +10,10 @@ import pytest
 from rigd.analysis.identifiability import Evidence, judge
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter
-from rigd.analysis.output_error import Output, OutputErrorFit, Unknown, estimate
+from rigd.analysis.output_error import OutputErrorFit, estimate
 from rigd.analysis.owed import Owed, owed_to_constants
 from rigd.analysis.result import FloatArray, Verdict
+from rigd.analysis.system import Output, Unknown
 
 LIMIT = 0.35
 SAMPLES = 50

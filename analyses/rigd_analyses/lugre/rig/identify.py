@@ -15,13 +15,7 @@ from rigd.analysis.fit import Fit, fit, multi_start
 from rigd.analysis.gate import judge_fit
 from rigd.analysis.homogeneity import TrialParts, homogeneity
 from rigd.analysis.model import scaled_bounds
-from rigd.analysis.output_error import (
-    ENOUGH,
-    NEAR,
-    OutputErrorFit,
-    estimate,
-    improve,
-)
+from rigd.analysis.output_error import ENOUGH, NEAR, OutputErrorFit, estimate, improve
 from rigd.analysis.profile import ProfileScan, axis, follow
 from rigd.analysis.result import (
     FitOutcome,

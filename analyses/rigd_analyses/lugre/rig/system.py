@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.signal import savgol_filter
 
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
-from rigd.analysis.output_error import Output, Unknown
 from rigd.analysis.result import FloatArray
+from rigd.analysis.system import Output, Unknown
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
@@ -74,7 +73,7 @@ class DrivenTrial:
 
 @dataclass(frozen=True, eq=False)
 class RigSystem:
-    """The trials, with what is known of the rig; a :class:`rigd.analysis.output_error.System`.
+    """The trials, with what is known of the rig; a :class:`rigd.analysis.system.System`.
 
     Outputs: slip travel r_0 angle - position (r_0 as stated: a constant combination of what is
     measured), carriage position, acceleration. The two positions have counts, the accelerometer
@@ -141,16 +140,6 @@ class RigSystem:
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise of current and sensors moves the outputs of one trial."""
         return deviations(self, self.noise, trial, shared, local)
-
-    def freed(self, name: str) -> RigSystem:
-        """Return the system with one constant that only the data determine."""
-        other = copy.copy(self)
-        shared = [
-            replace(item, u=math.inf) if item.parameter.name == name else item
-            for item in self.shared
-        ]
-        object.__setattr__(other, "shared", tuple(shared))
-        return other
 
     def states(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the states (n, 6) of one trial; columns as in :mod:`.kernel`."""
