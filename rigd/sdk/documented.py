@@ -14,17 +14,29 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
+
+from rigd.sdk.written import accept_text
 
 
 class Documented(BaseModel):
     """A part of a file or message: frozen, every key known, every field documented.
 
-    Its JSON Schema has the string beneath a field as the description of the field.
+    A number may be given as text, as in a file, unless the model is ``strict``. Its JSON Schema has
+    the string beneath a field as the description of the field.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler, /
+    ) -> CoreSchema:
+        """Return the schema that pydantic makes, which also accepts numbers written as text."""
+        schema = handler(source)
+        strict = cls.model_config.get("strict")
+        return schema if strict else accept_text(schema, handler.resolve_ref_schema)
 
     @classmethod
     def __get_pydantic_json_schema__(

@@ -10,7 +10,7 @@ from enum import IntFlag
 from typing import Annotated, ClassVar, Final, Literal, TypeVar
 
 from annotated_types import Ge, Le
-from pydantic import BeforeValidator, model_validator
+from pydantic import model_validator
 
 from rigd.sdk import (
     Channel,
@@ -69,11 +69,6 @@ _STATUS: Final = {
 }
 
 
-def _whole(value: object) -> object:
-    """Return a whole number that is text in a file; a choice of numbers accepts no text."""
-    return int(value) if isinstance(value, str) and value.isdecimal() else value
-
-
 class ScaleConfig(DriverConfig):
     """The serial port of the scale, its protocol, and the unit it must show."""
 
@@ -85,13 +80,11 @@ class ScaleConfig(DriverConfig):
     """Protocol that is set in the menu of the scale."""
     unit: UnitName = "kg"
     """Unit the scale must show. In another one nothing is measured: lines carry their unit."""
-    baud: Annotated[
-        Literal[600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200], BeforeValidator(_whole)
-    ] = 9600
+    baud: Literal[600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = 9600
     """Baud rate set in the menu of the scale (A&D: 2400 as delivered)."""
     parity: Parity = "none"
     """Parity set in the menu of the scale (A&D: even as delivered)."""
-    data_bits: Annotated[Literal[7, 8], BeforeValidator(_whole)] = 8
+    data_bits: Literal[7, 8] = 8
     """Data bits set in the menu of the scale (A&D: 7 as delivered)."""
     interval: Annotated[float, In("s"), Ge(0.02), Le(1)] = 0.15
     """Time from one reading to the next; KERN KCP asks for more than 100 ms."""

@@ -10,15 +10,18 @@ import select
 import tty
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from modbus_tk import defines, modbus_rtu
 from pyModbusTCP.server import DataBank, ModbusServer
 
+from rigd.config.loader import parse_rig
 from rigd.sdk import DeviceError
 from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.pdu import READ_INPUT, read_registers, write_register, write_registers
+from rigd_drivers.modbus.transmitter import ModbusTransmitter
 
 # modbus-tk's thread calls a name of threading that has a new one.
 pytestmark = pytest.mark.filterwarnings("ignore:isSet:DeprecationWarning")
@@ -60,16 +63,21 @@ class PtyPort:
         self.is_open = False
 
 
-@pytest.fixture
-def tcp() -> Iterator[Client]:
-    """A client of pyModbusTCP's server."""
+def serve_tcp() -> tuple[ModbusServer, int]:
+    """Start pyModbusTCP's server; return it, and its port."""
     bank = DataBank(h_regs_size=REGISTERS, i_regs_size=REGISTERS)
     bank.set_holding_registers(7, HOLDING)
     bank.set_input_registers(3, INPUTS)
     server = ModbusServer("127.0.0.1", 0, no_block=True, data_bank=bank)
     server.start()
     assert server._service is not None
-    port = server._service.server_address[1]
+    return server, server._service.server_address[1]
+
+
+@pytest.fixture
+def tcp() -> Iterator[Client]:
+    """A client of pyModbusTCP's server."""
+    server, port = serve_tcp()
     config = ConnectionConfig.model_validate({"host": "127.0.0.1", "port": port, "timeout": "1 s"})
     client = config.client(0.0)
     client.open()
@@ -132,3 +140,52 @@ def test_a_refusal_is_named(client: Client) -> None:
     with pytest.raises(DeviceError, match="exception 2, illegal data address"):
         client.ask(read_registers(REGISTERS, 1))
     assert client.ask(read_registers(7, 1)) == (HOLDING[0],)
+
+
+RIG = """
+rig: cell-1
+title: A cell with a map of its own
+cycle: 100 Hz
+devices:
+  cell:
+    driver: modbus-transmitter
+    options:
+      host: 127.0.0.1
+      port: {port}
+      low: -10 N
+      high: 2000 N
+      timeout: 1 s
+      map:
+        title: a cell
+        source: its manual
+        read_function: 4
+        write_function: 16
+        scale: 1 N/count
+        force: {{address: 0x0003, type: uint16}}
+        actions:
+          tare: {{doc: takes the tare, writes: [{{address: 0x14, value: 0x00AB}}]}}
+  line:
+    driver: modbus-transmitter
+    options:
+      {{serial_port: /dev/none, parity: none, stop_bits: 2, map: seneca-z-sg2, scale: 1 N/count,
+       low: -10 N, high: 10 N}}
+interlocks: []
+"""
+
+
+def test_rig_file_chooses_functions_and_stop_bits() -> None:
+    server, port = serve_tcp()
+    devices = parse_rig(RIG.format(port=port), Path("rig.yaml")).devices
+    assert getattr(devices["line"].config, "stop_bits") == 2  # noqa: B009 - of its driver
+    cell = devices["cell"].driver_class(devices["cell"].config, None)
+    assert isinstance(cell, ModbusTransmitter)
+    cell.open()
+    cell.act("tare")
+    row = done = None
+    while row is None or done is None:
+        row = cell.read(0) or row
+        done = cell.acted() or done
+    cell.close()
+    assert row.force == INPUTS[0]
+    assert server.data_bank.get_holding_registers(20) == [0xAB]
+    server.stop()
