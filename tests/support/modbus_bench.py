@@ -94,6 +94,13 @@ class TransmitterBench(Bench):
 
 
 class ServoBench(Bench):
+    def comes_to_rest(self) -> bool:
+        """Wait for the drive's next look at what was written; return whether its motor stands."""
+        end = time.monotonic() + PATIENCE_S
+        while self.physics.speed != 0.0 and time.monotonic() < end:
+            time.sleep(0.001)
+        return self.physics.speed == 0.0
+
     def driver(self, **options: Any) -> ModbusServo:
         given = {"map": "schneider-atv320", "max_speed": "3000 rpm", "watchdog": "0.5 s"}
         made = ServoConfig.model_validate(self.options(**given | options))

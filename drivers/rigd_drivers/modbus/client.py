@@ -114,10 +114,14 @@ class Client:
                 break
         raise self._gave_up(request, failure, within_s)
 
+    def longest_s(self, request: Request) -> float:
+        """Return how long ``request`` takes at most, until its answer is here, in s."""
+        return self._exchange.longest_ns(request) * 1e-9
+
     def insist(self, request: Request, within_s: float) -> None:
         """Send a write again and again until it is acknowledged, at most ``within_s`` long.
 
-        Does not wait for a request under way for longer than a quarter of that, nor for the line
+        Does not wait for a request under way for longer than a third of that, nor for the line
         to settle after a failure.
 
         Raises:
@@ -128,7 +132,7 @@ class Client:
         """
         now_ns = self._now_ns()
         limit_ns = now_ns + round(within_s * 1e9)
-        self._wait_outcome(now_ns + round(within_s * 0.25e9))
+        self._wait_outcome(now_ns + round(within_s / 3 * 1e9))
         failure = None
         while self._now_ns() < limit_ns:
             self._exchange.abandon(self._now_ns())

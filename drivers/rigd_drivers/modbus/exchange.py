@@ -17,6 +17,8 @@ from rigd_drivers.modbus.pdu import Request
 #: Status bits that one :class:`Trouble` each takes, from this one up, and those of their count.
 TROUBLE_BIT: Final = 8
 COUNT_BIT: Final = 16
+#: Unit and check sum, around the PDU of a frame on a serial line.
+_AROUND: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +84,16 @@ class Exchange:
     def send(self, request: Request, now_ns: int) -> bytes:
         """Return the frame to send now; only while :meth:`free`."""
         frame = self._framing.wrap(self._unit, request)
-        wire_ns = (len(frame) + request.reply_size + 3) * self.timing.byte_ns
+        wire_ns = self._wire_ns(request)
         self._request = request
         self._give_up_ns = now_ns + wire_ns + self.timing.timeout_ns
         self._settled_ns = now_ns + wire_ns + self.timing.settle_ns
         self._noise, self._seen = False, None
         return frame
+
+    def longest_ns(self, request: Request) -> int:
+        """Return how long ``request`` takes at most, in ns: to be sent, acted on and answered."""
+        return self._wire_ns(request) + self.timing.timeout_ns
 
     def receive(self, data: bytes, now_ns: int) -> Answer | Failure | None:
         """Take in what has come (or nothing); return how the request ended, once it has.
@@ -171,6 +177,10 @@ class Exchange:
         if not self._noise:
             self._noise = True
             self._count(Trouble.LATE)
+
+    def _wire_ns(self, request: Request) -> int:
+        bytes_on_wire = len(request.pdu) + request.reply_size + 2 * _AROUND
+        return bytes_on_wire * self.timing.byte_ns
 
     def _count(self, trouble: Trouble) -> None:
         self.counts[trouble] += 1

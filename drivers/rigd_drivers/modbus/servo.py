@@ -12,7 +12,17 @@ from annotated_types import Gt, Le
 from pydantic import Field, model_validator
 from pydantic.functional_validators import BeforeValidator
 
-from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, Row
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    In,
+    LinkError,
+    ProtocolError,
+    Row,
+)
+from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
@@ -25,10 +35,17 @@ from rigd_drivers.modbus.shipped import shipped_map
 #: arming is no fault (rigd was busy with other devices, and nothing moved).
 ENABLED: Final = 1
 TRIPPED: Final = 2
-#: Bounds on making safe over the open connection, and over one opened again, in s.
+#: Making safe may take so many answers of the device: to a request under way, and to two tries. At
+#: least and at most, in s, for all writes together; the cycle gives all of its devices 2 s.
+_SAFE_ANSWERS: Final = 3
 SAFE_S: Final = 0.1
-RESCUE_S: Final = 0.3
+_SAFE_MOST_S: Final = 0.8
+#: How long a new connection may take, in s.
 _RESCUE_OPEN_S: Final = 0.2
+#: What makes a connection of no use: it is lost, out of step, or refused on it.
+_LOST: Final = (LinkError, ProtocolError, DeviceError)
+#: Time from one look at the drive that is being reset to the next, in s.
+_LOOK_S: Final = 2e-3
 #: The watchdog must outlive so many lost replies in a row, or noise would stop the drive.
 _LOST_REPLIES: Final = 2
 
@@ -104,6 +121,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         self._plan: deque[Request] = deque()  # what is left to ask for this row
         self._steps: deque[Step] = deque()  # what is left to write to enable the drive
         self._until: Condition | None = None
+        self._hold_until_ns = 0  # what was written last to reset it stands until then
         self._armed = self._enabled = False
         self._at_rest = False  # the drive holds speed zero
         self._faulted = False  # it was in the last row
@@ -146,8 +164,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         self.check(self._map.expect)
         for request in self._map.writes(self._map.disable):
             self.client.ask(request)
-        self._words = self.fetch(self._reads)
-        if all_hold(self._map.fault, self._words):
+        if self._in_fault():
             self._reset()
         self._unfit = [*self._set_up(), *self._set_watchdog()]
         self.identity = self._map.title
@@ -166,8 +183,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         if self.watchdog_s is None:
             raise DeviceError(f"{self.client.where}: the drive has no watchdog to prove")
         self._plan.clear()
-        self._words = self.fetch(self._reads)
-        if all_hold(self._map.fault, self._words):
+        if self._in_fault():
             self._reset()  # it has tripped since it was opened: that proves nothing
         began_ns = time.monotonic_ns()
         time.sleep(self.watchdog_s)  # the silence is the proof
@@ -189,7 +205,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         """
         self._setpoint = 0.0
         self._armed, self._at_rest = True, False
-        self._until = None
+        self._until, self._hold_until_ns = None, 0
         resets = [Step(address=w.address, value=w.value) for w in self._map.reset]
         self._steps = deque([*(resets if self._faulted else ()), *self._map.enable])
 
@@ -224,28 +240,52 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         return row
 
     def make_safe(self) -> None:
-        """Disable the drive: no torque; within 0.1 s, or its watchdog will.
+        """Disable the drive: no torque; over a new connection if the open one is of no use.
+
+        Takes 0.1 s, or three times the device's longest answer; twice that and 0.2 s with a new
+        connection.
 
         Raises:
-            LinkError: it did not acknowledge.
+            LinkError: it did not acknowledge; the message has what its watchdog does.
 
         """
         self._armed = self._enabled = False
         self._steps.clear()
         self._plan.clear()
-        if self._client is not None:
-            for request in self._map.writes(self._map.disable):
-                self.client.insist(request, SAFE_S / len(self._map.disable))
+        if self._client is None:
+            return
+        try:
+            self._disable(self._client)
+        except _LOST as error:
+            self._client.close()  # a device may take one connection only
+            self._disable_anew(error)
+
+    def _disable_anew(self, first: LinkError | ProtocolError | DeviceError) -> None:
+        try:
+            self.rescue()
+        except _LOST as error:
+            acts = "it has no watchdog"
+            if self.watchdog_s is not None:
+                acts = f"its watchdog takes its torque away within {self.watchdog_s:g} s of silence"
+            raise LinkError(
+                f"{first.message}; over a new connection: {error.message}; {acts}",
+                hint=error.hint or first.hint,
+            ) from error
 
     def rescue(self) -> None:
         """Disable over a new connection; see :class:`~rigd.sdk.Driver`."""
         client = self.config.client(self._map.silence)
         client.open(_RESCUE_OPEN_S)
         try:
-            for request in self._map.writes(self._map.disable):
-                client.insist(request, RESCUE_S / len(self._map.disable))
+            self._disable(client)
         finally:
             client.close()
+
+    def _disable(self, client: Client) -> None:
+        writes = self._map.writes(self._map.disable)
+        for request in writes:
+            within_s = max(_SAFE_ANSWERS * client.longest_s(request), SAFE_S / len(writes))
+            client.insist(request, min(within_s, _SAFE_MOST_S / len(writes)))
 
     def failed(self, failure: Failure) -> None:
         """Send again when it is due: with the newest setpoint, or the same step."""
@@ -267,12 +307,22 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         if not self._armed:
             return None
         if self._steps and self._at_rest:
-            if self._until is not None and not self._until.holds(self._words):
+            if self._must_stand():
                 return None
             return self._map.write(self._steps[0].address, (self._steps[0].value,))
         speed = 0.0 if self._steps else self._setpoint
         words = self._map.setpoint.encode(speed / self._scale, self._map.word_order)
         return self._map.write(self._map.setpoint.address, words)
+
+    def _must_stand(self) -> bool:
+        """Return whether the drive has not acted yet on the step that was written last."""
+        if self._until is not None:
+            return not self._until.holds(self._words)
+        return self._faulted and self._holding()
+
+    def _holding(self) -> bool:
+        """Return whether a write that resets the drive has just been made."""
+        return time.monotonic_ns() < self._hold_until_ns
 
     def _took(self, answer: Answer) -> SpeedRow | None:
         if not self._plan or answer.request is not self._plan[0]:
@@ -288,6 +338,8 @@ class ModbusServo(ModbusDevice[ServoConfig]):
     def _written(self) -> None:
         """Note that the drive took the setpoint, or a step on the way to enabling it."""
         if self._steps and self._at_rest:
+            hold_ns = time.monotonic_ns() + round(self._map.hold * 1e9)
+            self._hold_until_ns = hold_ns if self._resetting() else 0
             self._until = self._steps.popleft().until
         self._at_rest = True
 
@@ -315,7 +367,11 @@ class ModbusServo(ModbusDevice[ServoConfig]):
 
     def _may_be_faulted(self) -> bool:
         """Return whether it is not armed yet, or is being reset."""
-        return not self._armed or len(self._steps) > len(self._map.enable)
+        return not self._armed or self._resetting() or self._holding()
+
+    def _resetting(self) -> bool:
+        """Return whether the next step is one of those that reset it."""
+        return len(self._steps) > len(self._map.enable)
 
     def _fault(self) -> DeviceError:
         at = {condition.address for condition in self._map.fault}
@@ -335,9 +391,15 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         """
         for request in self._map.writes(self._map.reset):
             self.client.ask(request)
-        self._words = self.fetch(self._reads)
-        if all_hold(self._map.fault, self._words):
+            end_ns = time.monotonic_ns() + round(self._map.hold * 1e9)
+            while self._in_fault() and time.monotonic_ns() < end_ns:
+                time.sleep(_LOOK_S)  # the drive acts on the write when it looks at it
+        if self._in_fault():
             raise self._fault()
+
+    def _in_fault(self) -> bool:
+        self._words = self.fetch(self._reads)
+        return all_hold(self._map.fault, self._words)
 
     def _set_up(self) -> Sequence[str]:
         """Write the settings that differ; return those not kept, a sentence each."""

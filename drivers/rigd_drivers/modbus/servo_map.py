@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from annotated_types import Ge, Gt, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import model_validator
 
 from rigd.sdk import In
@@ -73,7 +73,9 @@ class ServoMap(Access):
     disable: Annotated[tuple[Write, ...], MinLen(1)]
     """Written to take the torque away."""
     reset: Annotated[tuple[Write, ...], MinLen(1)]
-    """Written to leave a fault, disabled."""
+    """Written to leave a fault, disabled; each is held until the fault is gone, or for `hold`."""
+    hold: Annotated[float, In("s"), Gt(0), Le(5)] = 0.2
+    """Longest that a write of `reset` is held; a drive looks at its commands every 2 to 50 ms."""
 
     @model_validator(mode="after")
     def _steps_are_seen(self) -> Self:

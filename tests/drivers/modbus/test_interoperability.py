@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -16,7 +17,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusIOException
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
-from support.modbus_bench import ServoBench, TransmitterBench, rows_of
+from support.modbus_bench import PATIENCE_S, ServoBench, TransmitterBench, rows_of
 
 from rigd_drivers.modbus.transmitter import ModbusTransmitter, TransmitterConfig
 from rigd_sim.wire.modbus.line import SerialLine, TcpLine
@@ -29,6 +30,15 @@ def client_of(bench: TransmitterBench | ServoBench) -> ModbusTcpClient | ModbusS
     assert isinstance(line, SerialLine)
     line.strict = False  # pymodbus 3.16 sends without the silence that the standard asks for
     return ModbusSerialClient(str(line.path), baudrate=line.baud, parity="N", timeout=2, retries=0)
+
+
+def shows(client: ModbusTcpClient | ModbusSerialClient, address: int, word: int) -> bool:
+    """Wait until the drive has looked at what was written; return whether it shows ``word``."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        if client.read_holding_registers(address, count=1).registers == [word]:
+            return True
+    return False
 
 
 def test_pymodbus_reads_the_simulated_transmitter(transmitter: TransmitterBench) -> None:
@@ -54,9 +64,9 @@ def test_pymodbus_drives_the_simulated_drive(servo: ServoBench) -> None:
         assert client.read_holding_registers(3201, count=1).registers == [0x0250]
         for command, state in ((6, 0x0231), (7, 0x0233), (15, 0x0237)):
             assert not client.write_register(8501, command).isError()
-            assert client.read_holding_registers(3201, count=1).registers == [state]
+            assert shows(client, 3201, state)
         assert not client.write_register(8602, 600).isError()
-        assert client.read_holding_registers(8604, count=1).registers == [600]
+        assert shows(client, 8604, 600)
     finally:
         client.close()  # type: ignore[no-untyped-call]
     assert servo.physics.speed == pytest.approx(62.83, abs=0.01)

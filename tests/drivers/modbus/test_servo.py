@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import socket
+import struct
 import subprocess
 import sys
 import time
@@ -49,7 +51,7 @@ def test_drive_is_enabled_at_rest_and_follows_setpoint(servo: ServoBench, drive:
     assert status(rows[-1]) & ENABLED
     assert servo.physics.speed == pytest.approx(-1200 * RPM)
     driver.make_safe()
-    assert servo.physics.speed == 0.0
+    assert servo.comes_to_rest()
     assert not servo.state()["enabled"]
     driver.make_safe()  # twice is silent
 
@@ -204,8 +206,8 @@ def test_drive_is_made_safe_in_time_despite_line(servo: ServoBench, fault: str) 
         began = time.monotonic()
         with contextlib.suppress(LinkError):
             driver.make_safe()
-        assert time.monotonic() - began < 0.1 + 0.1 + lost_s()
-    assert servo.physics.speed == 0.0
+        assert time.monotonic() - began < 0.3 + lost_s()
+    assert servo.comes_to_rest()
 
 
 def test_make_safe_on_dead_line_ends_and_reports(servo: ServoBench) -> None:
@@ -213,11 +215,41 @@ def test_make_safe_on_dead_line_ends_and_reports(servo: ServoBench) -> None:
     servo.fault("deaf")
     with witnessed() as lost_s:
         began = time.monotonic()
-        with pytest.raises(LinkError):
+        with pytest.raises(LinkError, match=r"watchdog takes its torque away within 0.6 s"):
             driver.make_safe()
-        assert time.monotonic() - began < 0.5 + lost_s()
+        assert time.monotonic() - began < 1.0 + lost_s()
     driver.close()
     driver.make_safe()  # closed: nothing to do, and no error
+
+
+@TCP
+@pytest.mark.parametrize("fault", ["truncated", "garbage", "reset"])
+def test_lost_stream_is_opened_again_to_make_safe(servo: ServoBench, fault: str) -> None:
+    driver = armed(servo, timeout="0.1 s", watchdog="5 s")
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    if fault == "reset":
+        sock = driver.client._transport._socket
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        sock.shutdown(socket.SHUT_RDWR)
+    else:
+        servo.fault(fault, count=1)
+    with pytest.raises((LinkError, ProtocolError)):
+        cycle(driver, lambda rows: len(rows) > 20, [50.0])
+        raise LinkError("it rode through")
+    driver.make_safe()
+    assert servo.comes_to_rest()
+    assert servo.state()["fault_code"] == 0  # before its watchdog had to
+    driver.make_safe()
+
+
+def test_slow_drive_is_made_safe_without_complaint(servo: ServoBench) -> None:
+    driver = armed(servo, timeout="0.1 s", rate="5 Hz", watchdog="2 s")
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    servo.fault("late", delay_s=0.08)
+    asked = servo.state()["asked"]
+    cycle(driver, lambda rows: servo.state()["asked"] > asked, [50.0])
+    driver.make_safe()  # a request is out, which it answers first
+    assert servo.comes_to_rest()
 
 
 def test_another_process_can_rescue(servo: ServoBench) -> None:
@@ -229,7 +261,7 @@ def test_another_process_can_rescue(servo: ServoBench) -> None:
         began = time.monotonic()
         servo.driver().rescue()
         assert time.monotonic() - began < 1.0 + lost_s()
-    assert servo.physics.speed == 0.0
+    assert servo.comes_to_rest()
 
 
 @TCP
@@ -315,7 +347,7 @@ def test_master_that_is_killed_leaves_no_drive_turning(servo: ServoBench, rescue
     if rescued:
         assert servo.physics.speed == pytest.approx(50.0, abs=RPM / 2)
         servo.driver().rescue()
-        assert servo.physics.speed == 0.0
+        assert servo.comes_to_rest()
         assert servo.state()["fault_code"] == 0  # before its watchdog had to
     else:
         end = time.monotonic() + 10

@@ -123,6 +123,7 @@ def test_drivecom_chart_allows_one_step_up_at_time() -> None:
 
     def command(word: int) -> str:
         bank.answer(b"\x06" + (8501).to_bytes(2, "big") + word.to_bytes(2, "big"))
+        drive.tick()
         return bank.answer(bytes.fromhex("03 0C 81 00 01"))[2:].hex()
 
     bank.answer(bytes.fromhex("06 21 9A 02 58"))  # 8602: 600 rev/min
@@ -133,6 +134,16 @@ def test_drivecom_chart_allows_one_step_up_at_time() -> None:
     assert turned[-1] == 0.0
     assert command(15) == "0218"  # a fault stays until its reset
     assert [command(0x80), command(6)] == ["0250", "0231"]
+
+
+def test_pulse_shorter_than_scan_is_never_seen() -> None:
+    drive = Altivar(lambda speed: None, lambda: 0.0)
+    bank = drive.bank()
+    drive.trip(9)
+    for word in (0, 0x80, 0):
+        bank.answer(b"\x06" + (8501).to_bytes(2, "big") + word.to_bytes(2, "big"))
+    drive.tick()
+    assert drive.fault_code == 9
 
 
 @pytest.mark.parametrize("kind", [Altivar, Asda])

@@ -14,12 +14,15 @@ from rigd_sim.wire.modbus.part import LINE_FAULTS, ModbusPart, Ticker
 from rigd_sim.wire.part import State
 
 _RPM = 2 * math.pi / 60
-#: How often the drive checks its watchdog, in s.
-_TICK_S = 2e-3
+#: How often a drive looks at what has been written, in s. Drives do so every 2 to 50 ms.
+_SCAN_S = 20e-3
 
 
 class Drive(ABC):
     """The behaviour that all drives share: enable, trip, reset, communication watchdog.
+
+    A drive acts on what has been written once per scan, in :meth:`tick`: what is overwritten before
+    that, it never sees.
 
     ``command`` is called with the speed in rad/s that the motor shall turn at, whenever it changes;
     ``speed`` is the rate at which it does.
@@ -53,7 +56,9 @@ class Drive(ABC):
         self._heard = self._now()
 
     def tick(self) -> None:
-        """Trip when the line has been silent for too long."""
+        """Act on what has been written; trip when the line has been silent for too long."""
+        self.scan()
+        self.apply()
         if self._heard is None or self.fault_code or not self.watches:
             return
         if 0 < self.watchdog_s < self._now() - self._heard:
@@ -79,11 +84,14 @@ class Drive(ABC):
     def set_speed(self, word: int) -> None:
         """Take a signed speed in rev/min."""
         self.setpoint = (word - 0x10000 if word & 0x8000 else word) * _RPM
-        self.apply()
 
     def rpm(self) -> float:
         """Return the actual speed in rev/min."""
         return self.speed() / _RPM
+
+    @abstractmethod
+    def scan(self) -> None:
+        """Act on the command that stands in its register."""
 
     @abstractmethod
     def bank(self) -> Bank:
@@ -107,7 +115,7 @@ class Altivar(Drive):
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(command, speed, now)
-        self._cmd = 0
+        self._cmd = self._seen = 0
         self._eta = self._DISABLED
         self._reaction = 1
         self._tto = 100  # 10 s
@@ -150,7 +158,12 @@ class Altivar(Drive):
         self.watchdog_s = self._tto * 0.1 if self._reaction else 0.0
 
     def _write_cmd(self, word: int) -> None:
-        risen, self._cmd = word & ~self._cmd, word
+        self._cmd = word
+
+    def scan(self) -> None:
+        """See :class:`Drive`."""
+        word = self._cmd
+        risen, self._seen = word & ~self._seen, word
         if risen & 0x80:
             self.reset()
         if self.fault_code:
@@ -160,7 +173,6 @@ class Altivar(Drive):
         if chart.index(wanted) <= chart.index(self._eta) + 1:  # one step up, any number down
             self._eta = wanted
         self.enabled = self._eta == self._STATES[0xF]
-        self.apply()
 
 
 class Asda(Drive):
@@ -235,10 +247,12 @@ class Asda(Drive):
 
     def _write_inputs(self, word: int) -> None:
         self._inputs = word & self._by_line
+
+    def scan(self) -> None:
+        """See :class:`Drive`."""
         if self._inputs & self._ARST:
             self.reset()
         self.enabled = bool(self._inputs & self._SON) and not self.fault_code
-        self.apply()
 
 
 #: Drives it can stand for.
@@ -264,12 +278,13 @@ class SimModbusServo(ModbusPart):
         speed: Callable[[], float],
         unit: int = 1,
         drive: str = "schneider-atv320",
+        scan_s: float = _SCAN_S,
     ) -> None:
         if drive not in DRIVES:
             raise ValueError(f"no drive {drive!r}; known: {', '.join(DRIVES)}")
         self._drive = DRIVES[drive](command, speed)
         super().__init__(name, line, unit, self._drive.bank())
-        self._ticker = Ticker(_TICK_S, self._drive.tick)
+        self._ticker = Ticker(scan_s, self._drive.tick)
 
     async def start(self) -> str:
         """See :class:`ModbusPart`."""
