@@ -55,12 +55,13 @@ class NodeConfig(DriverConfig):
 
 @dataclass(frozen=True)
 class Plan:
-    """SDO transfers of a driver before the first cycle, except those of optional objects."""
+    """SDO transfers of a driver before the first cycle; ``optional`` are writes if it has them."""
 
     profile: int
     reads: Sequence[Entry]
     writes: Sequence[tuple[Entry, int]]
     pdos: Sequence[Pdo]
+    optional: Sequence[tuple[Entry, int]] = ()
 
 
 def contradictions(config: NodeConfig, link: LinkConfig | None, plan: Plan) -> list[str]:
@@ -105,7 +106,8 @@ def _of_objects(sheet: Sheet, plan: Plan) -> Iterator[str]:
     for entry in (objects.DEVICE_TYPE, *plan.reads):
         if problem := sheet.unreadable(entry):
             reported[problem] = None
-    for entry, value in plan.writes:
+    known = [each for each in plan.optional if sheet.find(each[0].index, each[0].sub) is not None]
+    for entry, value in (*plan.writes, *known):
         if problem := sheet.unwritable(entry, value):
             reported[problem] = None
     for pdo in plan.pdos:

@@ -125,6 +125,18 @@ def servo(node: int = 1, mode: int = 10, serial: int = 4711) -> ScriptedServo:
     return ScriptedServo(node, objects)
 
 
+def plain_servo(node: int = 1, mode: int = 10) -> ScriptedServo:
+    """The same motor on a drive of another maker, with the units of CiA 402-2."""
+    drive = servo(node, mode)
+    del drive.objects[0x3001, 5]
+    drive.objects |= {
+        (0x1018, 1): number(0x9A, 4),
+        (0x6075, 0): number(1500, 4),
+        (0x6076, 0): number(44, 4),
+    }
+    return drive
+
+
 def encoder(node: int = 11, serial: int = 815) -> ScriptedNode:
     """An encoder of 4096 steps and 4096 revolutions."""
     objects = common(node, 0x0001_0196, serial) | {

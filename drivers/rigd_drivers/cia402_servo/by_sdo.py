@@ -14,7 +14,7 @@ from rigd_drivers.canopen.objects import Entry
 
 #: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
 #: quick stop (3) would keep torque on the wheel.
-_DISABLE_VOLTAGE: Final = 2
+DISABLE_VOLTAGE_OPTION: Final = 2
 #: A drive takes a controlword, and shows a mode, within this, in s.
 _STEP_S: Final = 0.5
 #: Pause between two reads of an object that is waited for, in s.
@@ -24,6 +24,7 @@ TORQUELESS: Final = (
     DriveState.NOT_READY,
     DriveState.SWITCH_ON_DISABLED,
     DriveState.READY,
+    DriveState.SWITCHED_ON,
     DriveState.FAULT,
 )
 NOT_ENABLED: Final = "check the supply of its power stage, safe torque off, and the enable input"
@@ -57,6 +58,8 @@ def watch_heartbeat(node: Node, watchdog_s: float) -> None:
     node.write(*first)
     for entry, value in kept:
         node.ensure(entry, value)
+    # Optional by CiA 402-2: what a drive without it does, the proof of the watchdog shows.
+    node.ensure_optional(objects.ABORT_CONNECTION_OPTION, DISABLE_VOLTAGE_OPTION)
 
 
 def watch_writes(master: int, watchdog_s: float) -> list[tuple[Entry, int]]:
@@ -64,7 +67,6 @@ def watch_writes(master: int, watchdog_s: float) -> list[tuple[Entry, int]]:
     return [
         (objects.HEARTBEAT_CONSUMER, 0),
         (objects.HEARTBEAT_CONSUMER, master << 16 | round(watchdog_s * 1e3)),
-        (objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE),
     ]
 
 

@@ -1,31 +1,46 @@
-"""Controls a CiA 402 drive in cyclic torque mode; setpoint and measured value are in amperes."""
+"""Controls a CiA 402 drive in cyclic torque mode; setpoint and measured value are in A."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Gt
 
-from rigd.sdk import Channel, Declaration, DriverConfig, In, ProtocolError, Row
+from rigd.sdk import Channel, Declaration, DriverConfig, In, LinkConfig, ProtocolError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.cia402 import Mode
+from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo.ratings import (
+    MAXON,
+    Rating,
+    agreed,
+    rated_currents,
+    rated_torques,
+    torque_constants,
+)
 from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
 
-#: Target and actual torque are per mille of the rated torque, 16 bits with sign (CiA 402-2).
+#: Targets and actual values are per mille of a rating, 16 bits with sign (CiA 402-2).
 _PER_MILLE = 1000
 _LARGEST = 32767
 
 
 class CurrentServoConfig(ServoConfig):
-    """How torque in the drive's units becomes a current."""
+    """How per mille of the drive become a current."""
 
     current_range: Annotated[float, In("A"), Gt(0)]
     """Largest setpoint of either sign."""
+    rated_current: Annotated[float, In("A"), Gt(0)] | None = None
+    """Motor current at 1000 per mille of the target (object 6071), from the motor's plate; checked
+    against objects 6075 and 6076. None: as the drive reports, if its unit is certain."""
     torque_constant: Annotated[float, In("N m/A"), Gt(0)] | None = None
-    """Torque of the motor per current; none: as the drive reports (object 3001:5, maxon EPOS4)."""
+    """Torque of the motor per current; with it, object 6076 gives the rated current too. None: as a
+    drive of maxon reports (object 3001:5)."""
+    measured: Literal["torque", "current"] = "torque"
+    """What the drive measures: `torque` is object 6077, `current` object 6078, both per mille."""
 
 
 class CurrentRow(Row):
@@ -39,7 +54,7 @@ class CurrentRow(Row):
 
 
 class CurrentServo(Servo[CurrentServoConfig]):
-    """Sets the motor current, by torque over the torque constant.
+    """Sets the motor current, by per mille of a rated current.
 
     Safe means switched off: no current, the wheel coasts.
     """
@@ -49,7 +64,6 @@ class CurrentServo(Servo[CurrentServoConfig]):
     mode = Mode.CYCLIC_TORQUE
     target = objects.TARGET_TORQUE
     range_option = "current_range"
-    feedback = ((objects.STATUSWORD, objects.TORQUE, objects.POSITION),)
 
     def __init__(self, config: CurrentServoConfig, link: CanBus) -> None:
         super().__init__(config, link)
@@ -62,10 +76,8 @@ class CurrentServo(Servo[CurrentServoConfig]):
         limit = config.current_range
         return Declaration(
             channels=(
-                Channel("current", "A", "motor current, from the drive's torque"),
-                Channel(
-                    "current_raw", "1", "torque in per mille of the rated torque", raw_of="current"
-                ),
+                Channel("current", "A", "motor current, as the drive measures it"),
+                Channel("current_raw", "1", "per mille of the rating", raw_of="current"),
                 Channel("angle", "rad", "angle of the motor"),
                 Channel("counts", "count", "position of the drive", raw_of="angle"),
             ),
@@ -97,43 +109,100 @@ class CurrentServo(Servo[CurrentServoConfig]):
         )
 
     @classmethod
+    def _feedback(cls, config: CurrentServoConfig) -> tuple[tuple[Entry, ...], ...]:
+        measured = objects.TORQUE if config.measured == "torque" else objects.CURRENT
+        return ((objects.STATUSWORD, measured, objects.POSITION),)
+
+    @classmethod
+    def contradictions(cls, config: CurrentServoConfig, link: LinkConfig | None) -> Sequence[str]:
+        """Return what contradicts this drive on ``link``: its EDS, or two of its ratings."""
+        problems = list(super().contradictions(config, link))
+        current, by_torque = config.rated_current, _current_of_torque(config)
+        if current is None or by_torque is None:
+            return problems
+        if not Rating(current, "").agrees_with(Rating(by_torque, "")):
+            problems.append(
+                f"`rated_torque` over `torque_constant` is {by_torque:.4g} A, `rated_current` "
+                f"is {current:g} A: correct one of the three"
+            )
+        return problems
+
+    @classmethod
     def _declared_target(cls, config: CurrentServoConfig) -> int | None:
-        if config.rated_torque is None or config.torque_constant is None:
-            return None
-        amperes = config.rated_torque / _PER_MILLE / config.torque_constant
-        return round(config.current_range / amperes)
+        rated = config.rated_current or _current_of_torque(config)
+        return None if rated is None else round(config.current_range / rated * _PER_MILLE)
 
     def _largest_target(self) -> int:
         return round(self.config.current_range / abs(self._amperes))
 
-    def _check_ratings(self, node: Node) -> None:
-        super()._check_ratings(node)
-        given = self.config.torque_constant
-        reported = node.read_optional(objects.TORQUE_CONSTANT)  # in µN m/A
-        if reported is not None:
-            self.agree(node, "torque constant", "3001:05", reported * 1e-6, given)
-        elif given is None:
-            raise ProtocolError(
-                f"{node} does not report its torque constant (object 3001:05)",
-                hint="give `torque_constant`, from the motor's data sheet",
-            )
-        constant = given if given is not None else (reported or 0) * 1e-6
-        self._amperes = self._sign * self._rated_torque / _PER_MILLE / constant
+    def _check_ratings(self, node: Node) -> str:
+        rating = self._rated_current(node)
+        self._amperes = self._sign * rating.value / _PER_MILLE
         self._check_range(node)
+        return f"1000 per mille = {rating.value:.4g} A by {rating.source}"
+
+    def _rated_current(self, node: Node) -> Rating:
+        """Return the rated current in A on which drive and rig file agree.
+
+        Raises:
+            ProtocolError: they do not, or nothing confirms the unit of what the drive reports.
+
+        """
+        config = self.config
+        constant = agreed(
+            node, "torque constant", "N m/A", torque_constants(node, config.torque_constant)
+        )
+        torques = rated_torques(node, config.rated_torque, config.torque_unit)
+        torque = agreed(node, "rated torque", "N m", torques)
+        ratings = rated_currents(node, config.rated_current)
+        if torque is not None and constant is not None:
+            ratings.append(torque.over(constant))
+        rating = agreed(node, "rated current", "A", ratings)
+        if rating is None:
+            raise ProtocolError(
+                f"{node} does not report what 1000 per mille of its target are: objects 6075 and "
+                "6076 are 0 or missing, or `torque_constant` for 6076 is",
+                hint="give `rated_current`, from the motor's plate",
+            )
+        by_torque = constant is not None and (config.rated_torque or config.torque_unit)
+        sure = node.vendor == MAXON or config.rated_current or by_torque or len(ratings) > 1
+        if not sure:
+            raise ProtocolError(
+                f"{node} has 1000 per mille at {rating.value:.4g} A by {rating.source}; nothing "
+                "confirms the unit, which differs between makers",
+                hint="give `rated_current`, from the motor's plate",
+            )
+        return rating
+
+    def _limits(self, node: Node) -> tuple[tuple[Entry, float], ...]:
+        """Return the objects that limit the current, each with its unit in A."""
+        per_mille = abs(self._amperes)
+        standard = ((objects.MAX_TORQUE, per_mille), (objects.MAX_CURRENT, per_mille))
+        return (*standard, (objects.CURRENT_LIMIT, 1e-3)) if node.vendor == MAXON else standard
 
     def _check_range(self, node: Node) -> None:
         """Raise ProtocolError if the drive would limit a current that the rig file allows."""
-        limit = node.read_optional(objects.CURRENT_LIMIT)  # in mA
-        if limit and self.config.current_range > limit * 1e-3:
-            raise ProtocolError(
-                f"{node} limits its current to {limit * 1e-3:g} A (object 3001:02), "
-                f"`current_range` is {self.config.current_range:g} A",
-                hint="lower `current_range`, or raise the limit with the maker's tool",
-            )
+        for entry, unit in self._limits(node):
+            raw = node.read_optional(entry)
+            limit = (raw or 0) * unit
+            if raw and self.config.current_range > limit + unit / 2:
+                raise ProtocolError(
+                    f"{node} limits its current to {limit:.4g} A (object {entry}), "
+                    f"`current_range` is {self.config.current_range:g} A",
+                    hint="lower `current_range`, or raise the limit with the maker's tool",
+                )
         reach = abs(self._amperes) * _LARGEST
         if self.config.current_range > reach:
             raise ProtocolError(
-                f"{node} takes at most {reach:.3g} A ({_LARGEST} per mille of its rated torque), "
+                f"{node} takes at most {reach:.3g} A ({_LARGEST} per mille of its rating), "
                 f"`current_range` is {self.config.current_range:g} A",
-                hint="lower `current_range`, or correct the rated torque (object 6076)",
+                hint="one of them is wrong: compare `current_range` and the rating with the "
+                "motor's plate",
             )
+
+
+def _current_of_torque(config: CurrentServoConfig) -> float | None:
+    """Return the rated current, in A, by torque and torque constant of the rig file."""
+    if config.rated_torque is None or config.torque_constant is None:
+        return None
+    return config.rated_torque / config.torque_constant

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final, TypeVar
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, ProtocolError, Row
+from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import HEARTBEAT_MS, RESCUE_TIMEOUT_S, Node
 from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
@@ -32,14 +32,11 @@ _ARMING_NS: Final = 3_000_000_000
 _HEARTBEATS_IN_WATCHDOG: Final = 3
 #: What set-up cannot do without reading.
 _READ: Final = (
-    objects.RATED_TORQUE,
     objects.STATUSWORD,
     objects.SUPPORTED_MODES,
     objects.MODE_DISPLAY,
     objects.POSITION,
 )
-#: Tolerance of a rating against the value in the rig file: drives round it to their own unit.
-_RATING_TOLERANCE: Final = 0.01
 
 
 class ServoConfig(NodeConfig):
@@ -52,7 +49,9 @@ class ServoConfig(NodeConfig):
     zero: Annotated[float, In("count")] | None = None
     """Count (object 6064) at zero, of a homed or absolute axis; none: that at opening."""
     rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
-    """Rated torque that the drive must be set to (object 6076); none: any."""
+    """Rated torque of the motor, to which object 6076 must be set; none: any."""
+    torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
+    """Unit of object 6076; none: 1 mN m (CiA 402-2), of a drive of maxon 1 uN m."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
     """The drive switches itself off after so long without a heartbeat of rigd."""
 
@@ -79,19 +78,16 @@ class Servo(Driver[ServoConfigT, CanBus]):
     target: ClassVar[Entry]
     #: The option that bounds the setpoint.
     range_option: ClassVar[str]
-    #: What the drive sends at every SYNC, one tuple of entries per TPDO.
-    feedback: ClassVar[tuple[tuple[Entry, ...], ...]]
 
     def __init__(self, config: ServoConfigT, link: CanBus) -> None:
         super().__init__(config, link)
         self._sign = -1 if config.inverted else 1
         self._command = self._command_pdo(config.node)
-        self._tpdos = self._feedback_pdos(config.node)
+        self._tpdos = self._feedback_pdos(config)
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
         self._unwrap = Unwrap(1 << 32)
         self._zero = 0.0
-        self._rated_torque = float("nan")
         self._enabling = cia402.Enabling()
         self._statusword = 0
         self._armed = False
@@ -105,7 +101,8 @@ class Servo(Driver[ServoConfigT, CanBus]):
     @classmethod
     def contradictions(cls, config: ServoConfigT, link: LinkConfig | None) -> Sequence[str]:
         """Return what in the EDS contradicts this drive on ``link``."""
-        plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config))
+        optional = [(objects.ABORT_CONNECTION_OPTION, by_sdo.DISABLE_VOLTAGE_OPTION)]
+        plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config), optional)
         beyond = cls._beyond_range(config, cls._declared_target(config))
         return [*contradictions(config, link, plan), *beyond]
 
@@ -121,8 +118,8 @@ class Servo(Driver[ServoConfigT, CanBus]):
         refuse(self.title, self.contradictions(self.config, self.link.config))
         node = self._node = Node(self.link, self.config.node, self.config.sheet())
         node.open(self.title, _PROFILE, self.config.serial)
-        self.identity = node.identity
-        self._check_ratings(node)
+        scaling = self._check_ratings(node)
+        self.identity = f"{node.identity}, {scaling}" if scaling else node.identity
         refuse(node, self._beyond_range(self.config, self._largest_target()))
         by_sdo.watch_heartbeat(node, self.config.watchdog)
         by_sdo.switch_off(node)
@@ -266,7 +263,12 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     @abstractmethod
     def _row(self, values: Sequence[int]) -> Row:
-        """Return the row of the values of all TPDOs, in the order of ``feedback``."""
+        """Return the row of the values of all TPDOs, in the order of ``_feedback``."""
+
+    @classmethod
+    @abstractmethod
+    def _feedback(cls, config: ServoConfigT) -> tuple[tuple[Entry, ...], ...]:
+        """Return what the drive sends at every SYNC, one tuple of entries per TPDO."""
 
     @classmethod
     @abstractmethod
@@ -286,25 +288,14 @@ class Servo(Driver[ServoConfigT, CanBus]):
         problems = (sheet.beyond(cls.target, target) for target in (-largest, largest))
         return [f"{each}, which `{cls.range_option}` allows" for each in problems if each]
 
-    def _check_ratings(self, node: Node) -> None:
-        """Read the scaling of its units from the drive, and check it against the rig file."""
-        self._rated_torque = node.read(objects.RATED_TORQUE) * 1e-6  # in µN m
-        self.agree(node, "rated torque", "6076", self._rated_torque, self.config.rated_torque)
+    @abstractmethod
+    def _check_ratings(self, node: Node) -> str:
+        """Find the scaling of the drive's units; return it in words, "" if there is none.
 
-    @staticmethod
-    def agree(node: Node, what: str, where: str, found: float, expected: float | None) -> None:
-        """Raise ProtocolError unless ``found`` is above zero and near ``expected``, in N m (/A)."""
-        if found <= 0:
-            raise ProtocolError(
-                f"{node} has {what} {found:g} (object {where})",
-                hint="enter the motor's data with the maker's tool",
-            )
-        if expected is not None and abs(found - expected) > _RATING_TOLERANCE * expected:
-            raise ProtocolError(
-                f"{node} has {what} {found:.6g} (object {where}), the rig file has "
-                f"{expected:.6g}, both in SI units",
-                hint="correct whichever is wrong: the drive's motor data, or the option",
-            )
+        Raises:
+            ProtocolError: drive and rig file contradict each other, or do not suffice.
+
+        """
 
     def _put_safe_outputs(self) -> None:
         """Queue the safe state of what else the drive switches."""
@@ -368,7 +359,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     @classmethod
     def _pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
-        return (cls._command_pdo(config.node), *cls._feedback_pdos(config.node))
+        return (cls._command_pdo(config.node), *cls._feedback_pdos(config))
 
     @classmethod
     def _command_pdo(cls, node: int) -> pdo.Pdo:
@@ -376,10 +367,10 @@ class Servo(Driver[ServoConfigT, CanBus]):
         return pdo.Pdo(1, False, frames.RPDO[0] + node, pdo.SYNCHRONOUS, entries)
 
     @classmethod
-    def _feedback_pdos(cls, node: int) -> tuple[pdo.Pdo, ...]:
+    def _feedback_pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
         return tuple(
-            pdo.Pdo(number + 1, True, frames.TPDO[number] + node, pdo.SYNCHRONOUS, entries)
-            for number, entries in enumerate(cls.feedback)
+            pdo.Pdo(number + 1, True, frames.TPDO[number] + config.node, pdo.SYNCHRONOUS, entries)
+            for number, entries in enumerate(cls._feedback(config))
         )
 
     def _fall_silent(self, node: Node, limit_s: float) -> float:

@@ -14,6 +14,7 @@ from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.cia402 import Mode
 from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo.ratings import agreed, rated_torques
 from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
 
 #: 606Ch and 60FFh have 32 bits with sign.
@@ -35,6 +36,8 @@ class SpeedServoConfig(ServoConfig):
     """Travel of the axis per revolution of the motor, through gear and pulley: `40 mm/rev`."""
     velocity_unit: Annotated[float, In("rad/s"), Gt(0)] = 2 * math.pi / 60 * 1e-3
     """Unit of the drive's velocities (objects 606C, 60FF); checked against object 60A9."""
+    force: bool = True
+    """Whether the force is measured (objects 6076 and 6077, which some drives lack)."""
     clutch: bool = False
     """Whether a digital output of the drive releases a clutch between belt and axis."""
     clutch_output: Annotated[int, Ge(0), Le(31)] = 16
@@ -47,6 +50,14 @@ class AxisRow(Row):
     position: float
     speed: float
     force: float
+    status: int
+
+
+class MotionRow(Row):
+    """The same without the force."""
+
+    position: float
+    speed: float
     status: int
 
 
@@ -63,10 +74,6 @@ class SpeedServo(Servo[SpeedServoConfig]):
     mode = Mode.CYCLIC_VELOCITY
     target = objects.TARGET_VELOCITY
     range_option = "speed_range"
-    feedback = (
-        (objects.STATUSWORD, objects.TORQUE, objects.POSITION),
-        (objects.VELOCITY,),
-    )
 
     def __init__(self, config: SpeedServoConfig, link: CanBus) -> None:
         super().__init__(config, link)
@@ -80,15 +87,16 @@ class SpeedServo(Servo[SpeedServoConfig]):
     def declare(cls, config: SpeedServoConfig) -> Declaration:
         """Return the axis as channels, speed and clutch as setpoints."""
         limit = config.speed_range
+        force = (Channel("force", "N", "force of the motor on the axis, by its torque"),)
         speed = Channel("speed", "m/s", "speed of the axis", -limit, limit)
         clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
         return Declaration(
             channels=(
                 Channel("position", "m", "travel of the axis, by the motor"),
                 Channel("speed", "m/s", "speed of the axis, by the motor"),
-                Channel("force", "N", "force of the motor on the axis, by its torque"),
+                *(force if config.force else ()),
             ),
-            row=AxisRow,
+            row=AxisRow if config.force else MotionRow,
             setpoints=(speed, clutch) if config.clutch else (speed,),
             watchdog_s=config.watchdog_s,
         )
@@ -114,14 +122,21 @@ class SpeedServo(Servo[SpeedServoConfig]):
                 self._release(released)
         self._send_target(round(speed / self._metres_per_s))
 
-    def _row(self, values: Sequence[int]) -> AxisRow:
-        status, torque, position, velocity = values
-        return AxisRow.of(
-            position=(self._unwrap.follow(position) - self._zero) * self._metres,
-            speed=velocity * self._metres_per_s,
-            force=torque * self._newtons,
-            status=status if self._released else status | CLUTCH_ENGAGED,
-        )
+    def _row(self, values: Sequence[int]) -> AxisRow | MotionRow:
+        status, position, velocity = values[0], values[-2], values[-1]
+        if not self._released:
+            status |= CLUTCH_ENGAGED
+        travel = (self._unwrap.follow(position) - self._zero) * self._metres
+        speed = velocity * self._metres_per_s
+        if not self.config.force:
+            return MotionRow.of(position=travel, speed=speed, status=status)
+        force = values[1] * self._newtons
+        return AxisRow.of(position=travel, speed=speed, force=force, status=status)
+
+    @classmethod
+    def _feedback(cls, config: SpeedServoConfig) -> tuple[tuple[Entry, ...], ...]:
+        torque = (objects.TORQUE,) if config.force else ()
+        return (objects.STATUSWORD, *torque, objects.POSITION), (objects.VELOCITY,)
 
     @classmethod
     def _outputs_pdo(cls, node: int) -> pdo.Pdo:
@@ -151,9 +166,8 @@ class SpeedServo(Servo[SpeedServoConfig]):
     def _largest_target(self) -> int:
         return self._declared_target(self.config)
 
-    def _check_ratings(self, node: Node) -> None:
-        super()._check_ratings(node)
-        self._newtons = self._sign * self._rated_torque / 1000 / self.config.travel
+    def _check_ratings(self, node: Node) -> str:
+        scaling = self._check_force(node) if self.config.force else ""
         self._check_velocity_unit(node)
         reach = abs(self._metres_per_s) * _LARGEST
         if self.config.speed_range > reach:
@@ -162,6 +176,20 @@ class SpeedServo(Servo[SpeedServoConfig]):
                 f"is {self.config.speed_range:g} m/s",
                 hint="correct `velocity_unit`, `travel` or `speed_range`",
             )
+        return scaling
+
+    def _check_force(self, node: Node) -> str:
+        config = self.config
+        torques = rated_torques(node, config.rated_torque, config.torque_unit)
+        rating = agreed(node, "rated torque", "N m", torques)
+        if rating is None:
+            raise ProtocolError(
+                f"{node} does not report its rated torque (object 6076), of which its torque is "
+                "per mille",
+                hint="give `rated_torque`, from the motor's plate, or `force: false`",
+            )
+        self._newtons = self._sign * rating.value / 1000 / config.travel
+        return f"1000 per mille = {rating.value:.4g} N m by {rating.source}"
 
     def _check_velocity_unit(self, node: Node) -> None:
         code = node.read_optional(objects.VELOCITY_UNIT)

@@ -20,7 +20,12 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
         (
             CurrentServo,
             "current",
-            {"node": 1, "counts_per_revolution": "4096 count/rev", "current_range": "2 A"},
+            {
+                "node": 1,
+                "counts_per_revolution": "4096 count/rev",
+                "current_range": "2 A",
+                "rated_current": "1.5 A",
+            },
         ),
         (
             SpeedServo,

@@ -48,7 +48,10 @@ def test_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> 
     assert [kept[0x1A00, sub].hex() for sub in (1, 2, 3)] == ["10004160", "10007760", "20006460"]
     unused = [(0x1401, 1), (0x1801, 1), (0x1802, 1), (0x1803, 1)]
     assert all(kept[address][3] & 0x80 for address in unused)
-    assert driver.identity == "Test, vendor 0xFB, serial number 4711"
+    assert driver.identity == (
+        "Test, vendor 0xFB, serial number 4711, 1000 per mille = 1.5 A by object 6076 "
+        "(44250 x 1e-06 N m) over object 3001:05 (0.0295 N m/A)"
+    )
     # Never enabled on the way: no controlword but "disable voltage".
     words = [data[4:6] for to, data in port.sent if to == 0x601 and data[:4].hex() == "2b406000"]
     assert set(words) == {b"\x00\x00"}
@@ -119,9 +122,9 @@ def changed(address: tuple[int, int], value: bytes) -> ScriptedServo:
         (changed((0x1000, 0), number(0x196, 4)), {}, "device profile 406 .*expected 402"),
         (servo(), {"serial": 4712}, "serial number 4711, the rig file expects 4712"),
         (servo(mode=9), {}, r"does not offer the cyclic torque mode \(10\): object 6502 is 0x100"),
-        (servo(), {"rated_torque": "60 mN m"}, "rated torque 0.04425 .*has 0.06"),
-        (servo(), {"torque_constant": "50 mN m/A"}, "torque constant 0.0295 .*has 0.05"),
-        (changed((0x6076, 0), number(0, 4)), {}, "rated torque 0 "),
+        (servo(), {"rated_torque": "60 mN m"}, "rated torque .* 0.06 N m by `rated_t"),
+        (servo(), {"torque_constant": "50 mN m/A"}, "torque constant .* 0.0295 N m/A by object 3"),
+        (changed((0x6076, 0), number(0, 4)), {}, "does not report what 1000 per mille"),
         (changed((0x6076, 0), number(100, 4)), {}, "at most 0.111 A"),
     ],
 )
@@ -131,17 +134,6 @@ def test_device_other_than_in_rig_file_is_refused(
     bus, _ = connect(drive)
     with pytest.raises(ProtocolError, match=message):
         wheel(bus, **options).open()
-
-
-def test_torque_constant_absent_in_drive_must_be_given(connect: Connect) -> None:
-    drive = servo()
-    del drive.objects[0x3001, 5]
-    bus, _ = connect(drive)
-    driver = wheel(bus)
-    with pytest.raises(ProtocolError, match="does not report its torque constant"):
-        driver.open()
-    driver.close()
-    wheel(bus, torque_constant="29.5 mN m/A").open()
 
 
 def test_drive_that_would_cut_current_is_refused(connect: Connect) -> None:

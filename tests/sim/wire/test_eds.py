@@ -18,7 +18,9 @@ from rigd_sim.wire.hub import CanHub
 EDS = Path(__file__).parents[3] / "configs" / "eds"
 NODE = 5
 #: Objects that differ between exemplars: a file of them all gives no value.
-PLATE = {(0x1018, 4), (0x6076, 0), (0x6502, 0), (0x6501, 0), (0x6004, 0)}
+PLATE = {
+    (0x1018, 4), (0x6073, 0), (0x6075, 0), (0x6076, 0), (0x6502, 0), (0x6501, 0), (0x6004, 0),
+}  # fmt: skip
 TYPES = {
     Kind.I8: datatypes.INTEGER8,
     Kind.U8: datatypes.UNSIGNED8,
@@ -40,7 +42,7 @@ def encoder(hub: CanHub) -> CanopenNode:
 
 def rules(entry: Entry) -> dict[str, object]:
     text = isinstance(entry, Text)
-    plate = (entry.index, entry.sub) in PLATE or (entry.index in (0x3001, 0x608F) and entry.sub)
+    plate = (entry.index, entry.sub) in PLATE or (entry.index == 0x608F and entry.sub)
     return {
         "data_type": datatypes.VISIBLE_STRING if text else TYPES[entry.kind],
         "access_type": "const" if text else "rw" if entry.writable else "ro",

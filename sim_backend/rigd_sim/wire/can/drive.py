@@ -1,8 +1,8 @@
 """Simulates a CiA 402 servo drive in cyclic torque (CST) or cyclic velocity mode (CSV).
 
-The drive is modelled on the EPOS4. Torque is in thousandths of the rated torque (object 6076, in
-µN m), velocity in thousandths of a turn per minute of the motor, position in counts of the encoder
-on the motor.
+Units are those of CiA 402-2: torque in thousandths of the rated torque (object 6076, in mN m),
+current in thousandths of the rated current (6075, in mA), velocity as object 60A9 has it (here in
+thousandths of a turn per minute of the motor), position in counts of the encoder on the motor.
 """
 
 from __future__ import annotations
@@ -148,8 +148,12 @@ class Cia402Drive(CanopenNode):
         self._position = add(0x6064, 0, Kind.I32, **measured)
         self._velocity = add(0x606C, 0, Kind.I32, **measured)
         self._target_torque = add(0x6071, 0, Kind.I16, **commanded)
-        add(0x6076, 0, Kind.U32, round(self._rated_torque * 1e6))
+        largest = ratings.current_limit / ratings.nominal_current
+        add(0x6073, 0, Kind.U16, round(largest * 1e3))
+        add(0x6075, 0, Kind.U32, round(ratings.nominal_current * 1e3))
+        add(0x6076, 0, Kind.U32, round(self._rated_torque * 1e3))
         self._torque = add(0x6077, 0, Kind.I16, **measured)
+        self._current = add(0x6078, 0, Kind.I16, **measured)
         add(0x60A9, 0, Kind.U32, MILLI_RPM)
         self._target_velocity = add(0x60FF, 0, Kind.I32, **commanded)
         add(0x6502, 0, Kind.U32, 1 << ratings.mode - 1)
@@ -158,14 +162,6 @@ class Cia402Drive(CanopenNode):
         turn = (ratings.counts_per_turn, 1)
         self.dictionary.array(
             0x608F, [Entry(0x608F, sub, Kind.U32, n) for sub, n in enumerate(turn, start=1)]
-        )
-        plate = {
-            1: round(ratings.nominal_current * 1e3),
-            2: round(ratings.current_limit * 1e3),
-            5: round(ratings.torque_constant * 1e6),
-        }
-        self.dictionary.array(
-            0x3001, [Entry(0x3001, sub, Kind.U32, value) for sub, value in plate.items()]
         )
 
     def _check_mode(self, mode: int) -> None:
@@ -221,6 +217,7 @@ class Cia402Drive(CanopenNode):
         self._position.value = _wrapped(sensed.counts)
         self._velocity.value = _clipped(sensed.speed * MILLI_RPM_PER_RAD_S, 31)
         self._torque.value = _clipped(sensed.torque / self._rated_torque * 1e3, 15)
+        self._current.value = self._torque.value  # one motor: both are of its rating
         self._show_status()
 
     def apply(self, t_ns: int) -> None:
