@@ -36,7 +36,7 @@ async def test_objects_are_read_expedited(tmp_path: Path) -> None:
         "40 14 10 00 00 00 00 00": "43 14 10 00 81 00 00 00",  # COB-ID of emergencies
         "40 76 60 00 00 00 00 00": "43 76 60 00 32 00 00 00",  # rated torque 50 mN m
         "40 75 60 00 00 00 00 00": "43 75 60 00 e8 03 00 00",  # rated current 1000 mA
-        "40 01 30 01 00 00 00 00": "43 01 30 01 e8 03 00 00",  # nominal current 1000 mA
+        "40 73 60 00 00 00 00 00": "4b 73 60 00 dc 05 00 00",  # largest current: 1500 per mille
         "40 02 65 00 00 00 00 00": "43 02 65 00 00 02 00 00",  # supported modes: CST alone
         "40 a9 60 00 00 00 00 00": "43 a9 60 00 00 47 b4 fd",  # velocity in 0.001 1/min
         "40 07 60 00 00 00 00 00": "4b 07 60 00 03 00 00 00",  # abort connection: quick stop
