@@ -150,6 +150,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         ConfigError: the file is wrong.
     """
     from rigd.config.calibration import load_calibration
+    from rigd.config.following import unsupervised
     from rigd.config.loader import load_rig
 
     if kind == "calibration":
@@ -175,7 +176,11 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
                 )
                 return f"{', '.join(parts)}: {missing}"
             parts.append(f"calibration {held.name}")
-        return ", ".join(parts) + ": right"
+        free = "".join(
+            f"\n  no interlock follows {name}: a drive that does not act on it is not noticed"
+            for name in unsupervised(checked)
+        )
+        return f"{', '.join(parts)}: right{free}"
     return _check_procedure(given, rig)
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
 from rigd.config.document import Document, KeyPath, parse_document, read_document
+from rigd.config.following import read_following
 from rigd.config.links import check_link, read_links
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity, read_uncertainty
@@ -343,11 +344,15 @@ def _interlock(
         if deadband < 0:
             problems.add(document.place((*path, "deadband")), "the deadband must be at least 0")
     _check_staleness(document, path, source, rig, problems)
+    band = read_following(document, path, source, channel, rig, problems)
     return Interlock(
         name=source.name,
         source=source.source,
         low=low,
         high=high,
+        follows=source.follows,
+        band=band,
+        only_while=source.only_while,
         delay_s=source.delay,
         deadband=deadband,
         stale_after_s=source.stale_after,

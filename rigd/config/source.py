@@ -161,6 +161,12 @@ class InterlockSource(Source):
     """Trips below this value, or below another channel (`device.channel`)."""
     high: QuantityText | None = None
     """Trips above this value, or above another channel (`device.channel`)."""
+    follows: ChannelName | None = None
+    """Instead of bounds: the setpoint that the value must follow, as `device.setpoint`."""
+    band: QuantityText | None = None
+    """With `follows`: how far the value may be from its setpoint, for `delay`."""
+    only_while: Annotated[ChannelName | None, Field(alias="while")] = None
+    """With `follows`: the setpoint, 0 or 1, that lets the value follow, such as a clutch."""
     delay: Annotated[float, In("s"), Ge(0), Le(60)] = 0.0
     """How long the value must stay outside without interruption; by default it trips at once."""
     deadband: QuantityText | None = None

@@ -279,7 +279,8 @@ class Cycle:
             # Before its first row a device has no value to check; nothing is armed.
             self._settled = not self._silent or t_ns - self._begun_ns >= self._settle_ns
         if self._settled:
-            for trip in self.interlocks.check(t_ns, self._values, self._stamps):
+            applied = self.limiter.applied
+            for trip in self.interlocks.check(t_ns, self._values, self._stamps, applied):
                 self._handle_trip(trip)
         asked = self.control.asked
         if asked is not None and asked != self._obeyed:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
 
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.model.units import Quantity, parse_unit
+
+#: A period of the mains (50 Hz; that of 60 Hz is shorter).
+_MAINS_NS: Final = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,8 @@ class _Rule:
     high: float
     low_from: int  # index of the channel that is the bound, or -1
     high_from: int
+    follows: int  # index of the setpoint, or -1
+    only_while: int  # index of the setpoint, or -1
     bound_devices: tuple[int, ...]  # channels that are a bound
     delay_ns: int
     stale_ns: int
@@ -46,7 +53,7 @@ class InterlockBank:
     """Checks all interlocks of a rig and keeps the state of each.
 
     ``readings`` maps channel names to indices of the values table, ``units`` has their units,
-    ``device_of`` has the device of each index.
+    ``device_of`` has the device of each index, ``setpoints`` the index of each setpoint.
 
     Raises:
         KeyError: an interlock names an unknown channel.
@@ -58,30 +65,44 @@ class InterlockBank:
         readings: Mapping[str, int],
         units: Mapping[str, str],
         device_of: Sequence[int],
+        setpoints: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
-        self._rules = [_bind(interlock, readings, units, device_of) for interlock in interlocks]
+        self._rules = [
+            _bind(interlock, readings, units, device_of, setpoints) for interlock in interlocks
+        ]
         self._since: list[int | None] = [None] * len(interlocks)  # start of the violation
+        self._inside: list[int | None] = [None] * len(interlocks)  # start of the return, if any
         self._tripped = [False] * len(interlocks)
 
-    def check(self, t_ns: int, values: Sequence[float], stamps: Sequence[int]) -> list[Trip]:
+    def check(
+        self,
+        t_ns: int,
+        values: Sequence[float],
+        stamps: Sequence[int],
+        setpoints: Sequence[float] = (),
+    ) -> list[Trip]:
         """Return the interlocks that trip in this cycle.
 
         ``stamps`` has the time of each device's last row, in ns. A channel that is a bound must be
-        as fresh as the channel that it bounds.
+        as fresh as the channel that it bounds. ``setpoints`` are those written last.
         """
         trips: list[Trip] = []
         for index, rule in enumerate(self._rules):
             value = values[rule.source]
             low = rule.low if rule.low_from < 0 else values[rule.low_from]
             high = rule.high if rule.high_from < 0 else values[rule.high_from]
+            if rule.follows >= 0 and (rule.only_while < 0 or setpoints[rule.only_while] > 0.5):
+                band = rule.interlock.band
+                low, high = setpoints[rule.follows] - band, setpoints[rule.follows] + band
             own_age_ns = age_ns = t_ns - stamps[rule.device]
             for device in rule.bound_devices:
                 age_ns = max(age_ns, t_ns - stamps[device])
             # NaN fails every comparison, as value and as bound, and so counts as a violation.
             if low <= value <= high and age_ns <= rule.stale_ns:
-                if self._since[index] is not None:
+                if self._since[index] is not None and self._has_returned(index, t_ns):
                     self._recover(index, value, low, high)
                 continue
+            self._inside[index] = None
             since = self._since[index]
             if since is None:
                 since = self._since[index] = t_ns
@@ -90,10 +111,23 @@ class InterlockBank:
             if not self._tripped[index] and (untrusted or t_ns - since >= rule.delay_ns):
                 self._tripped[index] = True
                 reason = _reason(rule, value, low, high, own_age_ns, age_ns)
-                of_bounds = rule.interlock.low is not None or rule.interlock.high is not None
+                given = (rule.interlock.low, rule.interlock.high, rule.interlock.follows)
+                of_bounds = given != (None, None, None)
                 message = "" if untrusted and of_bounds else rule.interlock.message
                 trips.append(Trip(t_ns, rule.interlock, value, reason, message))
         return trips
+
+    def _has_returned(self, index: int, t_ns: int) -> bool:
+        """Return whether the value is back within its bounds, and does not only pass them.
+
+        An open input picks up the mains, and passes the band around a setpoint twice per period.
+        """
+        if self._rules[index].follows < 0:
+            return True
+        began = self._inside[index]
+        if began is None:
+            began = self._inside[index] = t_ns
+        return t_ns - began >= _MAINS_NS
 
     def _recover(self, index: int, value: float, low: float, high: float) -> None:
         """Clear a violation once the value is a deadband inside its bounds, unless latched."""
@@ -140,6 +174,7 @@ def _bind(
     readings: Mapping[str, int],
     units: Mapping[str, str],
     device_of: Sequence[int],
+    setpoints: Mapping[str, int],
 ) -> _Rule:
     source = readings[interlock.source]
     low, high = interlock.low, interlock.high
@@ -153,6 +188,8 @@ def _bind(
         high=high if isinstance(high, int | float) else math.inf,
         low_from=readings[low] if isinstance(low, str) else -1,
         high_from=readings[high] if isinstance(high, str) else -1,
+        follows=-1 if interlock.follows is None else setpoints[interlock.follows],
+        only_while=-1 if interlock.only_while is None else setpoints[interlock.only_while],
         bound_devices=tuple({device_of[bound] for bound in bounds}),
         delay_ns=round(interlock.delay_s * 1e9),
         stale_ns=round(interlock.stale_after_s * 1e9),
@@ -173,5 +210,11 @@ def _reason(
         return f"{source} is not a number (NaN)"
     if math.isnan(low) or math.isnan(high):
         return f"a bound of {source} is not a number (NaN)"
+    if rule.follows >= 0:
+        setpoint, band = (Quantity(part, unit) for part in ((low + high) / 2, (high - low) / 2))
+        return (
+            f"{source} {Quantity(value, unit)} does not follow its setpoint {setpoint}: more than "
+            f"{band} apart for {rule.interlock.delay_s:g} s"
+        )
     side, bound = ("above", high) if value > high else ("below", low)
     return f"{source} {Quantity(value, unit)} is {side} its limit {Quantity(bound, unit)}"

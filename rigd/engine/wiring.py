@@ -75,7 +75,9 @@ def wire(
         for item in mounted.mounts
         for channel in item.driver.declaration.channels
     }
-    interlocks = InterlockBank(rig.interlocks, mounted.readings, units, mounted.device_of)
+    interlocks = InterlockBank(
+        rig.interlocks, mounted.readings, units, mounted.device_of, mounted.setpoints
+    )
     limiter = Limiter(limits, rig.period_ns * 1e-9)
     return Wiring(Cycle(mounted, limiter, interlocks, clock, control), plant)
 

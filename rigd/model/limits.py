@@ -38,14 +38,19 @@ class Interlock:
 
     Trips when ``source`` leaves [``low``, ``high``] for ``delay_s``, is NaN, or is older than
     ``stale_after_s`` (the last two at once). ``low`` and ``high`` are constants in the channel's
-    unit or names of other channels. It clears once the value is ``deadband`` inside again; with
-    ``latch`` only after a person acknowledged it.
+    unit or names of other channels. With ``follows`` they are ``band`` around that setpoint as it
+    was last written, as long as the setpoint ``only_while``, if there is one, is above one half. It
+    clears once the value is ``deadband`` inside again; with ``latch`` only after a person
+    acknowledged it.
     """
 
     name: str
     source: str
     low: float | str | None = None
     high: float | str | None = None
+    follows: str | None = None
+    band: float = 0.0
+    only_while: str | None = None
     delay_s: float = 0.0
     deadband: float = 0.0
     stale_after_s: float = 0.05

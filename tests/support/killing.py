@@ -30,12 +30,8 @@ START_S = 90.0
 #: After any event a run has ended this long after.
 END_S = 60.0
 
-#: A host that stalls for 20 ms, or 50 ms as interlocks allow unless told otherwise, would end a run
-#: before the test does.
-PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"} | {
-    f"    {last}\n": f"    {last}\n    stale_after: 150 ms\n"
-    for last in ("high: 1.65 m", "low: -40 mm", "high: 620 mm", "deadband: 0.1 A")
-}
+#: Longer than this machine stalls at most times, and soon enough for a test that waits for it.
+PATIENT = {"stale_after: 250 ms": "stale_after: 150 ms"}
 #: The same at a quarter of the rate, which takes half of the CPU time.
 QUARTER = PATIENT | {"cycle: 1 kHz": "cycle: 250 Hz"}
 

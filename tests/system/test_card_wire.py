@@ -121,6 +121,29 @@ def test_run_completes_over_the_served_card(
     assert (state["da0"], state["lines"] & 0b11111) == (0.0, 0)
 
 
+UNSEEN = """
+procedure: unseen
+title: The monitor stands still
+doc: The wheel shall carry a current.
+trial:
+  steps:
+    - fault: {part: card, fault: stuck_code, options: {input: 0}}
+    - step: push
+      set: {wheel_servo.current: 0.4 A}
+      for: 20 s
+"""
+
+
+def test_stuck_monitor_ends_run_as_not_following(
+    served: RigConfig, rig_file: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "unseen.yaml").write_text(UNSEEN)
+    ended = rigd("run", "unseen.yaml", "--rig", rig_file, "--yes", cwd=tmp_path)
+    assert ended.code == 4, ended.err
+    assert "wheel_servo_follows: wheel_servo.current" in ended.out + ended.err
+    assert not card(served)["enabled"]
+
+
 def test_killed_master_is_survived_by_one_shot_alone(served: RigConfig, rig_file: Path) -> None:
     command = [sys.executable, "-c", MASTER, str(rig_file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as master:

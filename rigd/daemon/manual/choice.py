@@ -80,5 +80,7 @@ def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
 
 def _sources(interlock: Interlock) -> set[str]:
     """Return the devices whose channels an interlock uses."""
-    channels = (interlock.source, interlock.low, interlock.high)
+    channels = (
+        interlock.source, interlock.low, interlock.high, interlock.follows, interlock.only_while,
+    )  # fmt: skip
     return {channel.partition(".")[0] for channel in channels if isinstance(channel, str)}

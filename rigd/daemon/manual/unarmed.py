@@ -200,9 +200,12 @@ def open_unarmed(
 def _harmless(rig: RigConfig) -> RigConfig:
     """Return ``rig`` with interlocks that only report, and without limits on silence.
 
-    Nothing is armed, so nothing must end quickly: a terminal may be stopped (Ctrl-S).
+    Nothing is armed, so nothing must end quickly: a terminal may be stopped (Ctrl-S). Nor does
+    anything follow a setpoint.
     """
     reporting = tuple(
-        replace(interlock, action=Severity.WARN, latch=False) for interlock in rig.interlocks
+        replace(interlock, action=Severity.WARN, latch=False)
+        for interlock in rig.interlocks
+        if interlock.follows is None
     )
     return replace(rig, interlocks=reporting, supervision=Supervision(PATIENCE_S, PATIENCE_S))
