@@ -4,7 +4,8 @@ Most of what a short command costs is its imports. What they are, and that each 
 own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
 by what is started and not run to its end: `rigd sim`, `rigd serve`, runs to be watched or killed.
 The processes that a run itself starts are never shared. All workers of a suite ask one process,
-which imports rigd when the first of them asks.
+which imports rigd when the first of them asks. A command ends without destroying these modules,
+which would cost more than most commands do.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ spent_s = 0.0
 
 #: What the process is: a loop that forks a command for each connection, until the suite ends.
 _SERVER = """
-import gc, importlib, json, os, pkgutil, select, signal, socket, sys, time, warnings
+import atexit, gc, importlib, json, os, pkgutil, select, signal, socket, sys, threading, time
+import warnings
 
 
 def import_all():
@@ -95,16 +97,32 @@ def serve(waiting, suite):
         spent_s = 0.0
 
 
+def end(main):
+    "End with what main returns, as an interpreter does, but destroy nothing that was imported."
+    try:
+        code = main()
+    except SystemExit as error:
+        code = error.code
+    if isinstance(code, str):
+        print(code, file=sys.stderr)
+        code = 1
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code or 0)
+
+
 request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[1:]))
 
 if "python" in request:
     warnings.simplefilter("error")
-    exec(compile(request["python"], "<string>", "exec"), {"__name__": "__main__"})
-    sys.exit(0)
+    code = compile(request["python"], "<string>", "exec")
+    end(lambda: exec(code, {"__name__": "__main__"}))
 
 from rigd.cli.main import main
 
-sys.exit(main())
+end(main)
 """
 
 #: `rigd` for a shell: it asks for the command with its own streams, and ends as the command does.
