@@ -161,7 +161,7 @@ def test_sentences_keep_to_the_allowed_and_the_possible(identified: Identify, fl
 
 
 def test_json_has_the_promised_form(identified: Identify) -> None:
-    text = json.dumps(identified("stone", 1).to_json(), allow_nan=False)
+    text = json.dumps(identified("pvc", 1).to_json(), allow_nan=False)
     data = json.loads(text)
     assert list(data["parameters"]) == ["V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"]
     for entry in data["parameters"].values():

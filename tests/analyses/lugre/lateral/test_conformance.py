@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd.analysis import Evaluation
-from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, intervals_of
-from rigd.analysis.check.suite import Interval
+from rigd.analysis import Options
+from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, write_case
+from rigd.analysis.evaluation import evaluate_sweeps
+from rigd.analysis.source import open_sweep
 from rigd.analysis.terminal import TerminalTable
-from rigd.sdk.check import Report
 from rigd_analyses.lugre.lateral.analysis import LateralAnalysis
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.rig.constants import RigConstants
@@ -57,25 +57,13 @@ def case(trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConsta
     return Case(simulated, constants, {"mu_R_dry": DRY, "mu_R_vis": VISCOUS})
 
 
-@pytest.fixture(scope="module")
-def checked(case: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Report, Evaluation]:
-    """Return what the check finds, and the first evaluation that it makes."""
-    evaluated: list[Evaluation] = []
-
-    def read(evaluation: Evaluation) -> Mapping[str, Interval]:
-        evaluated.append(evaluation)
-        return intervals_of(evaluation)
-
-    report = examine_analysis(LateralAnalysis, [case], tmp_path_factory.mktemp("case"), read=read)
-    return report, evaluated[0]
+def test_lateral_analysis_conforms(case: Case, tmp_path: Path) -> None:
+    assert examine_analysis(LateralAnalysis, [case], tmp_path).findings == ()
 
 
-def test_lateral_analysis_conforms(checked: tuple[Report, Evaluation]) -> None:
-    assert checked[0].findings == ()
-
-
-def test_report_json_and_table_agree(checked: tuple[Report, Evaluation]) -> None:
-    evaluation = checked[1]
+def test_report_json_and_table_agree(case: Case, tmp_path: Path) -> None:
+    sweep = open_sweep(write_case(tmp_path / "case.mcap", LateralAnalysis, case))
+    evaluation = evaluate_sweeps(LateralAnalysis, [sweep], Options(), lambda _: None)
     found = json.loads(json.dumps(evaluation.to_json(), allow_nan=False))
     errors = found["speed_error"]
     assert len(errors["trials"]) == 8
