@@ -8,7 +8,7 @@ K :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo test quick test-days fmt check check-page bench clean
+.PHONY: setup demo test test-long quick test-days fmt check check-page bench clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
@@ -18,15 +18,23 @@ $(VENV)/.ready: pyproject.toml scripts/setup
 demo: setup ## the campaigns of two published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
-ifeq ($(strip $(K)),)
-test: setup ## the whole test suite: what computes or waits for answers, then rigs in real time
+#: What computes or waits for answers, side by side; then rigs in real time, two at once.
+define play
 	scripts/need node npm chromium
-	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 2)) --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m "not side_by_side" -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "side_by_side and $(1)" -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "not side_by_side and $(1)" -n 2 --dist loadfile --no-loadscope-reorder
+endef
+
+ifeq ($(strip $(K)),)
+test: setup ## all tests but the long ones
+	$(call play,not long)
 else
 test: setup
 	$(BIN)/pytest -k "$(K)"
 endif
+
+test-long: setup ## the long tests; tests/support/long.py lists them, with reasons
+	$(call play,long)
 
 quick: setup ## what computes only, in less than a minute
 	$(BIN)/pytest -q -m quick -n $$(nproc) --dist loadfile

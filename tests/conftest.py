@@ -4,7 +4,7 @@ The systems to solve are small. Threads that wait for one another cost many time
 does, and the cores that other tests need. Commands that tests start inherit it.
 
 A folder named in none of the lists below has its rigs in real time, of which `make test` runs two
-at once, and is not in `make quick`.
+at once, and is not in `make quick`. What is left to `make test-long` stands in `support/long.py`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support import warm
+from support import long, warm
 
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
@@ -112,8 +112,8 @@ DATES = places(
 #: Documents of which some do, by the ends of their names, and files that mark those that do.
 DATED_DOCUMENTS = ("[calibration.md]",)
 DATED_IN_PART = places("docs", "system/test_calibrate.py")
-#: Files that take long as a whole: begun last, one would keep all other processors waiting.
-LONG = places("system", "cli/test_examples.py", "panel/test_page.py", "panel/test_presses.py")
+#: Files that take most time as a whole: begun last, one would keep all other processors waiting.
+FIRST = places("system", "cli/test_examples.py", "panel/test_page.py", "panel/test_presses.py")
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
@@ -126,7 +126,9 @@ def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
 def pytest_sessionstart() -> None:
     """Refuse lists that name what is not there."""
     listed = {
-        place for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, LONG) for place in those
+        place
+        for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, FIRST, places(*long.FILES))
+        for place in those
     }
     if missing := sorted(str(place) for place in listed if not place.exists()):
         raise pytest.UsageError(f"tests/conftest.py lists what is not there: {missing}")
@@ -137,26 +139,41 @@ def pytest_sessionfinish() -> None:
     shutil.rmtree(STATE, ignore_errors=True)
 
 
+def is_needless(path: Path, term: str) -> bool:
+    """Return whether no test of a file can have a marker, or be without it: `not NAME`."""
+    match term:
+        case "not side_by_side":
+            return is_in(path, SIDE_BY_SIDE)
+        case "long":
+            return not is_in(path, places(*long.FILES))
+        case "not long":
+            return is_in(path, places(*long.WHOLE))
+        case "dates":
+            return not is_in(path, DATES + DATED_IN_PART)
+    return term in MARKED and not is_in(path, MARKED[term])
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Import no more than a marker asked for by itself needs."""
+    """Import no more than the markers that are asked for need."""
     asked = str(config.getoption("markexpr"))
-    if collection_path.suffix != ".py":
+    if collection_path.suffix != ".py" or " or " in asked:
         return None
-    if asked == "not side_by_side":
-        return is_in(collection_path, SIDE_BY_SIDE) or None
-    if asked not in MARKED:
-        return None
-    wanted = MARKED[asked] + (DATED_IN_PART if asked == "dates" else ())
-    return None if is_in(collection_path, wanted) else True
+    return any(is_needless(collection_path, term) for term in asked.split(" and ")) or None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests by what may run when; the longest files go first, and none is left alone."""
-    items.sort(key=lambda item: not is_in(item.path, LONG))
-    for item in items:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests by what may run when; the largest files go first, and none is left alone."""
+    items.sort(key=lambda item: not is_in(item.path, FIRST))
+    ids = [(str(item.path.relative_to(HERE)), item.nodeid.split("::", 1)[1]) for item in items]
+    whole_files = not any("::" in argument for argument in config.args)
+    if whole_files and (unknown := long.unknown(ids)):
+        raise pytest.UsageError(f"tests/support/long.py lists what is not there: {unknown}")
+    for item, (file, test) in zip(items, ids, strict=True):
         for marker, listed in MARKED.items():
             if is_in(item.path, listed):
                 item.add_marker(marker)
+        if why := long.reason(file, test):
+            item.add_marker(pytest.mark.long(why))
         if is_in(item.path, places("docs")) and item.name.endswith(DATED_DOCUMENTS):
             item.add_marker("dates")
 

@@ -252,6 +252,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
 NEVER: dict[str, str] = {
     "make demo": "`.ci/run` does",
     "make test": "this is it",
+    "make test-long": "`.ci/run` does",
     "make check": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
     "rigd identify before.mcap after.mcap --group-by recording": (
