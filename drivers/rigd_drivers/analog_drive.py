@@ -103,6 +103,12 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
             LinkError: the card does not have them, another device drives them, or the enable line
                 would be active at rest.
         """
+        self.reserve()
+        self._owns_outputs = True
+        self.identity = self.link.identity
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`: the outputs and the monitor are this drive's alone."""
         config, card = self.config, self.link
         if card.rests_high(config.enable_output) == (config.enable_active == "high"):
             raise LinkError(
@@ -116,10 +122,8 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
                 hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
             )
         card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
-        self._owns_outputs = True
         lines = () if config.ready_input is None else (config.ready_input,)
         card.use_inputs(analog=(config.monitor_input,), lines=lines)
-        self.identity = card.identity
 
     def preflight(self) -> Sequence[str]:
         """Return what is wrong with the drive at rest: it reports a fault, or its monitor does."""

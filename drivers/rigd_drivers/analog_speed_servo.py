@@ -90,10 +90,14 @@ class AnalogSpeedServo(AnalogDrive[AnalogSpeedServoConfig]):
     def open(self) -> None:
         """Take the outputs and inputs on the card; the position starts at zero."""
         super().open()
-        config, card = self.config, self.link
-        if config.clutch_output is not None:
-            card.take_outputs(lines=(config.clutch_output,))
-        self._counter.open(card, at_zero=True)
+        self._counter.open(self.link, at_zero=True)
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`: also the output of the clutch, and the encoder."""
+        super().reserve()
+        if self.config.clutch_output is not None:
+            self.link.take_outputs(lines=(self.config.clutch_output,))
+        self.link.use_inputs(encoders=(self.config.encoder,))
 
     def read(self, t_ns: int) -> AxisRow:
         """Return position, counts, speed, monitor volts and status.

@@ -47,10 +47,10 @@ class Card(Link):
     def use_inputs(
         self, *, analog: Iterable[int] = (), encoders: Iterable[int] = (), lines: Iterable[int] = ()
     ) -> None:
-        """Take these in from now on; inputs may be shared.
+        """Take these in from now on; encoders and digital inputs may be shared.
 
         Raises:
-            LinkError: the card has no such input.
+            LinkError: the card has no such input, or the analogue one is taken.
 
         """
 

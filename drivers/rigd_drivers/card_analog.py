@@ -96,8 +96,13 @@ class CardAnalog(Driver[CardAnalogConfig, Card]):
 
     def open(self) -> None:
         """Take the inputs in from now on."""
-        self.link.use_inputs(analog=(item.input for item in self.config.inputs))
+        self.reserve()
         self.identity = self.link.identity
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`: the inputs are this device's alone."""
+        for item in self.config.inputs:
+            self.link.use_inputs(analog=(item.input,))
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

@@ -85,8 +85,13 @@ class CardEncoder(Driver[CardEncoderConfig, Card]):
 
     def open(self) -> None:
         """Begin to count, from zero or from the present value of the counter."""
+        self.reserve()
         self._counter.open(self.link, at_zero=self.config.zero_at_open)
         self.identity = self.link.identity
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`; an encoder may serve two devices."""
+        self.link.use_inputs(encoders=(self.config.encoder,))
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

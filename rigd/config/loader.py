@@ -26,6 +26,7 @@ from rigd.config.rig import (
     Supervision,
     Waiver,
 )
+from rigd.config.sharing import check_shared
 from rigd.config.shipped import find_file, location
 from rigd.config.source import ConstantSource, DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
@@ -89,6 +90,7 @@ def _build(document: Document) -> RigConfig:
         if device is not None:
             _check_ground(document, device, source, problems)
             devices[name] = device
+    check_shared(document, devices.values(), links, problems)
     rig = RigConfig(
         name=source.rig,
         title=source.title,

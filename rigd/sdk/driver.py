@@ -52,6 +52,9 @@ class AnyDriver(ABC, Generic[ConfigT, LinkT]):
     #: "" for a driver that opens its own connection or stands on a plant.
     link_kind: ClassVar[str] = ""
 
+    #: Options that no two devices of a rig may share: the serial port that this driver opens.
+    unshared: ClassVar[tuple[str, ...]] = ()
+
     #: What the device reports about itself, once it is open: type, serial number, firmware.
     identity: str = ""
 
@@ -77,6 +80,16 @@ class AnyDriver(ABC, Generic[ConfigT, LinkT]):
         ``link`` has the options of the link that the rig file names. Nothing is opened.
         """
         return ()
+
+    def reserve(self) -> None:
+        """Reserve on the link, which is not open yet, what the device uses of it.
+
+        For a link with inputs and outputs that are given to devices, such as a card. Called for
+        every rig file; :meth:`open` calls it again, after the link was opened.
+
+        Raises:
+            LinkError: the link does not have it, or another device has it.
+        """
 
     def preflight(self) -> Sequence[str]:
         """Return the reasons why this device cannot be armed, one sentence each; may be empty."""

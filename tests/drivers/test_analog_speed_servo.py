@@ -116,7 +116,7 @@ def test_an_axis_that_jumps_has_lost_its_position() -> None:
 
 
 def test_clutch_and_enable_are_two_lines() -> None:
-    with pytest.raises(LinkError, match="digital output 1 is driven by two"):
+    with pytest.raises(LinkError, match="digital output 1 is used twice"):
         Rig(clutch_output=1)
 
 

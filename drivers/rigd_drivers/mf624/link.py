@@ -184,6 +184,8 @@ class Mf624(Card):
                 f"analogue input {max(analog)} is not below input {reference.input}, the reference",
                 hint="wire the reference to an input above all others",
             )
+        for each in analog & set(self._scan):
+            raise _taken("analogue input", each)
         self._scan = tuple(sorted({*self._scan, *analog}))
         self._adctrl = mf.mask_of(self._scan)
         self._encoders = tuple(sorted({*self._encoders, *encoders}))
@@ -372,6 +374,6 @@ def _check_known(what: str, numbers: Iterable[int], count: int) -> None:
 
 def _taken(what: str, number: int) -> LinkError:
     return LinkError(
-        f"{what} {number} is driven by two devices of this rig",
-        hint="correct the number at one of them in the rig file",
+        f"{what} {number} is used twice: by two devices, or by one and the link",
+        hint="correct one of the numbers in the rig file",
     )

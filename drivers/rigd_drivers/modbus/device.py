@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Iterable
-from typing import Final, TypeVar
+from typing import ClassVar, Final, TypeVar
 
 from rigd.sdk import Driver, LinkError, ProtocolError
 from rigd_drivers.modbus.client import Client, refusal
@@ -39,6 +39,8 @@ class ModbusDevice(Driver[ConnectionConfigT, None]):
     Status bits 8 to 15 report what went wrong since the last row (see :class:`Trouble`), bits 16 to
     23 count it, modulo 256; bits 0 to 7 are the device's.
     """
+
+    unshared: ClassVar[tuple[str, ...]] = ("serial_port",)
 
     def __init__(
         self, config: ConnectionConfigT, link: None, access: Access, rate_hz: float

@@ -1,7 +1,8 @@
-"""Decodes the replies of A&D balances and scales.
+"""Decodes the replies of A&D balances, scales and weighing indicators.
 
 Sources: A&D, FX-i/FX-iN instruction manual, "Data format" (A&D standard format), "Command list"
-and "AK code and error codes"; EK-i/EW-i instruction manual, "Data format".
+and "AK code and error codes"; EK-i/EW-i instruction manual, "Data format"; AD-4401A instruction
+manual, "Communication diagram"; AD-4410 instruction manual, 9.2.8, "Command format".
 """
 
 from __future__ import annotations
@@ -20,6 +21,11 @@ _LOADS: Final = {b"ST": Load.STABLE, b"QT": Load.STABLE, b"US": Load.DYNAMIC}
 _READING: Final = re.compile(
     rb"(?P<header>ST|US|QT)(?:,(?:LO|OK|HI|NT|GS|TR))?,"
     rb"(?P<value>[-+](?=[\d.]{8,9} *[A-Za-z])\d+\.?\d*)(?P<unit>(?=.{3}$) {0,2}[A-Za-z]{1,3})"
+)
+#: Of an indicator: gross, net or tare, sign, 7 digits with the point among them, 2 of unit.
+_INDICATED: Final = re.compile(
+    rb"(?P<header>ST|US),(?:GS|NT|TR),"
+    rb"(?P<value>[-+](?=[\d.]{7} ?[A-Za-z])\d+\.?\d*)(?P<unit>(?=.{2}$) ?[A-Za-z]{1,2})"
 )
 _OVER: Final = re.compile(rb"OL(?:,(?:LO|OK|HI|NT|GS|TR))?,(?P<sign>[-+]).*")
 _ERROR: Final = re.compile(rb"EC,(?P<code>E\d\d)")
@@ -40,9 +46,10 @@ _ERRORS: Final = {
 def parse_reading(line: bytes) -> Reading | Refusal | None:
     """Return the weight in ``line``; None if it is not a weight reply, or is damaged.
 
-    ``ST,+00123.45  g`` is 123.45 g, stable; ``OL,+9999999E+19`` an overload.
+    ``ST,+00123.45  g`` is 123.45 g, stable, as ``ST,NT,+00123.4 g`` of an indicator is;
+    ``OL,+9999999E+19`` is an overload.
     """
-    if match := _READING.fullmatch(line):
+    if match := _READING.fullmatch(line) or _INDICATED.fullmatch(line):
         unit = match["unit"].strip().decode()
         return Reading(_LOADS[match["header"]], float(match["value"]), unit)
     if match := _OVER.fullmatch(line):

@@ -9,7 +9,7 @@ from typing import Final, Literal
 from rigd_drivers.scale import and_d, sics
 from rigd_drivers.scale.replies import Done, Reading, Refusal
 
-DialectName = Literal["mt-sics", "kern-kcp", "and-d"]
+DialectName = Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,10 @@ class Dialect:
     title: str
     #: Asks for the weight as it is now.
     read: bytes
-    #: Ends a stream, and any other activity.
+    #: Ends a stream, and changes nothing else: no tare that was set.
+    quieten: bytes
+    #: Ends an action that waits for rest. With MT-SICS some scales lose their tare by it, so it is
+    #: sent after an action that was given up, and at no other time.
     cancel: bytes
     parse_reading: Callable[[bytes], Reading | Refusal | None]
     #: What must lie between two commands, in s.
@@ -36,14 +39,20 @@ _SICS_ACTIONS: Final = {
 
 DIALECTS: Final[dict[DialectName, Dialect]] = {
     "mt-sics": Dialect(
-        "Mettler-Toledo MT-SICS", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.0, _SICS_ACTIONS
+        "Mettler-Toledo MT-SICS", b"SI\r\n", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.0,
+        _SICS_ACTIONS,
     ),
     # "The time between periodic inquiries must be longer than 100 ms": KIB-TM-ZB-e-1913, 1.4.
     "kern-kcp": Dialect(
-        "KERN KCP", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.1, _SICS_ACTIONS
+        "KERN KCP", b"SI\r\n", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.1, _SICS_ACTIONS
     ),
     "and-d": Dialect(
-        "A&D", b"Q\r\n", b"C\r\n", and_d.parse_reading, 0.0,
+        "A&D", b"Q\r\n", b"C\r\n", b"C\r\n", and_d.parse_reading, 0.0,
         {"tare": (b"T\r\n", None), "zero": (b"Z\r\n", None)},
+    ),
+    # Its stream is a setting of its menu, which no command ends.
+    "and-d-indicator": Dialect(
+        "A&D indicator", b"RW\r\n", b"RW\r\n", b"RW\r\n", and_d.parse_reading, 0.0,
+        {"tare": (b"MT\r\n", None), "zero": (b"MZ\r\n", None)},
     ),
 }  # fmt: skip

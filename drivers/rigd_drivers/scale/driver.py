@@ -26,13 +26,16 @@ from rigd.sdk import (
 )
 from rigd_drivers.scale import and_d, identity
 from rigd_drivers.scale.dialects import DIALECTS, DialectName
-from rigd_drivers.scale.port import LinePort, Parity
+from rigd_drivers.scale.port import TCP, LinePort, Parity
 from rigd_drivers.scale.replies import UNITS, Done, Load, Reading, Refusal, UnitName
 
 T = TypeVar("T")
 
-#: A scale answers within 0.1 s; 9600 baud needs 17 ms for a reply.
-REPLY_S: Final = 0.5
+#: A scale answers within 0.1 s, one that filters or is busy within 0.7 s; 9600 baud needs 17 ms.
+REPLY_S: Final = 0.8
+#: How long an answer that did not come is waited for before the next question, in s: replies have
+#: no number, and it would be taken for the answer to that.
+LATE_S: Final = 0.7
 #: Without one good reading for so long the scale is given up, in s. Below ``silent_s``, so that
 #: the message contains what was received instead.
 GIVE_UP_S: Final = 2.0
@@ -74,7 +77,7 @@ class ScaleConfig(DriverConfig):
 
     port: str
     """Serial port; best its path below /dev/serial/by-id, which stays the same after
-    reconnection.
+    reconnection. Or `tcp://HOST:PORT`: a scale with a network, or a serial device server.
     """
     dialect: DialectName
     """Protocol that is set in the menu of the scale."""
@@ -88,6 +91,14 @@ class ScaleConfig(DriverConfig):
     """Data bits set in the menu of the scale (A&D: 7 as delivered)."""
     interval: Annotated[float, In("s"), Ge(0.02), Le(1)] = 0.15
     """Time from one reading to the next; KERN KCP asks for more than 100 ms."""
+
+    @model_validator(mode="after")
+    def _port_is_whole(self) -> ScaleConfig:
+        if self.port.startswith(TCP):
+            host, _, port = self.port.removeprefix(TCP).rpartition(":")
+            if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+                raise ValueError(f"port '{self.port}' is not of the form tcp://HOST:PORT")
+        return self
 
     @model_validator(mode="after")
     def _interval_is_allowed(self) -> ScaleConfig:
@@ -121,7 +132,8 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
     """
 
     Config: ClassVar[type[DriverConfig]] = ScaleConfig
-    title: ClassVar[str] = "scale on a serial port (MT-SICS, KERN KCP, A&D)"
+    title: ClassVar[str] = "scale on a serial or TCP port (MT-SICS, KERN KCP, A&D)"
+    unshared: ClassVar[tuple[str, ...]] = ("port",)
 
     def __init__(self, config: ScaleConfig, link: None) -> None:
         super().__init__(config, link)
@@ -129,6 +141,9 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         self._port = LinePort(config.port)
         self._one_at_a_time = asyncio.Lock()  # run and act share the line
         self._not_before = 0.0  # when the next command may be sent, in s of the loop
+        self._asked_at = 0  # bytes that had come when the last command was sent
+        self._late_until = 0.0  # an answer that was given up may come until then, in s of the loop
+        self._late = False  # one came
         self._unusual: bytes | None = None  # last line that was no answer
         self._wrong_unit = 0  # lines in a row in another unit
 
@@ -158,7 +173,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
 
         """
         config = self.config
-        self._port.open(config.baud, config.parity, config.data_bits)
+        await self._port.open(config.baud, config.parity, config.data_bits)
         try:
             await self._quieten()
             self.identity = await identity.ask(
@@ -206,7 +221,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
                 answer = await self._exchange(command, parse, ACTION_S)
             finally:
                 if answer is None:  # given up or cancelled: it must not tare some time later
-                    self._cancel()
+                    self._end(self._dialect.cancel)
         if answer is None:
             raise DeviceError(
                 f"the scale did not {action} within {ACTION_S:g} s",
@@ -217,19 +232,19 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         return answer.text or f"{action} done"
 
     async def close(self) -> None:
-        """Cancel any activity of the scale, and close the port."""
-        self._cancel()
+        """End a stream, if there is one, and close the port; a tare stays as it is."""
+        self._end(self._dialect.quieten)
         self._port.close()
 
-    def _cancel(self) -> None:
-        """End any activity of the scale, if it still answers."""
+    def _end(self, command: bytes) -> None:
+        """End what the scale does by ``command``, if it still answers."""
         with contextlib.suppress(LinkError, DeviceError):  # not open, or gone: nothing to end
-            self._port.send(self._dialect.cancel)
+            self._port.send(command)
 
     async def _quieten(self) -> None:
         """End a stream that the last session left on; the line is quiet afterwards."""
         for _ in range(2):  # the first may be taken for the rest of a line cut off
-            await self._send(self._dialect.cancel)
+            await self._send(self._dialect.quieten)
             if await self._port.quiet(QUIET_S, timeout_s=1.5):
                 return
         raise ProtocolError(
@@ -243,17 +258,20 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         loop = asyncio.get_running_loop()
         deadline = None
         received = self._port.received
-        self._unusual = None
+        self._unusual, self._late = None, False
         while True:
             async with self._one_at_a_time:
                 answer: Reading | Refusal | None = await self._exchange(
                     self._dialect.read, self._dialect.parse_reading, REPLY_S
                 )
+                echoed = len(self._dialect.read)
+                if answer is None and self._port.received - self._asked_at <= echoed:
+                    self._late_until = loop.time() + LATE_S
             if isinstance(answer, Reading):
                 return answer
             if deadline is None:
                 deadline = loop.time() + GIVE_UP_S
-            elif loop.time() >= deadline:
+            elif loop.time() + REPLY_S > deadline:
                 raise self._no_reading(answer, heard=self._port.received > received)
             await asyncio.sleep(self.config.interval)
 
@@ -265,6 +283,11 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
             return DeviceError(
                 f"the scale gives no weight: it answers {answer.code!r} ({answer.reason})",
                 hint="look at its display: menu open, calibration, warming up?",
+            )
+        if self._late:
+            return DeviceError(
+                f"the scale answers later than {REPLY_S:g} s: to which question is unknown",
+                hint="set a faster response or a weaker filter in its menu",
             )
         if self._unusual is not None:
             return ProtocolError(
@@ -340,7 +363,11 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         """Send ``command``, not sooner after the one before than the dialect allows."""
         loop = asyncio.get_running_loop()
         await asyncio.sleep(max(0.0, self._not_before - loop.time()))
+        if (left := self._late_until - loop.time()) > 0:
+            self._late_until = 0.0
+            self._late |= await self._port.line(left) is not None
         self._port.flush()
+        self._asked_at = self._port.received
         self._port.send(command)
         self._not_before = loop.time() + self._dialect.min_interval_s
 

@@ -1,10 +1,11 @@
-"""Receives lines from a serial port and sends commands to it, on an asyncio event loop."""
+"""Receives lines from a serial port, or a TCP port, and sends commands to it, on an event loop."""
 
 from __future__ import annotations
 
 import asyncio
 import errno
 import os
+import socket
 import termios
 from collections import deque
 from pathlib import Path
@@ -21,16 +22,23 @@ _PARITIES: Final = {
     "none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD,
 }  # fmt: skip
 _READ_BYTES: Final = 4096
+#: How a TCP port is named: that of the scale itself, or of a device server that it is plugged into.
+TCP: Final = "tcp://"
+_CONNECT_S: Final = 3.0
+_STREAM: Final = socket.SOCK_STREAM
 #: Lines kept for a reader that does not come; a scale sends at most 92 a second.
 _MAX_LINES: Final = 256
 
 
 class LinePort:
-    """A port that only this process uses (``flock``), read when bytes arrive, never blocking."""
+    """A port that is read when bytes arrive, never blocking; ``tcp://HOST:PORT`` is one on TCP.
+
+    A serial port is this process's alone (``flock``).
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._port: serial.Serial | None = None
+        self._port: serial.Serial | socket.socket | None = None
         self._buffer = LineBuffer()
         self._lines: deque[bytes] = deque(maxlen=_MAX_LINES)
         self._arrived = asyncio.Event()
@@ -38,8 +46,8 @@ class LinePort:
         #: Bytes that arrived since :meth:`open`, readable or not.
         self.received = 0
 
-    def open(self, baud: int, parity: Parity, data_bits: Literal[7, 8]) -> None:
-        """Open the port and begin to read.
+    async def open(self, baud: int, parity: Parity, data_bits: Literal[7, 8]) -> None:
+        """Open the port and begin to read; a TCP port has no baud rate.
 
         Raises:
             LinkError: there is no such port, it is not ours to open, or open already.
@@ -47,8 +55,40 @@ class LinePort:
         """
         if self._port is not None:
             raise LinkError(f"{self.path} is open already", hint="close it first")
+        if self.path.startswith(TCP):
+            self._port = await self._connected()
+        else:
+            self._port = self._serial(baud, parity, data_bits)
+        self.received = 0
+        self._lost = None
+        self.flush()
+        asyncio.get_running_loop().add_reader(self._port.fileno(), self._on_bytes)
+
+    async def _connected(self) -> socket.socket:
+        loop = asyncio.get_running_loop()
+        host, _, port = self.path.removeprefix(TCP).rpartition(":")
+        own = None
         try:
-            self._port = serial.Serial(
+            async with asyncio.timeout(_CONNECT_S):
+                family, *_, address = (await loop.getaddrinfo(host, port, type=_STREAM))[0]
+                own = socket.socket(family, _STREAM)
+                own.setblocking(False)
+                await loop.sock_connect(own, address)
+        except BaseException as error:
+            if own is not None:
+                own.close()
+            if not isinstance(error, OSError):  # TimeoutError is one
+                raise
+            raise LinkError(
+                f"nothing answers at {self.path} ({str(error) or 'no reply'})",
+                hint="check address and port, that the scale is on, and that no other program is "
+                "connected: most take one connection",
+            ) from error
+        return own
+
+    def _serial(self, baud: int, parity: Parity, data_bits: Literal[7, 8]) -> serial.Serial:
+        try:
+            return serial.Serial(
                 self.path, baud, bytesize=data_bits, parity=_PARITIES[parity],
                 timeout=0, write_timeout=0, exclusive=True,
             )  # fmt: skip
@@ -60,10 +100,6 @@ class LinePort:
                 f"parity {parity}: {error}",
                 hint="choose what the adapter can do, and set the scale to the same",
             ) from error
-        self.received = 0
-        self._lost = None
-        self.flush()
-        asyncio.get_running_loop().add_reader(self._port.fileno(), self._on_bytes)
 
     def close(self) -> None:
         """Close the port; closing twice is silent."""
@@ -153,7 +189,7 @@ class LinePort:
         if self._lines:
             self._arrived.set()
 
-    def _opened(self) -> serial.Serial:
+    def _opened(self) -> serial.Serial | socket.socket:
         if self._port is None:
             raise LinkError(f"{self.path} is not open")
         if self._lost is not None:
@@ -162,8 +198,10 @@ class LinePort:
 
     def _gone(self, error: OSError) -> DeviceError:
         return DeviceError(
-            f"the serial port {self.path} is gone ({error.strerror or error})",
-            hint="plug the adapter in again and start again; it may come back under another "
+            f"the port {self.path} is gone ({error.strerror or error})",
+            hint="check its network, and start again"
+            if self.path.startswith(TCP)
+            else "plug the adapter in again and start again; it may come back under another "
             "number: name the port by its path below /dev/serial/by-id",
         )
 

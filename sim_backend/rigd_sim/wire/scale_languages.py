@@ -105,7 +105,10 @@ class Sics(Language):
         if command in (b"S", b"SI", b"SIR", b"@"):
             self.cancel()
         match command:
-            case b"@" | b"I4":
+            case b"@":  # "the condition found after switching on, without a zero setting"
+                weighing.tare_kg = 0.0
+                return [b'I4 A "%s"' % plate.serial.encode()]
+            case b"I4":
                 return [b'I4 A "%s"' % plate.serial.encode()]
             case b"I0":
                 known = ("@", "I0", "I1", "I2", "I3", "I4", "I5", "S", "SI", "SIR", "T", "Z")
@@ -227,3 +230,27 @@ class AndD(Language):
         if self.weighing.zero():
             return b"\x06" if self.error_codes else b""
         return b"EC,E17" if self.error_codes else b""
+
+
+class AndDIndicator(AndD):
+    """A weighing indicator such as the AD-4401A or AD-4410: commands are echoed and carried out."""
+
+    def answer(self, command: bytes, now_s: float) -> list[bytes]:
+        """Answer one command."""
+        match command:
+            case b"RW":
+                return [self.weight()]
+            case b"MT":
+                return [command, *self._wait(now_s, self._tare, b"")]
+            case b"MZ":
+                return [command, *self._wait(now_s, self._zero, b"")]
+        return []
+
+    def weight(self) -> bytes:
+        """``ST,NT,+00123.0kg``: sign, seven characters of number, two of unit."""
+        line = super().weight()
+        head, number, unit = line[:2], line[3:-3], line[-2:]
+        if head == b"OL":
+            return b"OL,NT," + line[3:]
+        kind = b"NT" if self.weighing.tare_kg else b"GS"
+        return b",".join([head, kind, number[:1] + number[2:]]) + unit

@@ -234,9 +234,9 @@ def test_fifo_left_by_killed_master_shifts_nothing() -> None:
         (lambda link: link.use_inputs(lines=(9,)), "no digital input 9"),
         (lambda link: link.take_outputs(analog=(8,)), "no analogue output 8"),
         (lambda link: link.take_outputs(lines=(8,)), "no digital output 8"),
-        (lambda link: link.take_outputs(analog=(3,)), "analogue output 3 is driven by two"),
-        (lambda link: link.take_outputs(lines=(2,)), "digital output 2 is driven by two"),
-        (lambda link: link.take_outputs(lines=(7,)), "digital output 7 is driven by two"),
+        (lambda link: link.take_outputs(analog=(3,)), "analogue output 3 is used twice"),
+        (lambda link: link.take_outputs(lines=(2,)), "digital output 2 is used twice"),
+        (lambda link: link.take_outputs(lines=(7,)), "digital output 7 is used twice"),
         (lambda link: link.use_inputs(analog=(6,)), "input 6 is not below input 6, the reference"),
     ],
 )

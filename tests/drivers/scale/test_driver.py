@@ -20,7 +20,7 @@ from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.scale_languages import STABILITY_S, AndD
 
-DIALECTS = ("mt-sics", "kern-kcp", "and-d")
+DIALECTS = ("mt-sics", "kern-kcp", "and-d", "and-d-indicator")
 TIMEOUT_S = 20
 
 
@@ -105,13 +105,14 @@ def test_a_load_is_weighed_tared_and_zeroed(dialect: str, tmp_path: Path) -> Non
     async def main() -> None:
         async with bench(tmp_path, dialect) as found:
             await found.driver.open()
-            assert "B021002593" in found.driver.identity
+            asked = dialect != "and-d-indicator"  # its manuals name no question for it
+            assert ("B021002593" in found.driver.identity) is asked
             async with found.running():
                 await found.rows.until(near(2.0))
                 found.load_kg[0] = 5.0
                 await found.rows.until(near(5.0))
                 said = await found.driver.act("tare")
-                assert said == ("tare done" if dialect == "and-d" else "tare 5.000 kg")
+                assert said == ("tare done" if dialect.startswith("and-d") else "tare 5.000 kg")
                 await found.rows.until(near(0.0))
                 found.load_kg[0] = 6.0
                 await found.rows.until(near(1.0))
@@ -152,6 +153,50 @@ def test_beyond_its_range_the_mass_is_nan(
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
+def test_tare_outlives_session_and_set_at_keypad_too(dialect: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, dialect) as found:
+            found.scale.weighing.tare_kg = 1.5
+            for _ in range(2):
+                await found.driver.open()
+                async with found.running():
+                    await found.rows.until(near(0.5))
+                await found.driver.close()
+            assert found.scale.weighing.tare_kg == 1.5
+
+    asyncio.run(main())
+
+
+def test_late_answer_is_never_taken_for_next_question(tmp_path: Path) -> None:
+    """The load changes between two answers; each row has what the scale showed as it was asked."""
+
+    async def main() -> None:
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject("late", delay_s=module.REPLY_S + 0.2)
+            asking = asyncio.create_task(found.driver._patient_reading())
+            await asyncio.sleep(module.REPLY_S / 2)  # it has been asked, with 2 kg on it
+            found.load_kg[0] = 5.0
+            await asyncio.sleep(module.REPLY_S / 2 + 0.1)  # given up; the answer is on its way
+            found.scale.clear("late")
+            reading = await asking
+            assert reading.value == pytest.approx(5.0, abs=0.01)
+
+    asyncio.run(main())
+
+
+def test_scale_that_always_answers_late_is_named(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject("late", delay_s=module.REPLY_S + 0.3)
+            with pytest.raises(DeviceError, match="answers later than"):
+                raise await found.failure()
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("dialect", DIALECTS[:3])
 def test_a_stream_left_on_is_ended(dialect: str, tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path, dialect) as found:

@@ -83,6 +83,11 @@ def test_mt_sics_identity_is_read() -> None:
         (b"ST,OK,+00123.45  g", Reading(Load.STABLE, 123.45, "g")),
         (b"ST,+0123.45  g", None),  # one digit was lost
         (b"ST,+00123.45", None),
+        # AD-4410, 9.2.8.1: ST,NT,+00123.0kg.
+        (b"ST,NT,+00123.0kg", Reading(Load.STABLE, 123.0, "kg")),
+        (b"US,GS,-0012.34 g", Reading(Load.DYNAMIC, -12.34, "g")),
+        (b"ST,NT,+0123.0kg", None),
+        (b"ST,+00123.0kg", None),
         (b"ST,+001.3.45  g", None),
         (b"Q", None),
         (b"EC,E02", Refusal("EC,E02", "busy: it cannot take the command now")),
