@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from rigd.sdk import DeviceSheet, In, Link, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_load import FRAME_BITS, LoadMeter
@@ -23,6 +23,8 @@ from rigd_drivers.can_ports import Frame, Full, Port, open_port
 from rigd_drivers.canopen import frames, nmt
 from rigd_drivers.canopen.flood import FloodWatch
 
+#: Bit rates of CANopen, in bit/s (CiA 301, 6.2).
+_BIT_RATES: Final = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)
 #: Frames taken in one cycle at most: three times what a bus of 1 Mbit/s carries in 1 ms.
 FRAMES_PER_CYCLE: Final = 64
 #: A queue that stays full for so long is a failure, in ns; see :data:`flood.WINDOW_NS`.
@@ -52,6 +54,14 @@ class CanBusConfig(LinkConfig):
     sync: bool = True
     """Whether rigd sends SYNC; false if a device on the bus sends it."""
 
+    @field_validator("bitrate")
+    @classmethod
+    def _is_of_cia(cls, rate: float) -> float:
+        if rate not in _BIT_RATES:
+            known = ", ".join(f"{each / 1e3:g}" for each in _BIT_RATES)
+            raise ValueError(f"{rate / 1e3:g} kbit/s is no bit rate of CANopen: {known} kbit/s")
+        return rate
+
 
 class CanBus(Link):
     """A CAN bus with CANopen on it."""
@@ -71,6 +81,7 @@ class CanBus(Link):
         self.syncs = 0  #: SYNCs on the bus since it was opened
         self.now_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC of the cycle under way
         self.beating = False  #: whether heartbeats are sent while set-up waits
+        self.alone = True  #: whether another master is an error; not while drives are made safe
         self.beat_ns = 0  #: when the last heartbeat was sent
         self.foreign = 0  #: frames that no device of this rig expects
         self.heard: set[int] = set()  #: nodes that gave a sign of life: heartbeats, SDO replies
@@ -203,7 +214,8 @@ class CanBus(Link):
                 f"{self.name} is flooded: {flooding}",
                 hint="switch that node off or correct its PDO transmission type",
             )
-        if paused:  # last, so that frames received meanwhile count no more
+        if paused and self._resume:  # last, so that frames received meanwhile count no more
+            self.beat()  # a node that still misses it may refuse to be operational
             for action in self._resume.values():
                 action()
 
@@ -369,16 +381,18 @@ class CanBus(Link):
         self.syncs += 1
 
     def _rival_syncs(self, data: bytes) -> None:
-        raise self._rival("sends SYNC")
+        self._found_rival("sends SYNC")
 
     def _rival_orders(self, data: bytes) -> None:
-        raise self._rival("sends NMT commands")
+        self._found_rival("sends NMT commands")
 
     def _rival_beats(self, data: bytes) -> None:
-        raise self._rival(f"sends the heartbeat of node {self.config.master_node}")
+        self._found_rival(f"sends the heartbeat of node {self.config.master_node}")
 
-    def _rival(self, does: str) -> LinkError:
-        return LinkError(
+    def _found_rival(self, does: str) -> None:
+        if not self.alone:
+            return
+        raise LinkError(
             f"another rigd (or CANopen master) drives {self.name}: it {does}",
             hint="stop it; if a device is meant to send SYNC, set `sync: false` on the link",
         )

@@ -13,7 +13,6 @@ from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_sheet import WRONG_EDS
 from rigd_drivers.canopen import emcy, frames, nmt, objects, sdo
 from rigd_drivers.canopen.objects import Entry
-from rigd_drivers.canopen.pdo import EVENT_DRIVEN, Pdo
 from rigd_drivers.canopen.sheet import Sheet
 
 #: A node answers an SDO request within this, also when its host or ours stalls, in s.
@@ -34,6 +33,10 @@ _HEARTBEAT_LOST_NS: Final = 5 * HEARTBEAT_MS * 1_000_000
 _HALTED_HEARTBEATS: Final = 2
 #: A node is operational within this after the order, by its heartbeat, in s.
 _START_S: Final = 1.0
+#: The order is repeated after this until it is: a node may refuse it at first, in s.
+_START_AGAIN_S: Final = 0.05
+#: The same after a pause of ours, also when its host stalls, in ns.
+_RESTART_NS: Final = 2_000_000_000
 
 
 class Node:
@@ -46,6 +49,7 @@ class Node:
         self._beside_sheet: set[Entry] = set()  #: what the node has though its sheet may not
         self.identity = ""
         self.vendor: int | None = None  #: object 1018:1, once open
+        self.device_type = 0  #: object 1000, once open
         self.state: nmt.State | None = None  #: the state in its last heartbeat
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
         self.sdo_timeout_s = SDO_TIMEOUT_S
@@ -55,6 +59,8 @@ class Node:
         self._garbled = ""
         self._heard_ns = 0
         self._halted = 0  #: heartbeats in a row that report another state than operational
+        self._start_until_ns = 0  #: until when it is ordered operational; 0: it is
+        self._start_next_ns = 0
 
     def __str__(self) -> str:
         return f"node {self.node_id} on {self.bus.name}"
@@ -80,8 +86,9 @@ class Node:
         self.bus.claim(self.node_id, owner)
         self._claimed = True
         self.attach()
-        self._order(nmt.Command.PRE_OPERATIONAL)
-        found = self._read_device_type() & 0xFFFF
+        self.order(nmt.Command.PRE_OPERATIONAL)
+        self.device_type = self._read_device_type()
+        found = self.device_type & 0xFFFF
         if found != profile:
             raise ProtocolError(
                 f"{self} has device profile {found} (object 1000), expected {profile}",
@@ -105,13 +112,16 @@ class Node:
 
         """
         self.state = None
-        self._order(nmt.Command.START)
-        if not self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_S):
-            shown = self._shown()
-            raise ProtocolError(
-                f"{self} is not operational {_START_S:g} s after the command: {shown}",
-                hint="look at its error history (object 1003) with the maker's tool",
-            )
+        deadline_ns = time.monotonic_ns() + round(_START_S * 1e9)
+        self.order(nmt.Command.START)
+        while not self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_AGAIN_S):
+            if time.monotonic_ns() > deadline_ns:
+                raise ProtocolError(
+                    f"{self} is not operational {_START_S:g} s after the command: {self._shown()}"
+                    f"{self._errors()}",
+                    hint="its manual explains its error register and history (1001, 1003)",
+                )
+            self.order(nmt.Command.START)
         self._restarted = False
         self._halted = 0
 
@@ -123,7 +133,7 @@ class Node:
         self.bus.release(self.node_id)
         if self.bus.is_open:
             with suppress(LinkError):  # the bus is lost: the node gets nothing from us anyway
-                self._order(nmt.Command.PRE_OPERATIONAL)
+                self.order(nmt.Command.PRE_OPERATIONAL)
 
     def called(self, entry: Entry) -> str:
         """Return the name of ``entry`` for messages: its name in the EDS, if it has one."""
@@ -202,28 +212,6 @@ class Node:
         self.ensure(entry, value)
         return True
 
-    def configure(self, pdo: Pdo) -> None:
-        """Map ``pdo`` and switch it on.
-
-        Raises:
-            LinkError, ProtocolError: see :meth:`ensure`.
-
-        """
-        for entry, value in pdo.setup():
-            self.ensure(entry, value)
-        if pdo.transmit:
-            self.ensure_optional(pdo.inhibit_time(), 0)
-
-    def switch_off_rest(self, receive: int, transmit: int) -> None:
-        """Make invalid what PDOs the node has beyond so many, so that they do not load the bus."""
-        for used, bases, sent in ((receive, frames.RPDO, False), (transmit, frames.TPDO, True)):
-            for number, base in enumerate(bases[used:], start=used + 1):
-                identifier = base + self.node_id
-                rest = Pdo(number, sent, identifier, EVENT_DRIVEN, ())
-                valid, value = next(rest.setup())
-                if self.read_optional(valid) is not None:
-                    self.write(valid, value)
-
     # -- the cycle -----------------------------------------------------------------------------
 
     def watch(self, *, forgive_silence: bool) -> None:
@@ -237,6 +225,8 @@ class Node:
             ProtocolError: it sends what no CANopen node sends.
 
         """
+        if self._start_until_ns:
+            self._keep_starting()
         emergency = self.emergency
         if emergency is not None:
             self.emergency = None
@@ -251,6 +241,8 @@ class Node:
         if self._garbled:
             raise ProtocolError(f"{self} {self._garbled}", hint="another device may have its id")
         if forgive_silence:
+            if self._halted and not self._start_until_ns:
+                self.restart_quietly()
             return
         if self.bus.now_ns - self._heard_ns > _HEARTBEAT_LOST_NS:
             silent_ms = (self.bus.now_ns - self._heard_ns) // 1_000_000
@@ -266,21 +258,62 @@ class Node:
             )
 
     def restart_quietly(self) -> None:
-        """Order the node operational again at the end of this cycle, after a pause of ours.
+        """Order the node operational from the end of this cycle on, after a pause of ours.
 
         A node that watches our heartbeat leaves the operational state when we fall silent (CiA
         301, object 1029).
         """
-        self.bus.order(nmt.Command.START, self.node_id)
         self._halted = 0
-        self._heard_ns = self.bus.now_ns
+        self._heard_ns = now = self.bus.now_ns
+        self._start_until_ns, self._start_next_ns = now + _RESTART_NS, now
+        self._keep_starting()
 
     # -- within --------------------------------------------------------------------------------
+
+    def _keep_starting(self) -> None:
+        """Order the node operational again and again until its heartbeat shows that it is.
+
+        A node may refuse while it still misses our heartbeat, of which it reports nothing.
+
+        Raises:
+            DeviceError: it has a heartbeat and is not operational for too long.
+
+        """
+        now = self.bus.now_ns
+        if now > self._start_until_ns:
+            shown, self._start_until_ns = self.state, 0
+            if shown not in (None, nmt.State.OPERATIONAL):
+                raise DeviceError(
+                    f"{self} does not become operational: it was ordered to for "
+                    f"{_RESTART_NS / 1e9:g} s, its heartbeat shows: {self._shown()}",
+                    hint="look at its error register and history (objects 1001, 1003)",
+                )
+        elif now >= self._start_next_ns:
+            self.bus.order(nmt.Command.START, self.node_id)
+            self._start_next_ns = now + round(_START_AGAIN_S * 1e9)
 
     def _shown(self) -> str:
         return "no heartbeat" if self.state is None else self.state.name.lower()
 
-    def _order(self, command: nmt.Command) -> None:
+    def _errors(self) -> str:
+        """Return what the node reports about its errors, in words; "" if it does not answer."""
+        found = ""
+        with suppress(LinkError, ProtocolError):  # beside the error that is raised
+            register = self.read_optional(objects.ERROR_REGISTER)
+            last = self.read_optional(objects.LAST_ERROR)
+            if register:
+                found = f"; error register 0x{register:02X} ({emcy.causes(register)})"
+            if last:
+                found += f"; last error: {emcy.describe(last & 0xFFFF)}"
+        return found
+
+    def order(self, command: nmt.Command) -> None:
+        """Send an NMT command now.
+
+        Raises:
+            LinkError: the bus is lost, or takes no frames.
+
+        """
         self.bus.send(frames.NMT, nmt.command(command, self.node_id))
 
     def _on_emergency(self, data: bytes) -> None:
@@ -298,7 +331,10 @@ class Node:
             self._garbled = f"sent a heartbeat of {data.hex(' ') or 'no bytes'}"
         elif state is nmt.State.BOOT_UP:
             self._restarted = True
-        self._halted = 0 if state is nmt.State.OPERATIONAL else self._halted + 1
+        if state is nmt.State.OPERATIONAL:
+            self._halted = self._start_until_ns = 0
+        else:
+            self._halted += 1
         self.state = state
 
     def _read_device_type(self) -> int:
@@ -417,5 +453,8 @@ _REFUSALS: Final = {
 
 def _advice(emergency: emcy.Emergency) -> str:
     if emergency.code in emcy.MASTER_SILENT:
-        return "the cycle stalled for longer than `watchdog`; see `rigd doctor`"
+        return (
+            "for longer than `watchdog` it got nothing from this computer: frames were lost (check "
+            "cable and termination), or the cycle stalled (see `rigd doctor`)"
+        )
     return "its manual explains the code; the next run resets it once the cause is gone"

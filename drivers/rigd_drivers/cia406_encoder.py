@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, Literal, Self
 
@@ -22,16 +21,22 @@ from rigd.sdk import (
 )
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
+from rigd_drivers.can_pdo import configure, switch_off_rest
 from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
+from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia406_resolution import (
+    WHOLE_OBJECT,
+    Resolution,
+    check_step,
+    read_resolution,
+)
 from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Low word of 1000h.
 _PROFILE: Final = 406
-#: Object 6004 has 32 bits; an encoder that does not report its range uses them all.
-_WHOLE_OBJECT: Final = 1 << 32
 #: Options that only one kind has.
 _OPTIONS: Final = {
     "rotary": ("counts_per_revolution", "gear_ratio"),
@@ -45,13 +50,15 @@ class EncoderConfig(NodeConfig):
     kind: Literal["rotary", "linear"]
     """Whether it gives an angle or a position."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)] | None = None
-    """Rotary: counts per revolution of its shaft; none: as it reports (object 6501)."""
+    """Rotary: counts per revolution of its shaft; none: as it reports (object 6001 if its scaling
+    is on, else 6501)."""
     gear_ratio: Annotated[float, In("1"), Gt(0)] = 1.0
     """Rotary: turns of its shaft per turn of what is measured."""
     distance_per_count: Annotated[float, In("m/count"), Gt(0)] | None = None
     """Linear: travel per count."""
     bits: Annotated[int, Ge(8), Le(32)] | None = None
-    """The position (object 6004) rolls over after so many bits: 16, 24, 32; none: as it reports."""
+    """The position rolls over after so many bits: 16, 24, 32; none: as it reports (object 6002 if
+    its scaling is on, else 6501 and 6502)."""
     inverted: bool = False
     """Whether counting up is the rig's negative direction."""
     zero: Annotated[float, In("count")] | None = None
@@ -78,9 +85,9 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
     def __init__(self, config: EncoderConfig, link: CanBus) -> None:
         super().__init__(config, link)
         self._is_angle = config.kind == "rotary"
-        self._tpdo = _position_pdo(config.node)
+        self._tpdo = _position_pdo(config.node, objects.ENCODER_POSITION)
         self._inbox = Inbox(self._tpdo, config.node)
-        self._unwrap = Unwrap(_WHOLE_OBJECT)
+        self._unwrap = Unwrap(WHOLE_OBJECT)
         self._zero = 0.0
         self._scale = float("nan")
         self._watched = False
@@ -101,9 +108,15 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
     def contradictions(cls, config: EncoderConfig, link: LinkConfig | None) -> Sequence[str]:
         """Return what in the EDS contradicts this encoder on ``link``."""
         writes = [(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)]
-        tpdos = [_position_pdo(config.node)]
-        plan = Plan(_PROFILE, [objects.ENCODER_POSITION], writes, tpdos)
+        position, sheet = objects.ENCODER_POSITION, config.sheet()
+        if sheet is not None and config.kind == "linear" and sheet.find(position.index) is None:
+            position = objects.LINEAR_POSITION
+        plan = Plan(_PROFILE, [position], writes, [_position_pdo(config.node, position)])
         return contradictions(config, link, plan)
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`: the node id is this device's alone."""
+        self.link.claim(self.config.node, self.title)
 
     def open(self) -> None:
         """Set the encoder up by SDO, reading everything back.
@@ -119,14 +132,22 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         node = self._node = Node(link, config.node, config.sheet())
         node.open(self.title, _PROFILE, config.serial)
         self.identity = node.identity
+        position = self._position_object(node)
+        self._tpdo = _position_pdo(config.node, position)
+        resolution = read_resolution(node)
+        if position is objects.LINEAR_POSITION:
+            resolution = Resolution()
         scale = config.distance_per_count
         if scale is None:
-            scale = 1.0 / (self._counts_per_radian(node) * config.gear_ratio)
+            given = config.counts_per_revolution
+            scale = 1.0 / (resolution.counts_per_radian(node, given) * config.gear_ratio)
+        elif position is objects.LINEAR_POSITION:
+            check_step(node, scale)
         self._scale = -scale if config.inverted else scale
-        node.configure(self._tpdo)
-        node.switch_off_rest(receive=0, transmit=1)
-        self._unwrap = Unwrap(self._span(node))
-        count = self._unwrap.follow(self._within_span(node.read(objects.ENCODER_POSITION)))
+        configure(node, self._tpdo)
+        switch_off_rest(node, receive=0, transmit=1)
+        self._unwrap = Unwrap(resolution.range_of_counts(node, config.bits))
+        count = self._unwrap.follow(self._within_span(node.read(position)))
         self._zero = count if config.zero is None else config.zero
         self._watched = False
         self._inbox = Inbox(self._tpdo, config.node, link.syncs)
@@ -183,42 +204,12 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
             )
         return count
 
-    def _span(self, node: Node) -> int:
-        """Return after how many counts the position rolls over."""
-        bits = self.config.bits
-        steps = node.read_optional(objects.STEPS_PER_REVOLUTION)
-        turns = node.read_optional(objects.REVOLUTIONS)
-        if not steps or not turns:
-            return _WHOLE_OBJECT if bits is None else 1 << bits
-        reported = steps * turns
-        if bits is not None and reported != 1 << bits:
-            raise ProtocolError(
-                f"{node} counts {steps} steps (object 6501) x {turns} revolutions (6502), that is "
-                f"{math.log2(reported):.6g} bits; the rig file has {bits}",
-                hint="leave `bits` out, or correct it",
-            )
-        return reported
-
-    def _counts_per_radian(self, node: Node) -> float:
-        given = self.config.counts_per_revolution
-        reported = node.read_optional(objects.STEPS_PER_REVOLUTION)
-        if not reported:
-            if given is None:
-                raise ProtocolError(
-                    f"{node} does not report its resolution (object 6501)",
-                    hint="give `counts_per_revolution`, from its data sheet",
-                )
-            return given
-        found = reported / (2 * math.pi)
-        if given is not None and abs(found / given - 1) > 1e-6:
-            raise ProtocolError(
-                f"{node} has {reported} counts per revolution (object 6501), the rig file has "
-                f"{given * 2 * math.pi:.6g}",
-                hint="correct `counts_per_revolution`, or the encoder's setting",
-            )
-        return found
+    def _position_object(self, node: Node) -> Entry:
+        """Return the object with the position: 6004, or 6020:01 of linear encoders without it."""
+        if self.config.kind == "linear" and node.read_optional(objects.ENCODER_POSITION) is None:
+            return objects.LINEAR_POSITION
+        return objects.ENCODER_POSITION
 
 
-def _position_pdo(node: int) -> pdo.Pdo:
-    entries = (objects.ENCODER_POSITION,)
-    return pdo.Pdo(1, True, frames.TPDO[0] + node, pdo.SYNCHRONOUS, entries)
+def _position_pdo(node: int, position: Entry) -> pdo.Pdo:
+    return pdo.Pdo(1, True, frames.TPDO[0] + node, pdo.SYNCHRONOUS, (position,))

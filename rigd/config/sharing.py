@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from rigd.config.document import Document
 from rigd.config.problems import Problems
 from rigd.config.rig import DeviceConfig, LinkSetup
-from rigd.model.errors import LinkError
+from rigd.model.errors import LinkError, ProtocolError
 from rigd.sdk import AnyDriver, Link
 
 
@@ -39,6 +39,6 @@ def check_shared(
         link = made.setdefault(setup.name, setup.link_class(setup.config))
         try:
             device.driver_class(device.config, link).reserve()
-        except LinkError as error:
+        except (LinkError, ProtocolError) as error:
             message = f"{device.driver}: {error.message}"
             problems.add(document.place(path), message, error.hint)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from time import monotonic_ns
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
@@ -33,6 +34,10 @@ HOLD_NS = 100_000_000
 #: Most trips in the result; a value that fluctuates at its limit trips hundreds of times per
 #: second. All trips are recorded as events.
 MOST_TRIPS = 100
+
+#: No device is asked after this time whether it is safe, in ns; each may take 0.5 s. Together they
+#: stay below the 2 s after which the daemon makes the rig safe over a second link.
+CONFIRMING_NS: Final = 1_000_000_000
 
 #: The errors by which a device fails.
 DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
@@ -369,17 +374,26 @@ class Cycle:
         self._rows.push_own(t_ns, slot, own)
 
     def make_safe(self, t_ns: int | None = None) -> Sequence[str]:
-        """Bring every device to its safe state; return the errors, one sentence each.
+        """Bring every device to its safe state, and check it; return the errors, a sentence each.
 
         An error of a device does not prevent that the others are made safe.
         """
         self.on_make_safe()
-        problems = []
+        problems, ordered = [], []
         for mount in self.rig.mounts:
             try:
                 mount.driver.make_safe()
             except Exception as error:  # noqa: BLE001 - boundary: recorded, and the others go on
                 problems.append(f"{mount.name} could not be made safe: {error}")
+            else:
+                ordered.append(mount)
+        until_ns = monotonic_ns() + CONFIRMING_NS
+        for mount in ordered:
+            try:
+                if monotonic_ns() < until_ns:
+                    mount.driver.confirm_safe()
+            except Exception as error:  # noqa: BLE001 - boundary: as above
+                problems.append(f"{mount.name} does not confirm that it is safe: {error}")
         now_ns = self.t_ns if t_ns is None else t_ns
         self._rows.decide(now_ns, "")  # nothing plays any more, and no cycle may follow
         for problem in problems:  # recorded after all are safe

@@ -88,7 +88,7 @@ class AnyDriver(ABC, Generic[ConfigT, LinkT]):
         every rig file; :meth:`open` calls it again, after the link was opened.
 
         Raises:
-            LinkError: the link does not have it, or another device has it.
+            LinkError, ProtocolError: the link does not have it, or another device has it.
         """
 
     def preflight(self) -> Sequence[str]:
@@ -182,6 +182,16 @@ class Driver(AnyDriver[ConfigT, LinkT]):
 
         Called on every exit, possibly twice, possibly with a dead link. Every author must state
         what safe means for the device.
+        """
+
+    def confirm_safe(self) -> None:
+        """Check that the device heeded :meth:`make_safe`; if not, make it safe in another way.
+
+        Called after ``make_safe`` of every device, so that a device that does not answer delays no
+        other. Bounded to about 0.5 s. By default it does nothing.
+
+        Raises:
+            DeviceError, LinkError, ProtocolError: it is not safe, or does not show whether it is.
         """
 
     def rescue(self) -> None:

@@ -66,3 +66,14 @@ def test_missing_eds_is_reported_at_its_place(tmp_path: Path) -> None:
         parse_rig(text, tmp_path / "rig.yaml")
     assert caught.value.place is not None
     assert caught.value.place.line == text[: text.index("eds: nowhere")].count("\n") + 1
+
+
+def test_node_ids_on_a_bus_must_differ(tmp_path: Path) -> None:
+    text = RIG.replace("node: 2 # REAL", "node: 1 # REAL").replace("node: 12 #", "node: 127 #")
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, tmp_path / "rig.yaml")
+    told = str(caught.value)
+    line = text[: text.index("node: 1 # REAL", text.index("longitudinal_belt:"))].count("\n") + 1
+    assert f"rig.yaml:{line}:" in told
+    assert "cia402-speed: two devices of the rig file have node id 1 on CAN bus" in told
+    assert "cia406-encoder: node id 127 on CAN bus" in told

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import pytest
-from support.bench import Axis, Bench, move, procedure
+from support.bench import Axis, Bench, Stubborn, move, procedure
 
 from rigd.engine.control import Control
 from rigd.engine.result import Progress
@@ -52,6 +52,29 @@ def test_whole_run_plays_every_block_and_ends_safe() -> None:
     assert bench.sink.kinds()[0] == "run_start"
     assert bench.sink.kinds()[-1] == "run_end"
     assert_safe(bench)
+
+
+class Unconfirmed(Axis):
+    """A device that took the order to be safe, and does not show that it is."""
+
+    def __init__(self, other: Stubborn) -> None:
+        super().__init__()
+        self.other = other
+
+    def confirm_safe(self) -> None:
+        assert self.other.safe_calls == self.safe_calls  # every device got the order before
+        raise DeviceError("it still turns")
+
+
+def test_device_that_does_not_confirm_spoils_exit_code() -> None:
+    other = Stubborn()
+    bench = Bench(other=other, axis=Unconfirmed(other))
+    result = bench.run(procedure([move("one", 0.5)])).execute()
+    assert result.problems == (
+        "other could not be made safe: relay welded",
+        "axis does not confirm that it is safe: it still turns",
+    )
+    assert result.exit_code is Exit.TRIPPED
 
 
 def test_error_in_prepare_plays_no_trial_but_finishes() -> None:

@@ -36,7 +36,7 @@ class ScriptedNode:
             self.state = {0x01: 0x05, 0x80: 0x7F, 0x02: 0x04}[data[0]]
             if self.beats:
                 self.outputs.append((0x700 + self.node, bytes([self.state])))
-        elif identifier == 0x600 + self.node:
+        elif identifier == 0x600 + self.node and self.state != 0x04:  # stopped: no SDO
             for _ in range(self.replies):
                 self.outputs.append((0x580 + self.node, self._serve(data)))
 
@@ -46,8 +46,9 @@ class ScriptedNode:
         known = self.objects.get(address)
         if request[0] >> 5 == 1:  # download, expedited
             value = request[4 : 8 - (request[0] >> 2 & 3)]
-            if address in self.refuse:
-                return b"\x80" + where + self.refuse[address].to_bytes(4, "little")
+            code = self.refuse.get(address) or self._forbidden(address, value)
+            if code:
+                return b"\x80" + where + code.to_bytes(4, "little")
             if known is None:
                 return b"\x80" + where + bytes.fromhex("00 00 02 06")
             if address not in self.stuck:
@@ -57,6 +58,18 @@ class ScriptedNode:
         if known is None:
             return b"\x80" + where + bytes.fromhex("00 00 02 06")
         return bytes([0x43 | 4 - len(known) << 2]) + where + known.ljust(4, b"\0")
+
+    def _forbidden(self, address: Address, value: bytes) -> int:
+        """Return the abort code of a write to a PDO that CiA 301 (7.5.2.35 to 38) forbids."""
+        index, sub = address
+        if not 0x1400 <= index < 0x1C00:
+            return 0
+        valid = self.objects[index & 0xFDFF, 1]  # the COB-id
+        if valid[3] & 0x80:
+            return 0x0800_0022 if index & 0x200 and sub and self.objects[index, 0] != b"\0" else 0
+        if index & 0x200:
+            return 0x0800_0022
+        return 0 if sub == 1 and value[:3] == valid[:3] else 0x0609_0030
 
     def written(self, address: Address, value: bytes) -> None:
         """React to a value that was written."""

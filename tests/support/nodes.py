@@ -79,7 +79,12 @@ async def written(client: Client, node: int, *requests: str) -> None:
 
 
 def pdo(
-    number: int, node: int, *mapping: str, receive: bool = False, kind: str = "01"
+    number: int,
+    node: int,
+    *mapping: str,
+    receive: bool = False,
+    kind: str = "01",
+    inhibit: str = "00 00",
 ) -> list[str]:
     """Return the downloads that map PDO ``number`` (1 to 4) of ``node``: disable, set, enable.
 
@@ -93,14 +98,14 @@ def pdo(
         f"23 {mapped} {place:02x} {bytes.fromhex(item).hex(' ')}"
         for place, item in enumerate(mapping, start=1)
     ]
-    inhibit = [] if receive else [f"2b {comm} 03 00 00 00 00"]
+    held_back = [] if receive else [f"2b {comm} 03 {inhibit} 00 00"]
     return [
         f"23 {comm} 01 {cob} 00 80",
         f"2f {mapped} 00 00 00 00 00",
         *places,
         f"2f {mapped} 00 {len(mapping):02x} 00 00 00",
         f"2f {comm} 02 {kind} 00 00 00",
-        *inhibit,
+        *held_back,
         f"23 {comm} 01 {cob} 00 00",
     ]
 

@@ -15,6 +15,8 @@ from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.sdk import DeviceError, Driver, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus
+from rigd_drivers.canopen.objects import ABORT_CONNECTION_OPTION
+from rigd_drivers.cia402_servo.current import CurrentServo
 
 SERVOS = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 ENCODERS = ("wheel_encoder", "carriage")
@@ -191,6 +193,22 @@ def test_rescue_switches_drives_off_before_their_watchdog(
         assert not bench.parts()[name]["enabled"]
     for link in rig.links.values():
         link.close()
+
+
+def test_drive_stopped_by_another_master_is_switched_off(bench: WireRig, rig: Rig) -> None:
+    rig.open()
+    rig.arm()
+    wheel = rig.devices["wheel_servo"]
+    assert isinstance(wheel, CurrentServo)
+    wheel._opened().write(ABORT_CONNECTION_OPTION, 0)  # a drive that does not mind its NMT state
+    rig.run(lambda row: bool(row) and row["wheel_servo"][0] > 0.1, wheel_servo=(0.3,))
+    rig.links["servo_bus"].send(0x000, b"\x02\x01")
+    for device in rig.devices.values():
+        device.make_safe()
+    assert bench.parts()["wheel_servo"]["enabled"]
+    for device in rig.devices.values():
+        device.confirm_safe()
+    assert not any(bench.parts()[name]["enabled"] for name in SERVOS)
 
 
 def test_second_rigd_is_refused_and_first_continues(rig: Rig, config: RigConfig) -> None:

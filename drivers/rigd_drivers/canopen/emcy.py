@@ -87,9 +87,8 @@ class Emergency:
 
     def __str__(self) -> str:
         text = f"emergency {describe(self.code)}"
-        causes = [name for bit, name in enumerate(_REGISTER) if self.register >> bit & 1]
-        if causes:
-            text += f" (error register: {', '.join(causes)})"
+        if self.register:
+            text += f" (error register: {causes(self.register)})"
         if any(self.details):
             text += f" [{self.details.hex(' ')}]"
         return text
@@ -100,6 +99,11 @@ def decode(data: bytes) -> Emergency | None:
     if len(data) != _EMCY.size:
         return None
     return Emergency(*_EMCY.unpack(data))
+
+
+def causes(register: int) -> str:
+    """Return the names of the bits of an error register (object 1001)."""
+    return ", ".join(name for bit, name in enumerate(_REGISTER) if register >> bit & 1)
 
 
 def describe(code: int) -> str:

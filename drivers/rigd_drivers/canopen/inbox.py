@@ -12,6 +12,8 @@ _DOUBLED_CYCLES: Final = 5
 #: SYNCs that may still be answered; older ones are lost, not late. A stalled node, or a stalled
 #: bus adapter, answers all that it missed at once.
 _LATEST_SYNCS: Final = 200
+#: After so many SYNCs in a row with one answer each, those not answered before are lost, not late.
+_STEADY_SYNCS: Final = 50
 
 
 class Inbox:
@@ -25,11 +27,23 @@ class Inbox:
         self._due = 0
         self._syncs = syncs
         self._doubled = 0
+        self._steady = 0
 
     def receive(self, data: bytes) -> None:
         """Take in a frame."""
         self._data = data
         self._came += 1
+
+    @property
+    def came(self) -> int:
+        """Frames that came since the last :meth:`take`."""
+        return self._came
+
+    def newest(self) -> tuple[int, ...] | None:
+        """Return the values of the newest frame; None if it has not the length of the mapping."""
+        if len(self._data) != self._layout.size:
+            return None
+        return self._layout.unpack(self._data)
 
     def take(self, syncs: int) -> tuple[int, ...] | None:
         """Return the values that came since the last call, or None; once per cycle.
@@ -42,9 +56,10 @@ class Inbox:
 
         """
         came, self._came = self._came, 0
-        due = min(self._due + syncs - self._syncs, _LATEST_SYNCS)
-        self._syncs = syncs
-        self._due = max(0, due - came)
+        sent, self._syncs = syncs - self._syncs, syncs
+        due = min(self._due + sent, _LATEST_SYNCS)
+        self._steady = self._steady + 1 if came == sent == 1 else 0
+        self._due = max(0, due - came) if self._steady < _STEADY_SYNCS else 0
         if not came:
             return None
         self._doubled = self._doubled + 1 if came > due else 0

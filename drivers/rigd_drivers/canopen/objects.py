@@ -53,6 +53,7 @@ class Entry:
 
 
 DEVICE_TYPE: Final = Entry(0x1000, 0, "I", "device type")
+ERROR_REGISTER: Final = Entry(0x1001, 0, "B", "error register")
 LAST_ERROR: Final = Entry(0x1003, 1, "I", "error history")
 HEARTBEAT_CONSUMER: Final = Entry(0x1016, 1, "I", "consumer heartbeat time")
 HEARTBEAT_PRODUCER: Final = Entry(0x1017, 0, "H", "producer heartbeat time")
@@ -89,6 +90,12 @@ CURRENT_LIMIT: Final = Entry(0x3001, 2, "I", "output current limit")
 TORQUE_CONSTANT: Final = Entry(0x3001, 5, "I", "motor torque constant")
 
 # CiA 406
+OPERATING_PARAMETERS: Final = Entry(0x6000, 0, "H", "operating parameters")
+UNITS_PER_REVOLUTION: Final = Entry(0x6001, 0, "I", "measuring units per revolution")
+MEASURING_RANGE: Final = Entry(0x6002, 0, "I", "total measuring range")
 ENCODER_POSITION: Final = Entry(0x6004, 0, "I", "position value")
+LINEAR_STEP: Final = Entry(0x6005, 1, "I", "position step of a linear encoder")
+LINEAR_POSITION: Final = Entry(0x6020, 1, "i", "position value of channel 1")
+OPERATING_STATUS: Final = Entry(0x6500, 0, "H", "operating status")
 STEPS_PER_REVOLUTION: Final = Entry(0x6501, 0, "I", "single-turn resolution")
 REVOLUTIONS: Final = Entry(0x6502, 0, "H", "number of distinguishable revolutions")

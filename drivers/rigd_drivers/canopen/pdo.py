@@ -31,6 +31,7 @@ class Pdo:
     identifier: int
     kind: int  #: transmission type
     entries: tuple[Entry, ...]
+    timer_ms: int = 0  #: time-out of an RPDO, if the node has one
 
     def layout(self) -> struct.Struct:
         """Return the layout of the values in the frame.
@@ -53,31 +54,52 @@ class Pdo:
         first = _TRANSMIT_COMMUNICATION if self.transmit else _RECEIVE_COMMUNICATION
         return first + self.number - 1
 
-    def setup(self) -> Iterator[tuple[Entry, int]]:
-        """Yield what must be written, in this order: switch off, map, switch on.
+    def cob_id(self) -> tuple[Entry, int]:
+        """Return the COB-id entry, and its value while the PDO is valid."""
+        entry = Entry(self.communication, 1, "I", f"COB-id of {self}")
+        return entry, self.identifier | (NO_REMOTE if self.transmit else 0)
 
-        A node refuses a mapping that is changed in any other order (abort 0x08000022).
+    def transmission(self) -> tuple[Entry, int]:
+        """Return the transmission type."""
+        return Entry(self.communication, 2, "B", f"transmission type of {self}"), self.kind
+
+    def optional(self) -> Iterator[tuple[Entry, int]]:
+        """Yield what not every node has: no inhibit time (0.1 ms), and the time-out (1 ms)."""
+        if self.transmit:
+            yield Entry(self.communication, 3, "H", f"inhibit time of {self}"), 0
+        elif self.timer_ms:
+            yield Entry(self.communication, 5, "H", f"event timer of {self}"), self.timer_ms
+
+    def mapping(self) -> list[tuple[Entry, int]]:
+        """Return the objects mapped, the number of them first."""
+        index = (_TRANSMIT_MAPPING if self.transmit else _RECEIVE_MAPPING) + self.number - 1
+        count = Entry(index, 0, "B", f"number of objects mapped to {self}")
+        return [(count, len(self.entries))] + [
+            (Entry(index, place, "I", f"object {place} mapped to {self}, {entry}"), mapped(entry))
+            for place, entry in enumerate(self.entries, start=1)
+        ]
+
+    def remapping(self) -> Iterator[tuple[Entry, int]]:
+        """Yield what changes the mapping, in this order: none, each, so many.
+
+        A node refuses any other order (CiA 301, 7.5.2.36 and 7.5.2.38).
         """
-        mapping = (_TRANSMIT_MAPPING if self.transmit else _RECEIVE_MAPPING) + self.number - 1
-        cob_id = self.identifier | (NO_REMOTE if self.transmit else 0)
-        valid = Entry(self.communication, 1, "I", f"COB-id of {self}")
-        count = Entry(mapping, 0, "B", f"number of objects mapped to {self}")
+        whole, *parts = self.mapping()
+        yield whole[0], 0
+        yield from parts
+        yield whole
+
+    def setup(self) -> Iterator[tuple[Entry, int]]:
+        """Yield all that every node must take, in this order: switch off, map, switch on.
+
+        Nothing but bit 31 of the COB-id may change while the PDO is valid (CiA 301, 7.5.2.35 and
+        7.5.2.37).
+        """
+        valid, cob_id = self.cob_id()
         yield valid, cob_id | INVALID
-        yield Entry(self.communication, 2, "B", f"transmission type of {self}"), self.kind
-        yield count, 0
-        for position, entry in enumerate(self.entries, start=1):
-            where = Entry(mapping, position, "I", f"object {position} mapped to {self}, {entry}")
-            yield where, mapped(entry)
-        yield count, len(self.entries)
+        yield self.transmission()
+        yield from self.remapping()
         yield valid, cob_id
-
-    def inhibit_time(self) -> Entry:
-        """Return the entry of the time between two, in 0.1 ms; only of TPDOs, optional."""
-        return Entry(self.communication, 3, "H", f"inhibit time of {self}")
-
-    def event_timer(self) -> Entry:
-        """Return the entry of the time-out of an RPDO, in ms; optional."""
-        return Entry(self.communication, 5, "H", f"event timer of {self}")
 
 
 def mapped(entry: Entry) -> int:

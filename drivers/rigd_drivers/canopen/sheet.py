@@ -156,7 +156,10 @@ class Sheet:
     def unmappable(self, pdo: Pdo) -> Iterator[str]:
         """Yield why ``pdo`` cannot be set up."""
         reported = set()
+        kept = {entry for entry, value in pdo.mapping()} if self._has_mapped(pdo) else set()
         for entry, value in pdo.setup():
+            if entry in kept:
+                continue
             problem = self.unwritable(entry, value)
             if problem and entry not in reported:
                 reported.add(entry)
@@ -173,6 +176,11 @@ class Sheet:
                 yield f"{access} cannot be mapped to {pdo}: it is {found.access_type}"
             elif size := self._other_size(entry, found):
                 yield size
+
+    def _has_mapped(self, pdo: Pdo) -> bool:
+        """Return whether ``pdo`` is mapped as wanted from the start, and need not be writable."""
+        found = ((self.find(entry.index, entry.sub), value) for entry, value in pdo.mapping())
+        return all(each is not None and each.default == value for each, value in found)
 
     def another_device(self, found: Iterable[int | None]) -> str | None:
         """Return how vendor, product and revision ``found`` on the bus differ.

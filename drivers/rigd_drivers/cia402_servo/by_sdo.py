@@ -6,9 +6,10 @@ import time
 from collections.abc import Collection
 from typing import Final
 
-from rigd.sdk import DeviceError, ProtocolError
-from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import cia402, emcy, objects
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_node import RESCUE_TIMEOUT_S, Node
+from rigd_drivers.canopen import cia402, emcy, nmt, objects
 from rigd_drivers.canopen.cia402 import DriveState, Mode
 from rigd_drivers.canopen.objects import Entry
 
@@ -114,6 +115,30 @@ def switch_off(node: Node) -> None:
             f"{node} stays in {state(node).value}{cause}",
             hint="remove the cause, then switch the drive off and on",
         )
+
+
+def force_off(bus: CanBus, node_id: int) -> None:
+    """Switch a drive off, and check that it gives no torque.
+
+    A node that another master has stopped takes neither PDOs nor SDOs (CiA 301, 7.3.2.2.4); it is
+    made pre-operational then. Takes some 0.5 s at most, and asks no EDS.
+
+    Raises:
+        LinkError: it does not answer.
+        ProtocolError: it refuses.
+        DeviceError: it is still enabled.
+
+    """
+    node = Node(bus, node_id)
+    node.sdo_timeout_s = RESCUE_TIMEOUT_S
+    node.attach()
+    try:
+        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+    except LinkError:
+        node.order(nmt.Command.PRE_OPERATIONAL)
+        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+    if not reached(node, TORQUELESS, RESCUE_TIMEOUT_S):
+        raise DeviceError(f"{node} did not switch off: it is in {state(node).value}")
 
 
 def enable(node: Node) -> None:

@@ -13,6 +13,7 @@ from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.cia402 import Mode
 from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo.config import ServoConfig
 from rigd_drivers.cia402_servo.ratings import (
     MAXON,
     Rating,
@@ -21,7 +22,7 @@ from rigd_drivers.cia402_servo.ratings import (
     rated_torques,
     torque_constants,
 )
-from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
+from rigd_drivers.cia402_servo.servo import Servo
 
 #: Targets and actual values are per mille of a rating, 16 bits with sign (CiA 402-2).
 _PER_MILLE = 1000

@@ -9,25 +9,32 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, ClassVar, Final, TypeVar
+from typing import ClassVar, Final
 
-from annotated_types import Ge, Gt, Le
-
-from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, Row
+from rigd.sdk import Channel, DeviceError, Driver, LinkConfig, LinkError, Row
 from rigd_drivers.can_bus import CanBus
-from rigd_drivers.can_node import HEARTBEAT_MS, RESCUE_TIMEOUT_S, Node
-from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
+from rigd_drivers.can_node import HEARTBEAT_MS, Node
+from rigd_drivers.can_pdo import configure, switch_off_rest
+from rigd_drivers.can_sheet import Plan, contradictions, refuse
 from rigd_drivers.canopen import cia402, frames, objects, pdo
 from rigd_drivers.canopen.cia402 import DriveState, Mode
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.cia402_servo import by_sdo
+from rigd_drivers.cia402_servo.config import ServoConfig, ServoConfigT
 
 #: Low word of 1000h.
 _PROFILE: Final = 402
 #: A drive is enabled within this in the cycle (brake, charging of its power stage), in ns.
 _ARMING_NS: Final = 3_000_000_000
+#: A drive whose PDOs are heeded shows that it is off within this, in s.
+_SHOWN_S: Final = 0.03
+#: What to do about a drive that is enabled without bit 12.
+_NO_BIT: Final = (
+    "the maker's tool may control it; if its manual gives this bit another meaning, or none, in "
+    "cyclic modes, write `follows_bit: false`"
+)
 #: Heartbeats that must fit into the watchdog time, so that a late one does not trip it.
 _HEARTBEATS_IN_WATCHDOG: Final = 3
 #: What set-up cannot do without reading.
@@ -37,31 +44,6 @@ _READ: Final = (
     objects.MODE_DISPLAY,
     objects.POSITION,
 )
-
-
-class ServoConfig(NodeConfig):
-    """The options of the drive: its identity, and the scaling of its units."""
-
-    counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
-    """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
-    inverted: bool = False
-    """Whether the drive's positive direction is the rig's negative one."""
-    zero: Annotated[float, In("count")] | None = None
-    """Count (object 6064) at zero, of a homed or absolute axis; none: that at opening."""
-    rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
-    """Rated torque of the motor, to which object 6076 must be set; none: any."""
-    torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
-    """Unit of object 6076; none: 1 mN m (CiA 402-2), of a drive of maxon 1 uN m."""
-    watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
-    """The drive switches itself off after so long without a heartbeat of rigd."""
-
-    @property
-    def watchdog_s(self) -> float:
-        """Until it is off: half as long again, for its own tick, and 50 ms for the news."""
-        return 1.5 * self.watchdog + 0.05
-
-
-ServoConfigT = TypeVar("ServoConfigT", bound=ServoConfig)
 
 
 class Servo(Driver[ServoConfigT, CanBus]):
@@ -82,7 +64,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def __init__(self, config: ServoConfigT, link: CanBus) -> None:
         super().__init__(config, link)
         self._sign = -1 if config.inverted else 1
-        self._command = self._command_pdo(config.node)
+        self._command = self._command_pdo(config)
         self._tpdos = self._feedback_pdos(config)
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
@@ -95,6 +77,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         self._armed_ns = 0
         self._sound = False  #: was seen without a fault since it was armed
         self._node: Node | None = None
+        self._set_up = False
 
     # -- before the first cycle ----------------------------------------------------------------
 
@@ -104,7 +87,11 @@ class Servo(Driver[ServoConfigT, CanBus]):
         optional = [(objects.ABORT_CONNECTION_OPTION, by_sdo.DISABLE_VOLTAGE_OPTION)]
         plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config), optional)
         beyond = cls._beyond_range(config, cls._declared_target(config))
-        return [*contradictions(config, link, plan), *beyond]
+        return [*contradictions(config, link, plan), *beyond, *_too_short(config, link)]
+
+    def reserve(self) -> None:
+        """See :class:`AnyDriver`: the node id is this device's alone."""
+        self.link.claim(self.config.node, self.title)
 
     def open(self) -> None:
         """Set the drive up by SDO, reading everything back, and leave it switched off.
@@ -137,22 +124,12 @@ class Servo(Driver[ServoConfigT, CanBus]):
             self.link.subscribe(item.identifier, inbox.receive)
         self.link.on_resume(self.config.node, self._resume)
         node.start()
-
-    def preflight(self) -> Sequence[str]:
-        """Refuse a watchdog that one late heartbeat would trip."""
-        least = _HEARTBEATS_IN_WATCHDOG * self.link.config.heartbeat
-        if self.config.watchdog < least:
-            return [
-                f"`watchdog` of {self.config.watchdog * 1e3:g} ms is shorter than "
-                f"{_HEARTBEATS_IN_WATCHDOG} heartbeats ({least * 1e3:g} ms) of {self.link.name}: "
-                f"raise it, or shorten `heartbeat` of the link"
-            ]
-        return ()
+        self._set_up = True
 
     def prove_watchdog(self) -> float:
         """Enable at zero target, withhold the heartbeat, and time the drive's switching off.
 
-        Returns s from the last heartbeat until the drive has left operation enabled. It is
+        Returns s from the last heartbeat until the drive gave no torque. It is
         enabled by SDO, so that neither RPDO nor SYNC runs meanwhile.
 
         Raises:
@@ -228,9 +205,32 @@ class Servo(Driver[ServoConfigT, CanBus]):
         if not self._reachable():
             return
         for _ in range(2):
-            self.link.put(self._command.identifier, self._command_layout.pack(0, 0))
-            self._put_safe_outputs()
-            self.link.flush()
+            self._flush_safe()
+
+    def confirm_safe(self) -> None:
+        """Check that the drive gives no torque; switch it off by SDO if its PDOs do not show it.
+
+        Raises:
+            LinkError: it does not answer; the watchdog switches it off.
+            ProtocolError, DeviceError: it refuses, or is still enabled.
+
+        """
+        node = self._node
+        if node is None or not self._set_up or not self._reachable():
+            return
+        self.link.alone = False
+        try:
+            if not self._shows_off():
+                by_sdo.force_off(self.link, self.config.node)
+        except LinkError as error:
+            raise LinkError(
+                f"{error.message}; its watchdog takes its torque away within "
+                f"{self.watchdog_s:g} s of the last heartbeat",
+                hint=error.hint,
+            ) from error
+        finally:
+            self.link.alone = True
+            node.attach()
 
     def rescue(self) -> None:
         """Switch the drive off over a new connection, and check that it is off.
@@ -243,18 +243,13 @@ class Servo(Driver[ServoConfigT, CanBus]):
         bus.open_second()
         try:
             self.make_safe()
-            node = Node(bus, self.config.node)
-            node.sdo_timeout_s = RESCUE_TIMEOUT_S
-            node.attach()
-            node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-            if not by_sdo.reached(node, by_sdo.TORQUELESS, RESCUE_TIMEOUT_S):
-                state = by_sdo.state(node).value
-                raise DeviceError(f"{node} did not switch off: it is in {state}")
+            by_sdo.force_off(bus, self.config.node)
         finally:
             bus.close()
 
     def close(self) -> None:
         """Leave the drive pre-operational; closing twice is silent."""
+        self._set_up = False
         node, self._node = self._node, None
         if node is not None:
             node.close()
@@ -333,17 +328,34 @@ class Servo(Driver[ServoConfigT, CanBus]):
             raise LinkError(f"the drive at node {self.config.node} is not open")
         return self._node
 
+    def _flush_safe(self) -> None:
+        self.link.put(self._command.identifier, self._command_layout.pack(0, 0))
+        self._put_safe_outputs()
+        self.link.flush()
+
+    def _shows_off(self) -> bool:
+        """Order the safe state again; return whether the drive's PDOs soon show it."""
+        inbox = self._inboxes[0]
+        deadline = time.monotonic() + _SHOWN_S
+        while time.monotonic() < deadline:
+            seen = inbox.came
+            self._flush_safe()
+            if not self.link.wait(lambda seen=seen: inbox.came > seen, by_sdo.LOOK_S):  # type: ignore[misc]
+                continue
+            values = inbox.newest()
+            if values is not None and cia402.state_of(values[0]) in by_sdo.TORQUELESS:
+                return True
+        return False
+
     def _reachable(self) -> bool:
         return self.link.is_open
 
     def _map(self, node: Node) -> None:
         pdos = self._pdos(self.config)
         for item in pdos:
-            node.configure(item)
+            configure(node, item)
         used = sum(1 for item in pdos if not item.transmit)
-        node.switch_off_rest(used, len(self._tpdos))
-        # A second watchdog, if the drive has it: targets must keep coming, not only heartbeats.
-        node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))
+        switch_off_rest(node, used, len(self._tpdos))
 
     @classmethod
     def _writes(cls, config: ServoConfigT, link: LinkConfig | None) -> list[tuple[Entry, int]]:
@@ -359,12 +371,15 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     @classmethod
     def _pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
-        return (cls._command_pdo(config.node), *cls._feedback_pdos(config))
+        return (cls._command_pdo(config), *cls._feedback_pdos(config))
 
     @classmethod
-    def _command_pdo(cls, node: int) -> pdo.Pdo:
+    def _command_pdo(cls, config: ServoConfigT) -> pdo.Pdo:
+        identifier = frames.RPDO[0] + config.node
         entries = (objects.CONTROLWORD, cls.target)
-        return pdo.Pdo(1, False, frames.RPDO[0] + node, pdo.SYNCHRONOUS, entries)
+        # A second watchdog, if the drive has it: targets must keep coming, not only heartbeats.
+        timer_ms = round(config.watchdog * 1e3)
+        return pdo.Pdo(1, False, identifier, pdo.SYNCHRONOUS, entries, timer_ms)
 
     @classmethod
     def _feedback_pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
@@ -380,12 +395,13 @@ class Servo(Driver[ServoConfigT, CanBus]):
         """
         with self._beating():
             self.link.beat()
+            by_sdo.switch_off(node)  # it may have a fault: our silence for another drive's proof
             node.write(self.target, 0)
             by_sdo.enable(node)
             self.link.beat()
         began_ns = self.link.beat_ns
         while True:
-            off = by_sdo.state(node) is not DriveState.ENABLED
+            off = by_sdo.state(node) in by_sdo.TORQUELESS
             silent_s = (time.monotonic_ns() - began_ns) * 1e-9
             if off or silent_s > limit_s:
                 break
@@ -419,7 +435,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
                     f"(statusword 0x{word:04X})",
                     hint="look at its error history (object 1003)",
                 )
-            if not word & cia402.FOLLOWS or not word & cia402.REMOTE:
+            if not self._follows(word) or not word & cia402.REMOTE:
                 raise DeviceError(
                     f"{self._node} ignores its target (statusword 0x{word:04X}: bit 12 or 9 is 0)",
                     hint="the maker's tool may control it, or a limit switch",
@@ -433,16 +449,35 @@ class Servo(Driver[ServoConfigT, CanBus]):
                     hint="look at its error history (object 1003)",
                 )
             self._sound = self._sound or not in_fault
-            self._enabled = state is DriveState.ENABLED and bool(word & cia402.FOLLOWS)
+            self._enabled = state is DriveState.ENABLED and self._follows(word)
             self._check_arming()
+
+    def _follows(self, word: int) -> bool:
+        return not self.config.follows_bit or bool(word & cia402.FOLLOWS)
 
     def _check_arming(self) -> None:
         if not self._armed or self._enabled:
             return
         if time.monotonic_ns() - self._armed_ns > _ARMING_NS:
             word = self._statusword
+            state = cia402.state_of(word)
+            if state is DriveState.ENABLED:
+                lacks = ", and bit 12, that it follows its target, is 0"
+                hint = _NO_BIT
+            else:
+                lacks, hint = "", None if word & cia402.VOLTAGE else by_sdo.NOT_ENABLED
             raise DeviceError(
                 f"{self._node} is not enabled {_ARMING_NS // 1_000_000_000} s after arming: "
-                f"{cia402.state_of(word).value} (statusword 0x{word:04X})",
-                hint=by_sdo.NOT_ENABLED if not word & cia402.VOLTAGE else None,
+                f"{state.value} (statusword 0x{word:04X}){lacks}",
+                hint=hint,
             )
+
+
+def _too_short(config: ServoConfig, link: LinkConfig | None) -> Iterator[str]:
+    """Yield why one late heartbeat would trip the watchdog, if it would."""
+    least = _HEARTBEATS_IN_WATCHDOG * getattr(link, "heartbeat", 0.0)
+    if config.watchdog < least:
+        yield (
+            f"`watchdog` of {config.watchdog * 1e3:g} ms is shorter than {_HEARTBEATS_IN_WATCHDOG} "
+            f"heartbeats ({least * 1e3:g} ms) of the link: raise it, or shorten `heartbeat` there"
+        )

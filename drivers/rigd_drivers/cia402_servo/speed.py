@@ -14,8 +14,9 @@ from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.cia402 import Mode
 from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo.config import ServoConfig
 from rigd_drivers.cia402_servo.ratings import agreed, rated_torques
-from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
+from rigd_drivers.cia402_servo.servo import Servo
 
 #: 606Ch and 60FFh have 32 bits with sign.
 _LARGEST: Final = (1 << 31) - 1

@@ -15,8 +15,9 @@ from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.severity import Severity
 
-#: A load is an upper bound: up to this share, all messages always fit into their cycle.
-_FULL: Final = 1.0
+#: A load is an upper bound. Beyond this share a message that comes late, or is repeated, delays
+#: those of the next cycle.
+_FULL: Final = 0.8
 
 
 @dataclass(frozen=True)

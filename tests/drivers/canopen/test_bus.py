@@ -321,3 +321,10 @@ def test_a_load_is_that_of_its_window_alone() -> None:
     assert meter.load == pytest.approx(1350 / 250e3)
     meter.look(2 * WINDOW_NS)
     assert meter.load == 0.0
+
+
+def test_bit_rate_other_than_of_cia_is_refused() -> None:
+    options = {"interface": "hub", "bitrate": "123 kbit/s"}
+    with pytest.raises(ValueError, match="123 kbit/s is no bit rate of CANopen: 10, 20, 50, 125"):
+        CanBusConfig.model_validate(options)
+    assert CanBusConfig.model_validate(options | {"bitrate": "125 kbit/s"}).bitrate == 125e3

@@ -13,6 +13,7 @@ from support.eds import SHIPPED, write_eds
 from rigd.sdk import ProtocolError
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
+from rigd_drivers.can_pdo import configure
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.canopen.pdo import SYNCHRONOUS, Pdo
@@ -72,7 +73,7 @@ def test_node_keeps_the_written_value(bus: CanBus, local: canopen.LocalNode) -> 
     node.ensure(objects.ABORT_CONNECTION_OPTION, 2)
     assert kept(local, "Abort connection option code") == 2
     pdo = Pdo(1, True, 0x180 + NODE, SYNCHRONOUS, (objects.STATUSWORD, objects.POSITION))
-    node.configure(pdo)
+    configure(node, pdo)
     local.tpdo.read()
     names = [variable.name for variable in local.tpdo[1]]
     assert names == ["Statusword", "Position actual value"]

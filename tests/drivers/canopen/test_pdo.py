@@ -96,6 +96,23 @@ def test_twice_per_sync_for_long_means_two_nodes() -> None:
             inbox.take(syncs)
 
 
+def test_answers_long_missing_do_not_hide_a_second_node() -> None:
+    inbox = Inbox(FEEDBACK, 1)
+    syncs = 0
+    for lost in (True, False):
+        for _ in range(100):  # 100 answers are lost, then all come
+            syncs += 1
+            if not lost:
+                inbox.receive(bytes(8))
+            inbox.take(syncs)
+    with pytest.raises(ProtocolError, match="often"):
+        for _ in range(5):
+            syncs += 1
+            inbox.receive(bytes(8))
+            inbox.receive(bytes(8))
+            inbox.take(syncs)
+
+
 def test_occasional_doubled_frame_is_tolerated() -> None:
     inbox = Inbox(FEEDBACK, 1)
     for syncs in range(1, 200):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from support.can_bench import Clock, belt, encoder, wheel
-from support.can_script import ScriptedBus, number, servo
+from support.can_script import ScriptedBus, ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
@@ -193,6 +193,71 @@ def test_fault_by_own_silence_before_arming_is_reset(connect: Connect) -> None:
     assert {(0x201, "00 00 00 00"), (0x201, "80 00 00 00")} <= seen
 
 
+class Reluctant(ScriptedServo):
+    """A drive that is not started before the second order, or never."""
+
+    def __init__(self, orders: int) -> None:
+        super().__init__(1, servo().objects)
+        self.orders = orders
+        self.beats_heard = 0
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        self.beats_heard += identifier == 0x77F
+        if identifier == 0x000 and data[0] == 0x01 and self.orders:
+            self.orders -= bool(self.beats_heard)
+            self.outputs.append((0x701, b"\x7f"))
+            return
+        super().hear(identifier, data)
+
+
+def test_start_is_repeated_until_node_is_operational(connect: Connect, clock: Clock) -> None:
+    drive = Reluctant(0)
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    drive.orders, drive.state = 3, 0x7F
+    cycle(driver, port, 0.0)
+    driver.arm()
+    for _ in range(4):
+        clock.pass_by(0.05)
+        cycle(driver, port, 0.0)
+    assert drive.state == 0x05
+    first = len(port.sent)
+    clock.pass_by(0.05)
+    cycle(driver, port, 0.0)
+    assert (0x000, b"\x01\x01") not in port.sent[first:]
+
+
+def test_first_heartbeat_comes_before_the_start(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    first = len(port.sent)
+    bus.begin(0)
+    bus.end(0)
+    assert [to for to, _ in port.sent[first:]][:2] == [0x77F, 0x000]
+
+
+def test_node_that_refuses_start_is_named(connect: Connect, clock: Clock) -> None:
+    drive = Reluctant(0)
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    drive.orders, drive.state = 1000, 0x7F
+    with pytest.raises(DeviceError, match=r"does not become operational: .* pre_operational"):
+        for _ in range(100):
+            clock.pass_by(0.05)
+            cycle(driver, port, 0.0)
+
+
+def test_start_refused_at_opening_reports_error_objects(connect: Connect) -> None:
+    drive = Reluctant(1000)
+    drive.objects |= {(0x1001, 0): b"\x01", (0x1003, 1): number(0x5000, 4)}
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=r"register 0x01 \(generic\); last error: 0x5000 \(dev"):
+        wheel(bus).open()
+
+
 def test_fault_while_enabled_is_not_reset(connect: Connect) -> None:
     bus, port = connect(servo())
     driver = wheel(bus)
@@ -232,6 +297,36 @@ def test_drive_not_enabled_in_time_names_missing_condition(connect: Connect, clo
     assert "supply of its power stage" in (caught.value.hint or "")
 
 
+def test_missing_bit_12_is_named_with_its_option(connect: Connect, clock: Clock) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    driver.arm()
+    feedback(port, 0x0237)
+    cycle(driver, port, 0.0)
+    clock.pass_by(3.1)
+    feedback(port, 0x0237)
+    bus.begin(0)
+    with pytest.raises(DeviceError, match=r"\(statusword 0x0237\), and bit 12, .* is 0") as caught:
+        driver.read(0)
+    assert "`follows_bit: false`" in (caught.value.hint or "")
+
+
+def test_drive_without_bit_12_can_be_driven(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus, follows_bit=False)
+    driver.open()
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, 0x0237):
+        feedback(port, status)
+        cycle(driver, port, 0.0)
+    assert driver.ready()
+    feedback(port, 0x0037)  # the maker's tool has it
+    bus.begin(0)
+    with pytest.raises(DeviceError, match="bit 12 or 9"):
+        driver.read(0)
+
+
 def test_make_safe_sends_zero_and_disable_twice(connect: Connect) -> None:
     driver, port = enabled(connect)
     feedback(port, ENABLED)
@@ -255,6 +350,87 @@ def test_failure_to_make_drive_safe_is_reported(connect: Connect) -> None:
         driver.make_safe()
     driver.link.close()
     driver.make_safe()  # no connection left: the watchdog acts
+
+
+class Answering(ScriptedServo):
+    """A drive that heeds its RPDO at SYNC, and answers each with its statusword."""
+
+    heeds = True
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        super().hear(identifier, data)
+        if self.silent or self.state != 0x05 or not self.heeds:
+            return
+        if identifier == 0x080:
+            self.outputs.append((0x181, self.objects[0x6041, 0] + bytes(6)))
+        elif identifier == 0x201:
+            self.written((0x6040, 0), data[:2])
+
+
+def moving(connect: Connect) -> tuple[Answering, CurrentServo, ScriptedBus]:
+    drive = Answering(1, servo().objects)
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    drive.objects[0x6041, 0] = number(ENABLED, 2)
+    return drive, driver, port
+
+
+def asked_by_sdo(port: ScriptedBus, first: int) -> bool:
+    return 0x601 in [to for to, _ in port.sent[first:]]
+
+
+def test_drive_that_shows_off_is_not_asked(connect: Connect) -> None:
+    _, driver, port = moving(connect)
+    first = len(port.sent)
+    driver.make_safe()
+    driver.confirm_safe()
+    assert not asked_by_sdo(port, first)
+
+
+@pytest.mark.parametrize("state", [0x05, 0x04, 0x7F])
+def test_drive_that_ignores_its_pdos_is_switched_off(connect: Connect, state: int) -> None:
+    drive, driver, _ = moving(connect)
+    drive.heeds, drive.state = False, state  # 4: stopped by another master; it answers no SDO
+    driver.make_safe()
+    assert drive.objects[0x6041, 0] == number(ENABLED, 2)
+    driver.confirm_safe()
+    assert drive.objects[0x6041, 0] == number(OFF, 2)
+
+
+def test_drive_that_stays_enabled_is_reported(connect: Connect) -> None:
+    drive, driver, _ = moving(connect)
+    drive.heeds = False
+    drive.stuck.add((0x6040, 0))
+    drive.written = lambda address, value: None  # type: ignore[method-assign] # takes no order
+    driver.make_safe()
+    with pytest.raises(DeviceError, match="did not switch off: it is in operation enabled"):
+        driver.confirm_safe()
+
+
+def test_drive_without_answer_is_reported_with_watchdog(connect: Connect) -> None:
+    drive, driver, _ = moving(connect)
+    drive.silent = True
+    driver.make_safe()
+    with pytest.raises(LinkError, match=r"does not answer .* its watchdog takes its torque away"):
+        driver.confirm_safe()
+
+
+def test_another_master_does_not_hinder_confirming(connect: Connect) -> None:
+    drive = Answering(1, servo().objects)
+    bus, port = connect(drive, listen=True)
+    driver = wheel(bus)
+    driver.open()
+    drive.objects[0x6041, 0] = number(ENABLED, 2)
+    drive.heeds = False
+    for _ in range(3):
+        port.say(0x000, "02 01")
+    driver.make_safe()
+    driver.confirm_safe()
+    assert drive.objects[0x6041, 0] == number(OFF, 2)
+    port.say(0x000, "02 01")
+    with pytest.raises(LinkError, match="another rigd"):
+        bus.begin(0)
 
 
 def test_rescue_verifies_drive_is_off_without_listening(connect: Connect) -> None:

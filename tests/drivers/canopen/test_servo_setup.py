@@ -63,16 +63,34 @@ def test_mapping_is_written_while_pdo_is_off(connect: Connect) -> None:
     writes = [data for to, data in port.sent if to == 0x601 and data[0] >> 5 == 1]
     order = [data.hex(" ") for data in writes if data[1:3] in (b"\x00\x1a", b"\x00\x18")]
     assert order == [
-        "23 00 18 01 81 01 00 c0",
+        "23 00 18 01 81 01 00 80",
         "2f 00 18 02 01 00 00 00",
+        "2b 00 18 03 00 00 00 00",
         "2f 00 1a 00 00 00 00 00",
         "23 00 1a 01 10 00 41 60",
         "23 00 1a 02 10 00 77 60",
         "23 00 1a 03 20 00 64 60",
         "2f 00 1a 00 03 00 00 00",
         "23 00 18 01 81 01 00 40",
-        "2b 00 18 03 00 00 00 00",
     ]
+
+
+def test_fixed_mapping_is_accepted_if_right(connect: Connect) -> None:
+    node = scripted_encoder()
+    node.objects |= {(0x1A00, 0): b"\x01", (0x1A00, 1): number(0x6004_0020, 4)}
+    node.refuse = {(0x1A00, sub): 0x0601_0002 for sub in range(5)}
+    bus, _ = connect(node)
+    driver = encoder(bus)
+    driver.open()
+    assert node.objects[0x1800, 2] == b"\x01"  # at every SYNC
+    assert node.objects[0x1800, 1] == number(0x4000_018B, 4)
+    node.refuse[0x1800, 1] = 0x0601_0002  # its COB-id as well
+    driver.open()
+    driver.close()
+    node.objects[0x1A00, 1] = number(0x6008_0040, 4)  # and refused if not
+    with pytest.raises(ProtocolError, match="it is read only") as caught:
+        encoder(bus).open()
+    assert "make it variable" in (caught.value.hint or "")
 
 
 @pytest.mark.parametrize(
@@ -308,13 +326,11 @@ def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
     assert "supply" in (caught.value.hint or "")
 
 
-def test_a_watchdog_shorter_than_three_heartbeats_blocks_arming(connect: Connect) -> None:
-    bus, _ = connect(servo())
-    driver = wheel(bus, watchdog="50 ms")
-    driver.open()
-    (reason,) = driver.preflight()
+def test_watchdog_shorter_than_three_heartbeats_is_refused(connect: Connect) -> None:
+    link = CanBusConfig(interface="hub")
+    (reason,) = CurrentServo.contradictions(wheel_config(watchdog="50 ms"), link)
     assert "50 ms is shorter than 3 heartbeats (60 ms)" in reason
-    assert wheel(bus, watchdog="60 ms").preflight() == ()
+    assert CurrentServo.contradictions(wheel_config(watchdog="60 ms"), link) == []
 
 
 def test_rpdo_timer_is_set_if_it_exists(connect: Connect) -> None:
@@ -322,7 +338,7 @@ def test_rpdo_timer_is_set_if_it_exists(connect: Connect) -> None:
     drive.objects[0x1400, 5] = number(0, 2)
     bus, _ = connect(drive)
     wheel(bus).open()
-    assert drive.objects[0x1400, 5] == number(100, 2)
+    assert drive.objects[0x1400, 5] == number(100, 2)  # written while the PDO is invalid
 
 
 def test_drivers_declare_channels_and_setpoints() -> None:

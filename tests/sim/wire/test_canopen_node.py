@@ -108,10 +108,35 @@ async def test_mapping_changes_only_while_pdo_is_disabled_empty(tmp_path: Path) 
         await written(client, SERVO, *pdo(1, SERVO, *FEEDBACK))
         assert (await client.sdo(SERVO, "2f 00 1a 00 00 00 00 00")).endswith(state)
         assert (await client.sdo(SERVO, "23 00 1a 01 20 00 64 60")).endswith(state)
-        assert (await client.sdo(SERVO, "23 00 18 01 82 01 00 00")).endswith(state)
+        value = "30 00 09 06"  # another COB-id, an inhibit time
+        assert (await client.sdo(SERVO, "23 00 18 01 82 01 00 00")).endswith(value)
+        assert (await client.sdo(SERVO, "23 00 18 01 82 01 00 80")).endswith(value)
+        assert (await client.sdo(SERVO, "2b 00 18 03 00 00 00 00")).endswith(value)
         await written(client, SERVO, "23 00 18 01 81 01 00 80")  # disabled: not yet empty
         assert (await client.sdo(SERVO, "23 00 1a 01 20 00 64 60")).endswith(state)
         await written(client, SERVO, "2f 00 1a 00 00 00 00 00", "23 00 1a 01 20 00 64 60")
+
+
+@on_loop
+async def test_an_empty_pdo_cannot_be_enabled(tmp_path: Path) -> None:
+    async with drive(tmp_path) as (_, client, _):
+        answer = await client.sdo(SERVO, "23 00 18 01 81 01 00 00")
+        assert answer == "80 00 18 01 30 00 09 06"
+
+
+@on_loop
+async def test_node_that_misses_heartbeats_refuses_start(tmp_path: Path) -> None:
+    async with drive(tmp_path) as (node, client, _):
+        await operational(client, "23 16 10 01 32 00 7f 00")  # node 127 within 50 ms
+        client.send(0x77F, "05")
+        assert await client.until(0x081) == "30 81 11 00 00 00 00 00"
+        client.send(*OPERATIONAL)
+        await client.sdo(SERVO, "40 00 10 00 00 00 00 00")
+        assert node.state()["nmt"] == "pre_operational"
+        client.send(0x77F, "05")
+        client.send(*OPERATIONAL)
+        await client.sdo(SERVO, "40 00 10 00 00 00 00 00")
+        assert node.state()["nmt"] == "operational"
 
 
 @on_loop
@@ -215,7 +240,9 @@ async def test_event_driven_tpdo_comes_when_its_values_change(tmp_path: Path) ->
 @on_loop
 async def test_an_inhibit_time_holds_tpdos_back(tmp_path: Path) -> None:
     async with drive(tmp_path) as (_, client, _):
-        await operational(client, "2b 00 18 03 10 27 00 00")  # 1 s, in units of 0.1 ms
+        # 1 s, in units of 0.1 ms
+        await written(client, SERVO, *pdo(1, SERVO, *FEEDBACK, inhibit="10 27"))
+        client.send(*OPERATIONAL)
         for _ in range(3):
             client.send(*SYNC)
         assert (await client.receive())[0] == 0x181

@@ -20,6 +20,7 @@ NODE = 5
 #: Objects that differ between exemplars: a file of them all gives no value.
 PLATE = {
     (0x1018, 4), (0x6073, 0), (0x6075, 0), (0x6076, 0), (0x6502, 0), (0x6501, 0), (0x6004, 0),
+    (0x6001, 0), (0x6002, 0),
 }  # fmt: skip
 TYPES = {
     Kind.I8: datatypes.INTEGER8,

@@ -26,8 +26,12 @@ async def _running(client: Client) -> None:
 @on_loop
 async def test_encoder_reports_its_identity(tmp_path: Path) -> None:
     golden = {
-        "40 00 10 00 00 00 00 00": "43 00 10 00 96 01 00 00",  # device profile 406
-        "40 01 65 00 00 00 00 00": "43 01 65 00 00 04 00 00",  # counts per turn
+        "40 00 10 00 00 00 00 00": "43 00 10 00 96 01 02 00",  # profile 406, many turns
+        "40 00 60 00 00 00 00 00": "4b 00 60 00 04 00 00 00",  # scaling is on
+        "40 00 65 00 00 00 00 00": "4b 00 65 00 04 00 00 00",
+        "40 01 60 00 00 00 00 00": "43 01 60 00 00 04 00 00",  # units per turn
+        "40 02 60 00 00 00 00 00": "43 02 60 00 00 00 01 00",  # range: 65536 units
+        "40 01 65 00 00 00 00 00": "43 01 65 00 00 00 01 00",  # its own steps per turn
         "40 02 65 00 00 00 00 00": "4b 02 65 00 40 00 00 00",  # turns
         "40 04 60 00 00 00 00 00": "43 04 60 00 0a 00 00 00",  # position
     }
@@ -45,6 +49,20 @@ async def test_position_rolls_over_at_end_of_its_turns(tmp_path: Path) -> None:
         assert await _position(client) == "ff ff 00 00"  # 65536 positions
         physics.counts = 65536.0
         assert await _position(client) == "0a 00 00 00"
+
+
+@on_loop
+async def test_scaling_sets_units_and_range(tmp_path: Path) -> None:
+    async with encoder(tmp_path, SCALE) as (_, client, physics):
+        await _running(client)
+        physics.counts = 512.0 - 10.0  # half a turn
+        await written(client, ENCODER, "23 01 60 00 68 01 00 00")  # 360 units per turn
+        assert await _position(client) == "b4 00 00 00"
+        await written(client, ENCODER, "23 02 60 00 b3 00 00 00")  # after 179 units again
+        assert await _position(client) == "01 00 00 00"
+        await written(client, ENCODER, "2b 00 60 00 00 00 00 00")  # off: 65536 steps per turn
+        assert await _position(client) == "00 80 00 00"
+        assert await client.sdo(ENCODER, "40 00 65 00 00 00 00 00") == "4b 00 65 00 00 00 00 00"
 
 
 @on_loop

@@ -1,4 +1,8 @@
-"""Simulates a CiA 406 absolute encoder: position, speed, resolution."""
+"""Simulates a CiA 406 absolute rotary encoder of many turns: position, speed, resolution.
+
+As delivered its scaling is on (6000h, bit 2): the position counts 6001h units per turn and begins
+again after 6002h. With it off, it counts the 6501h steps of the encoder itself, for 6502h turns.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,12 @@ from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.options import number, whole
 from rigd_sim.wire.part import State
 
-#: Device profile 406 (CiA 406, object 1000).
-DEVICE_TYPE: Final = 0x00000196
+#: Absolute rotary encoder of many turns of the device profile 406 (CiA 406, object 1000).
+DEVICE_TYPE: Final = 0x00020196
+#: Bit of objects 6000 and 6500: the position is scaled.
+SCALED: Final = 1 << 2
+#: Steps of the encoder itself per turn.
+STEPS: Final = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -71,8 +79,19 @@ class Cia406Encoder(CanopenNode):
         (self._speed,) = self.dictionary.array(
             0x6030, [Entry(0x6030, 1, Kind.I16, 0, mappable=True)]
         )
-        add(0x6500, 0, Kind.U16, 0)
-        add(0x6501, 0, Kind.U32, scale.counts_per_turn)
+        status = add(0x6500, 0, Kind.U16, SCALED)
+
+        def settings(value: int) -> None:
+            status.value = value & SCALED
+
+        self._settings = self.dictionary.add(
+            Entry(0x6000, 0, Kind.U16, SCALED, writable=True, high=7, changed=settings)
+        )
+        self._units, self._range = (
+            self.dictionary.add(Entry(index, 0, Kind.U32, value, writable=True, low=1))
+            for index, value in ((0x6001, scale.counts_per_turn), (0x6002, scale.span))
+        )
+        add(0x6501, 0, Kind.U32, STEPS)
         add(0x6502, 0, Kind.U16, scale.turns)
 
     def twin(self) -> Self:
@@ -119,11 +138,19 @@ class Cia406Encoder(CanopenNode):
             if missed is not None:
                 step *= 1.0 - missed["fraction"]
         self._shown += step
-        self._position.value = round(self._shown) % self._scale.span
+        self._position.value = self._counted()
         elapsed_min = (t_ns - self._last_ns) / 60e9
         self._last_ns = t_ns
         speed = step / self._scale.counts_per_turn / elapsed_min if elapsed_min > 0 else 0.0
         self._speed.value = max(-(2**15), min(round(speed), 2**15 - 1))
+
+    def _counted(self) -> int:
+        """Return the position as the settings have it."""
+        if self._settings.value & SCALED:
+            per_turn, span = self._units.value, self._range.value
+        else:
+            per_turn, span = STEPS, STEPS * self._scale.turns
+        return round(self._shown / self._scale.counts_per_turn * per_turn) % span
 
     def apply(self, t_ns: int) -> None:
         """Do nothing: an encoder takes no orders."""

@@ -114,17 +114,24 @@ class Consumer:
             ],
         )
         self._watches: dict[int, tuple[float, Watch]] = {}
+        self._missing: set[int] = set()
+
+    @property
+    def misses(self) -> bool:
+        """Whether a node that it watches has fallen silent, and was not heard again since."""
+        return bool(self._missing)
 
     def refresh(self) -> None:
         """Take over the value of the object, such as after a reset."""
         self.stop()
         self._watches = {
-            node: (milliseconds * 1e-3, Watch(partial(self._lost, node)))
+            node: (milliseconds * 1e-3, Watch(partial(self._miss, node)))
             for node, milliseconds in self._configured()
         }
 
     def stop(self) -> None:
         """Watch no node until the next heartbeat."""
+        self._missing.clear()
         for _, watch in self._watches.values():
             watch.stop()
 
@@ -137,6 +144,11 @@ class Consumer:
         """Take note of a heartbeat of ``node``."""
         timeout_s, watch = self._watches[node]
         watch.feed(timeout_s)
+        self._missing.discard(node)
+
+    def _miss(self, node: int) -> None:
+        self._missing.add(node)
+        self._lost(node)
 
     def _configured(self) -> Iterator[tuple[int, int]]:
         for entry in self._entries:

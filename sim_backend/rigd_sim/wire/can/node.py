@@ -271,7 +271,9 @@ class CanopenNode(Part):
             return
         match data[0]:
             case 0x01:
-                self._enter(Nmt.OPERATIONAL, t_ns)
+                # As CANopenNode does: no start while the heartbeat error stands.
+                if not self._consumer.misses or "watchdog_dead" in self._bad.shown:
+                    self._enter(Nmt.OPERATIONAL, t_ns)
             case 0x02:
                 self._enter(Nmt.STOPPED, t_ns)
             case 0x80:

@@ -2,7 +2,9 @@
 
 The rules for the communication and mapping objects are those of CiA 301, 7.5.2.35 to 7.5.2.38. A
 master can change the mapping only while the PDO is disabled (bit 31 of its COB-ID) and empty
-(sub-index 0 of the mapping is 0). The node aborts any other change with 0x08000022.
+(sub-index 0 of the mapping is 0). The node aborts any other change with 0x08000022. It aborts a
+change of the inhibit time, or of the other bits of the COB-ID, while the PDO is enabled with
+0x06090030, and so the enabling of a PDO that is empty.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Final
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Dictionary, Entry, Kind
 
 INVALID: Final = 1 << 31
+EXTENDED: Final = 1 << 29
 COB_MASK: Final = 0x1FFFFFFF
 #: Transmission types up to here happen at SYNC; 241 to 253 are reserved or for RTR.
 LAST_SYNCHRONOUS: Final = 240
@@ -49,7 +52,9 @@ class Pdo:
         ]  # fmt: skip
         self.inhibit: Entry | None = None
         if not receive:
-            self.inhibit = Entry(base, 3, Kind.U16, inhibit, writable=True)
+            self.inhibit = Entry(
+                base, 3, Kind.U16, inhibit, writable=True, check=self._check_inhibit
+            )
             subs.append(self.inhibit)
         self.event_timer: Entry | None = None
         if event_timer:
@@ -106,9 +111,15 @@ class Pdo:
 
     def _check_cob_id(self, value: int) -> None:
         now = self._cob_id.value
-        if not now & INVALID and (now ^ value) & COB_MASK:
-            raise Abort(AbortCode.DEVICE_STATE)
-        if value & COB_MASK > 0x7FF or not value & COB_MASK:
+        if not now & INVALID and (now ^ value) & ~INVALID:
+            raise Abort(AbortCode.VALUE_RANGE)
+        if value & EXTENDED or value & COB_MASK > 0x7FF or not value & COB_MASK:
+            raise Abort(AbortCode.VALUE_RANGE)
+        if not value & INVALID and not self._count.value:
+            raise Abort(AbortCode.VALUE_RANGE)
+
+    def _check_inhibit(self, _: int) -> None:
+        if not self._cob_id.value & INVALID:
             raise Abort(AbortCode.VALUE_RANGE)
 
     def _check_count(self, count: int) -> None:

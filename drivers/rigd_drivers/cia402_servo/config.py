@@ -1,0 +1,38 @@
+"""Defines the options that every CiA 402 drive has."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeVar
+
+from annotated_types import Ge, Gt, Le
+
+from rigd.sdk import In
+from rigd_drivers.can_sheet import NodeConfig
+
+
+class ServoConfig(NodeConfig):
+    """The options of the drive: its identity, and the scaling of its units."""
+
+    counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
+    """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
+    inverted: bool = False
+    """Whether the drive's positive direction is the rig's negative one."""
+    zero: Annotated[float, In("count")] | None = None
+    """Count (object 6064) at zero, of a homed or absolute axis; none: that at opening."""
+    rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
+    """Rated torque of the motor, to which object 6076 must be set; none: any."""
+    torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
+    """Unit of object 6076; none: 1 mN m (CiA 402-2), of a drive of maxon 1 uN m."""
+    follows_bit: bool = True
+    """Whether bit 12 of the statusword (object 6041) shows that the drive follows its target, as
+    CiA 402-2 has it in the cyclic modes; false for drives that leave it 0."""
+    watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
+    """The drive switches itself off after so long without a heartbeat of rigd."""
+
+    @property
+    def watchdog_s(self) -> float:
+        """Until it is off: half as long again, for its own tick, and 50 ms for the news."""
+        return 1.5 * self.watchdog + 0.05
+
+
+ServoConfigT = TypeVar("ServoConfigT", bound=ServoConfig)
