@@ -181,7 +181,6 @@ def _set_up() -> Iterator[Case]:
         return Case(part, fault, BLOCK, words=words, before=True, edit=(right, written))
 
     yield wrong("wheel_servo", "wrong_node", "node: 1 #", "node: 7 #", "node 7", "found: .*1, 2, 3")
-    yield wrong("carriage", "same_node", "node: 12 #", "node: 11 #", "two devices of the rig file")
     yield wrong(
         "scale", "wrong_baud", "dialect: mt-sics", "baud: 4800\n      dialect: mt-sics", "baud"
     )
