@@ -83,7 +83,7 @@ def test_right_resolution_of_scaled_encoder_is_accepted(connect: Connect) -> Non
 
 
 @pytest.mark.parametrize("reported", [0xFFFF, 0, None])
-def test_bits_tell_of_turns_that_6502_lacks(connect: Connect, reported: int | None) -> None:
+def test_bits_give_turns_that_6502_lacks(connect: Connect, reported: int | None) -> None:
     # 2^20 turns of 4096 steps: 6502 has all of its 16 bits set, or gives the lower ones.
     bus, _ = connect(made({(0x6502, 0): reported, (0x6004, 0): 1 << 30}))
     driver = encoder(bus, bits=32)

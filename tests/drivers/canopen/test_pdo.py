@@ -96,7 +96,7 @@ def test_twice_per_sync_for_long_means_two_nodes() -> None:
             inbox.take(syncs)
 
 
-def test_answers_long_missing_do_not_hide_a_second_node() -> None:
+def test_answers_long_missing_hide_no_second_node() -> None:
     inbox = Inbox(FEEDBACK, 1)
     syncs = 0
     for lost in (True, False):
