@@ -461,11 +461,9 @@ class Servo(Driver[ServoConfigT, CanBus]):
         if time.monotonic_ns() - self._armed_ns > _ARMING_NS:
             word = self._statusword
             state = cia402.state_of(word)
+            lacks, hint = "", None if word & cia402.VOLTAGE else by_sdo.NOT_ENABLED
             if state is DriveState.ENABLED:
-                lacks = ", and bit 12, that it follows its target, is 0"
-                hint = _NO_BIT
-            else:
-                lacks, hint = "", None if word & cia402.VOLTAGE else by_sdo.NOT_ENABLED
+                lacks, hint = ", and bit 12, that it follows its target, is 0", _NO_BIT
             raise DeviceError(
                 f"{self._node} is not enabled {_ARMING_NS // 1_000_000_000} s after arming: "
                 f"{state.value} (statusword 0x{word:04X}){lacks}",
