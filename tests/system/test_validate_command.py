@@ -110,6 +110,7 @@ def edited(lab: Path, change: Any) -> str:
     ("change", "words"),
     [
         (lambda d: d.update(model="unknown"), "few-stone.mcap identifies lugre, edited.json"),
+        (lambda d: d.update(model="lugre-4"), "these are parameters of the friction law lugre-4"),
         (lambda d: d["fit"].pop("point"), "the model has no value of V_s"),
         (
             lambda d: d["parameters"]["sigma_0"].update(unit="1/mm"),

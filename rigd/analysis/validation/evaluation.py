@@ -18,6 +18,7 @@ from rigd.analysis.report.validation_tables import overview, published_table, su
 from rigd.analysis.source import Correction
 from rigd.analysis.validation.result import ModelOutcome, Validation
 from rigd.analysis.validation.saved import read_models
+from rigd.config.registry import FRICTION_LAWS, installed
 from rigd.model.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -130,6 +131,14 @@ def validate(
     if len(names) > 1:
         raise ConfigError(f"{model} has models of several analyses: {', '.join(names)}")
     sweeps = open_sweeps(paths, passed_over, corrections, changed)
+    if sweeps[0].plan.model != names[0] and names[0] in installed(FRICTION_LAWS):
+        raise models[0].error(
+            f"these are parameters of the friction law {names[0]}: `rigd validate` simulates the "
+            f"rig with the law {sweeps[0].plan.model} alone",
+            ("model",),
+            hint="identify again without `--law`, and give that model; `rigd identify --compare` "
+            "shows how well each law fits the recordings",
+        )
     if sweeps[0].plan.model != names[0]:
         raise DataError(
             f"{sweeps[0].path} identifies {sweeps[0].plan.model}, {model} is a model of {names[0]}",
