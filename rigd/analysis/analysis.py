@@ -29,7 +29,7 @@ class Options:
     recording groups of its own, so that they can be compared. ``method`` names one of the ways
     that the analysis has, ``law`` a friction law that is installed; empty: its own choice.
     ``compare`` asks which of the installed laws the data support. ``joint`` fits the groups with
-    the constants of the rig in common.
+    the constants of the rig in common. ``posterior`` asks for credible intervals besides.
     """
 
     starts: int = 8
@@ -41,6 +41,7 @@ class Options:
     law: str = ""
     compare: bool = False
     joint: bool = False
+    posterior: bool = False
 
 
 class Evaluation(ABC):

@@ -14,6 +14,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.analysis.credible import Posterior
 from rigd.analysis.plain import plain_object
 
 FloatArray = NDArray[np.float64]
@@ -451,6 +452,7 @@ class IdentificationResult:
     gate: Gate | None = None
     point: FittedPoint | None = None
     comparison: ModelComparison | None = None
+    posterior: Posterior | None = None
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""
@@ -493,4 +495,5 @@ class IdentificationResult:
             "warnings": self.warnings,
             **({} if self.gate is None else {"gate": self.gate}),
             **({} if self.comparison is None else {"comparison": self.comparison}),
+            **({} if self.posterior is None else {"posterior": self.posterior}),
         }

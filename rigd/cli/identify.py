@@ -22,6 +22,7 @@ examples:
   rigd identify runs/*approach_angles*.mcap        one campaign from several files
   rigd identify FILE --method output-error         simulate the rig; reports a misfit
   rigd identify FILE --method output-error --joint    floors and masses in one fit
+  rigd identify FILE --method output-error --posterior    credible intervals, two minutes
   rigd identify FILE --compare                     which friction law the data support
   rigd identify FILE --law lugre-4                 the parameters of another law
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
@@ -73,6 +74,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
+        "--posterior",
+        action="store_true",
+        help="with output error: sample the posterior, and give credible intervals besides",
+    )
+    parser.add_argument(
         "--law",
         default="",
         metavar="NAME",
@@ -91,6 +97,8 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.extras import require
 
     require("analysis", "rigd identify")
+    if args.posterior:
+        require("posterior", "rigd identify --posterior")
     one_thread()
 
     from rigd.analysis.analysis import Options
@@ -103,7 +111,7 @@ def execute(args: argparse.Namespace) -> int:
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
-        args.law, args.compare, args.joint,
+        args.law, args.compare, args.joint, args.posterior,
     )  # fmt: skip
     remarks = Remarks()
     evaluation = evaluate(

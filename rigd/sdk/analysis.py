@@ -11,10 +11,12 @@ from typing import ClassVar, Literal
 #: The options of ``rigd identify`` that an analysis may take. ``calibration``: a file instead of
 #: the calibration in a recording; ``by_recording``: a separate result for each recording;
 #: ``starts``, ``seed`` and ``robust``: how parameters are fitted; ``law``: the friction law to fit;
-#: ``compare``: which of the laws the data support; ``joint``: groups share the rig's constants.
+#: ``compare``: which of the laws the data support; ``joint``: groups share the rig's constants;
+#: ``posterior``: credible intervals of the parameters.
 OptionName = Literal[
-    "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare", "joint"
-]
+    "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare", "joint",
+    "posterior",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

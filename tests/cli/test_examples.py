@@ -184,6 +184,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     "cli/test_design.py": (
         "rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml",
     ),
+    "analyses/lugre/test_posterior.py": ("rigd identify FILE --method output-error --posterior",),
     "analyses/lugre/test_together.py": ("rigd identify FILE --method output-error --joint",),
     "../docs/identification.md": (
         "rigd run constant_current --rig lugre-1 --set floor=pvc",

@@ -65,7 +65,7 @@ UNCHECKED = {
     "procedures.md": 1,
     "rigs.md": 0,
     "recordings.md": 0,
-    "identification.md": 2,
+    "identification.md": 3,
     "validation.md": 1,
     "drivers.md": 3,
     "analyses.md": 0,

@@ -37,7 +37,10 @@ class LugreAnalysis(Analysis):
         references=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameters=("current",),
     )
-    options = ("starts", "seed", "robust", "by_recording", "method", "law", "compare", "joint")
+    options = (
+        *("starts", "seed", "robust", "by_recording", "method", "law", "compare"),
+        *("joint", "posterior"),
+    )
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]

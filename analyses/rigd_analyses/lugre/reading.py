@@ -55,6 +55,11 @@ def identify(
     """
     loss = Loss.HUBER if options.robust else Loss.SQUARES
     settings = Settings(starts=options.starts, seed=options.seed, loss=loss)
+    if options.posterior and options.method != OUTPUT_ERROR:
+        raise ConfigError(
+            "--posterior: output error alone has a likelihood of all that is not known",
+            hint="add `--method output-error`",
+        )
     usable, unusable = sort_out(trials)
     found, constants = arrays(usable)
     if options.law not in ("", LUGRE):
@@ -67,7 +72,7 @@ def identify(
     elif options.method == OUTPUT_ERROR:
         _check_output_error(options)
         rig = rig_constants(usable, constants)
-        result = identify_output_error(found, constants, rig, settings)
+        result = identify_output_error(found, constants, rig, settings, options.posterior)
     else:
         result = identify_lugre(found, constants, settings)
     if options.compare:

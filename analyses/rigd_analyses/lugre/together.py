@@ -88,7 +88,8 @@ def identify_together(
     wholes = {k: whole for k, whole in zip(fitting, joint.fits, strict=True)}
     results = []
     for k, (item, lacking) in enumerate(zip(first, unusable, strict=True)):
-        found = conclude_group(replace(item, whole=wholes.get(k, item.whole)))
+        whole = wholes.get(k, item.whole)
+        found = conclude_group(replace(item, whole=whole), options.posterior)
         done = found.preprocessing
         done = replace(done, rejected=(*lacking, *done.rejected))
         results.append(replace(found, preprocessing=done))

@@ -74,6 +74,7 @@ class FirstFit:
     rejected: tuple[TrialRejection, ...]
     starts: tuple[FloatArray, ...]
     block: int
+    seed: int
 
     @property
     def fits(self) -> bool:
@@ -86,15 +87,17 @@ def identify_output_error(
     constants: LugreConstants,
     rig: RigConstants,
     settings: Settings | None = None,
+    posterior: bool = False,
 ) -> IdentificationResult:
     """Return the LuGre parameters that ``trials`` support, by simulating the rig.
 
     The starts come from method A (slip in, traction out) and from the model's own start.
+    ``posterior`` asks for credible intervals besides, with the seed of ``settings``.
 
     Raises:
         DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
     """
-    return conclude_group(fit_group(trials, constants, rig, settings))
+    return conclude_group(fit_group(trials, constants, rig, settings), posterior)
 
 
 def fit_group(
@@ -128,19 +131,29 @@ def fit_group(
     shifts = tuple(item.score.shift for item in diagnosis.left)
     return FirstFit(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
-        tuple(starts), block,
+        tuple(starts), block, settings.seed,
     )  # fmt: skip
 
 
-def conclude_group(begun: FirstFit) -> IdentificationResult:
-    """Return the result of ``begun``: profiles, other filters of the current, intervals."""
+def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationResult:
+    """Return the result of ``begun``: profiles, other filters of the current, intervals.
+
+    ``posterior`` asks for credible intervals besides.
+    """
     first = begun.system
 
     def system(window_s: float) -> RigSystem:
         return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
 
     found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
-    return result(first, found, begun.rejected, begun.starts, begun.block)
+    concluded = result(first, found, begun.rejected, begun.starts, begun.block)
+    if not (posterior and begun.fits):
+        return concluded
+    # Here, so that only this option needs the extra.
+    from rigd_analyses.lugre.rig.posterior import friction_posterior
+
+    given = frozenset(item.name for item in concluded.parameters if item.quoted is not None)
+    return replace(concluded, posterior=friction_posterior(found, given, begun.seed))
 
 
 def with_intervals(
@@ -160,7 +173,7 @@ def with_intervals(
     scans: dict[str, ProfileScan] = {}
     if gate.outcome is not FitOutcome.MISFIT:
         for _ in range(MOST_BETTER):
-            scans = _profiles(whole, _visited(first, whole))
+            scans = profiles(whole, visited_slip(first, whole))
             better = [line.better for line in scans.values() if line.better is not None]
             if not better:
                 break
@@ -175,7 +188,7 @@ def with_intervals(
         others.append(again.theta)
     gravity = first.constants.gravity
     return Found(
-        whole, tuple(others), scans, _visited(first, whole), gate, alike,
+        whole, tuple(others), scans, visited_slip(first, whole), gate, alike,
         gravity.u / gravity.value, shifts,
     )  # fmt: skip
 
@@ -254,7 +267,7 @@ def _other_radius(system: RigSystem, point: FloatArray) -> list[FloatArray]:
     return [other]
 
 
-def _profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
+def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
     """Return the profiles that are needed, in scaled coordinates.
 
     mu_c is g far above V_s, mu_s is g far below it: of a friction that the visited slip does not
@@ -279,7 +292,7 @@ def _profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, 
     return scans
 
 
-def _visited(system: RigSystem, whole: OutputErrorFit) -> tuple[float, float]:
+def visited_slip(system: RigSystem, whole: OutputErrorFit) -> tuple[float, float]:
     """Return the slip range in m/s in which the bristle slides."""
     speeds = []
     for trial, states in enumerate(all_states(system, whole)):
