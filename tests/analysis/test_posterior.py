@@ -62,13 +62,13 @@ def known_sd(sd: float, rho: float = 0.0) -> FloatArray:
     return sd**2 * np.array([[1.0, rho], [rho, 1.0]])
 
 
-def one(rho: float, reach: float = 0.0) -> Posterior:
+def gaussian(rho: float, reach: float = 0.0) -> Posterior:
     density = Gaussians(np.array([[1.0, 2.0]]), known_sd(0.05, rho))
     return sample_posterior(density, quantities(reach=reach), seed=1)
 
 
 def test_gaussian_gives_its_own_quantiles() -> None:
-    found = one(0.6)
+    found = gaussian(0.6)
     assert found.agreed
     assert not found.warnings
     for item, centre in zip(found.parameters, (1.0, 2.0), strict=True):
@@ -82,18 +82,18 @@ def test_gaussian_gives_its_own_quantiles() -> None:
 
 
 def test_same_seed_gives_the_same_draws() -> None:
-    np.testing.assert_array_equal(one(0.6).draws, one(0.6).draws)
+    np.testing.assert_array_equal(gaussian(0.6).draws, gaussian(0.6).draws)
 
 
 def test_what_the_posterior_lacks_widens_it() -> None:
-    alone, joined = one(0.6).parameters[0], one(0.6, reach=0.2).parameters[0]
+    alone, joined = gaussian(0.6).parameters[0], gaussian(0.6, reach=0.2).parameters[0]
     assert alone.high is not None and joined.high is not None and alone.estimate is not None
     above = math.log(alone.high / alone.estimate)
     assert math.log(joined.high / alone.estimate) == pytest.approx(math.hypot(above, 0.2))
 
 
 def test_ridge_is_named() -> None:
-    found = one(-0.995)
+    found = gaussian(-0.995)
     (ridge,) = found.ridges
     assert (ridge.first, ridge.second) == NAMES
     assert ridge.correlation == pytest.approx(-0.995, abs=0.01)
@@ -128,7 +128,7 @@ def test_chains_in_other_modes_give_no_number(monkeypatch: pytest.MonkeyPatch) -
 
 def test_too_few_draws_give_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(posterior, "ROUNDS", (12,))
-    found = one(0.0)
+    found = gaussian(0.0)
     assert not found.agreed
     assert found.parameters[0].effective < 400.0
     assert found.parameters[0].low is None
