@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from rigd_drivers.scale import and_d, sics
+from rigd_drivers.scale import and_d, sbi, sics
 from rigd_drivers.scale.replies import Done, Reading, Refusal
 
-DialectName = Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator"]
+DialectName = Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi"]
 
 
 @dataclass(frozen=True)
@@ -54,5 +54,10 @@ DIALECTS: Final[dict[DialectName, Dialect]] = {
     "and-d-indicator": Dialect(
         "A&D indicator", b"RW\r\n", b"RW\r\n", b"RW\r\n", and_d.parse_reading, 0.0,
         {"tare": (b"MT\r\n", None), "zero": (b"MZ\r\n", None)},
+    ),
+    # Its automatic output is a setting of its menu too.
+    "sartorius-sbi": Dialect(
+        "Sartorius SBI", b"\x1bP\r\n", b"\x1bP\r\n", b"\x1bP\r\n", sbi.parse_reading, 0.0,
+        {"tare": (b"\x1bT\r\n", None), "zero": (b"\x1bV\r\n", None)},
     ),
 }  # fmt: skip

@@ -132,7 +132,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
     """
 
     Config: ClassVar[type[DriverConfig]] = ScaleConfig
-    title: ClassVar[str] = "scale on a serial or TCP port (MT-SICS, KERN KCP, A&D)"
+    title: ClassVar[str] = "scale on a serial or TCP port (MT-SICS, KERN KCP, A&D, SBI)"
     unshared: ClassVar[tuple[str, ...]] = ("port",)
 
     def __init__(self, config: ScaleConfig, link: None) -> None:

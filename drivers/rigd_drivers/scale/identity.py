@@ -21,8 +21,8 @@ async def ask(dialect: DialectName, send: Send, line: Line) -> str:
 
     ``line`` returns the next line, or None after a while without a line.
     """
-    if dialect == "and-d-indicator":
-        return DIALECTS[dialect].title  # its manuals name no such question
+    if dialect in ("and-d-indicator", "sartorius-sbi"):
+        return DIALECTS[dialect].title  # no question that all of them answer
     if dialect == "and-d":
         questions = {b"?TN": "type", b"?SN": "serial number"}
         answers = {what: await _ask_and_d(name, send, line) for name, what in questions.items()}

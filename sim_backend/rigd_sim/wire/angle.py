@@ -90,7 +90,7 @@ class ScaleOptions(SimulationConfig):
 
     port: str = "scale"
     """Name of the port in the folder."""
-    dialect: Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator"] = "mt-sics"
+    dialect: Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi"] = "mt-sics"
     """Its protocol."""
     baud: int = 9600
     """Its baud rate."""

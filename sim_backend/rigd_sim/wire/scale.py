@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
 
 from rigd_sim.wire.part import Part, State
-from rigd_sim.wire.scale_languages import AndD, AndDIndicator, Language, Nameplate, Sics, Trouble
+from rigd_sim.wire.scale_languages import (
+    AndD,
+    AndDIndicator,
+    Language,
+    Nameplate,
+    Sbi,
+    Sics,
+    Trouble,
+)
 from rigd_sim.wire.scale_weighing import DISPLAY_UNITS, Weighing
 
 #: How often the load cell is sampled and waiting commands are checked, in s.
@@ -31,7 +39,7 @@ _WIRE: Final = ("garbage", "nul", "partial", "merged", "no_cr", "echo", "late", 
 
 
 class SimScale(Part):
-    """A scale with one of four protocols on a pty, which keeps the same name.
+    """A scale with one of five protocols on a pty, which keeps the same name.
 
     ``mass()`` is the load on the pan in kg, ``rests()`` whether it keeps still. The pty stands
     behind the symbolic link ``path``. A client that opens it at another baud rate than ``baud``
@@ -66,7 +74,9 @@ class SimScale(Part):
         path: Path,
         mass: Callable[[], float],
         *,
-        dialect: Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator"] = "mt-sics",
+        dialect: Literal[
+            "mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi"
+        ] = "mt-sics",
         baud: int = 9600,
         unit: str = "kg",
         capacity_kg: float = 60.0,
@@ -83,7 +93,7 @@ class SimScale(Part):
             capacity_kg=capacity_kg, division_kg=division_kg, noise_kg=noise_kg,
             settling_s=settling_s, unit=unit, seed=seed, rests=rests,
         )  # fmt: skip
-        languages = {"and-d": AndD, "and-d-indicator": AndDIndicator}
+        languages = {"and-d": AndD, "and-d-indicator": AndDIndicator, "sartorius-sbi": Sbi}
         language = languages.get(dialect, Sics)
         self._language: Language = language(self.weighing, Nameplate("SIM60", serial), 0.1)
         self._mass = mass

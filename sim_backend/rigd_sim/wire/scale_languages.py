@@ -254,3 +254,30 @@ class AndDIndicator(AndD):
             return b"OL,NT," + line[3:]
         kind = b"NT" if self.weighing.tare_kg else b"GS"
         return b",".join([head, kind, number[:1] + number[2:]]) + unit
+
+
+class Sbi(AndD):
+    """Sartorius SBI, 16 characters: no unit until the weight is stable; confirms nothing."""
+
+    def answer(self, command: bytes, now_s: float) -> list[bytes]:
+        """Answer one command: ESC and a letter."""
+        match command:
+            case b"\x1bP":
+                return [self.weight()]
+            case b"\x1bT":
+                return self._wait(now_s, self._tare, b"")
+            case b"\x1bV":
+                return self._wait(now_s, self._zero, b"")
+        return []
+
+    def weight(self) -> bytes:
+        """``+   123.56 g  ``: sign, blank, eight characters of number, blank, three of unit."""
+        weighing = self.weighing
+        if weighing.overload:
+            return b"      High    "
+        if weighing.underload:
+            return b"      Low     "
+        shown = weighing.shown()
+        unit = weighing.unit if weighing.stable else ""
+        sign = "-" if shown.startswith("-") else "+"
+        return f"{sign} {shown.removeprefix('-'):>8} {unit:<3}".encode()

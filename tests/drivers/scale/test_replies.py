@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from rigd_drivers.scale import and_d, identity, sics
+from rigd_drivers.scale import and_d, identity, sbi, sics
 from rigd_drivers.scale.lines import MAX_LINE, LineBuffer
 from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
 
@@ -152,3 +152,35 @@ def test_endless_line_is_bounded_and_discarded() -> None:
         assert buffer.feed(b"x" * 100) == []
     assert buffer.feed(b"x\nS I\n") == [b"S I"]
     assert buffer.feed(b"y" * MAX_LINE + b"\n") == [b"y" * MAX_LINE]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        # GC803S, "Output format with 16 characters" and "with 22 characters".
+        (b"+   123.56 g  ", Reading(Load.STABLE, 123.56, "g")),
+        (b"-     0.01 kg ", Reading(Load.STABLE, -0.01, "kg")),
+        (b"N     +   123.56 g  ", Reading(Load.STABLE, 123.56, "g")),
+        (b"+   123.56    ", Reading(Load.DYNAMIC, 123.56, "")),
+        # Quintix, "Special outputs".
+        (b"      High    ", Reading(Load.OVERLOAD)),
+        (b"      Low     ", Reading(Load.UNDERLOAD)),
+        (b"+  123.56 g  ", None),
+        (b"+   12 .56 g  ", None),
+        (b"      --      ", None),
+        (b"", None),
+    ],
+)
+def test_sbi_lines_parse_to_readings(line: bytes, expected: Reading | None) -> None:
+    found = sbi.parse_reading(line)
+    if expected is not None and math.isnan(expected.value):
+        assert isinstance(found, Reading)
+        assert found.load is expected.load
+    else:
+        assert found == expected
+
+
+def test_sbi_error_is_a_refusal() -> None:
+    found = sbi.parse_reading(b"   Err 054    ")
+    assert isinstance(found, Refusal)
+    assert found.code == "Err 054"
