@@ -1,4 +1,4 @@
-"""Sum up what ``pytest --cpu-report FILE`` has written: CPU seconds by folder and by file."""
+"""Sum up what ``pytest --cpu-report=FILE`` has written: CPU seconds by folder and by file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pytest --cpu-report FILE``: CPU seconds of every test and of what it started and waited for.
+"""``pytest --cpu-report=FILE``: CPU seconds of every test and of what it started and waited for.
 
 They do not depend on what else the machine does, as wall time would. Every process of pytest adds
 lines to FILE, so that one file takes a whole ``make test``. ``scripts/cpu_report.py FILE`` sums it
