@@ -19,7 +19,7 @@ from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
-from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.identify import fit_group, identify_output_error, rig_system
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.trial import LugreTrial
 
@@ -86,6 +86,18 @@ def test_sensitivities_agree_with_differences(bench: Bench) -> None:
             np.testing.assert_allclose(
                 exact[:, output, column], difference[:, output], atol=2e-4 * scale, err_msg=name
             )
+
+
+def test_slow_sampling_fits_and_gives_the_friction(bench: Bench) -> None:
+    """At 2 ms dry friction at rest is too fast for a single step."""
+    rig = replace(bench("pvc"), dt_s=2e-3)
+    found = fit_group(
+        rig.sweep(3, (0.3, 0.6, 1.2)), rig.constants, known_rig(rig.constants), Settings(starts=1)
+    )
+    assert found.gate.outcome is FitOutcome.FITS, found.gate.sentence
+    theta, truth = found.whole.fit.theta, rig.truth
+    for value, true in zip(theta[3:6], (truth.s0, truth.s1, truth.s2), strict=True):
+        assert value == pytest.approx(true, rel=0.05)
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def transitions(
         phase_0 = orders * (angle[k] + late * turning[k])
         phase_1 = orders * (angle[after] + late * turning[after])
         jump = jumps[k] > 0.0
-        steps = rig.JUMP_STEPS if jump else 1
+        steps = rig.steps_of(period, jump)
         h = period / steps
         s[:] = 0.0
         for d in range(5):
