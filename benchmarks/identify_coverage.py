@@ -11,6 +11,9 @@ the truth with its stated uncertainty; slip-force takes the constants as exact, 
 `spread` is the standard deviation of the errors over the half width of the intervals: about 0.5
 if the intervals are right. Far below it they are too wide, or nothing varied: coverage then
 has no meaning.
+
+No peer is compared. mujoco.sysid installs (``pip install 'mujoco[sysid]'``, seen: 4.0.0) and has
+least squares with intervals for models of MuJoCo; LuGre friction would need a rollout of one's own.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def test_recursion_agrees_with_an_independent_simulator(bench: Bench) -> None:
 
 
 def test_sensitivities_agree_with_differences(bench: Bench) -> None:
-    q = rig_parameters("pvc", bench)
+    q = rig_parameters("pvc", bench).copy()
     q[kernel.NAMES.index("ripple_sin")] = 0.3
     q[kernel.NAMES.index("wheel_delay")] = 1e-3
     current = np.concatenate([np.zeros(20), np.full(300, 1.0), np.full(200, -0.5)])
