@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
-from typing import Final
+from typing import Final, TypeVar
 
 from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.joint_account import JointAccount
@@ -36,6 +36,7 @@ from rigd.record import TrialInfo
 FROM_HERE: Final = " from this excitation"
 
 Trials = Sequence[tuple[RecordedSweep, TrialInfo]]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,29 @@ class Group:
 
 
 @dataclass(frozen=True)
+class RefusedGroup:
+    """A group whose data cannot answer: its files, the reason, and what to do about it."""
+
+    group: str
+    recordings: tuple[str, ...]
+    reason: str
+    hint: str
+
+    @staticmethod
+    def of(group: Group, error: DataError) -> RefusedGroup:
+        """Return ``group``, which ``error`` refuses."""
+        files = tuple(str(path) for path in group.recordings)
+        return RefusedGroup(group.label, files, error.message, error.hint or "")
+
+    @property
+    def sentence(self) -> str:
+        """The group, its files if the reason does not name them, and the reason."""
+        named = any(path in self.reason or path in self.group for path in self.recordings)
+        files = "" if named else f" ({', '.join(self.recordings)})"
+        return f"{self.group}{files}: {self.reason}"
+
+
+@dataclass(frozen=True)
 class Fitted:
     """A group with its result, and the curve of its published values if there are any."""
 
@@ -98,12 +122,14 @@ class ParameterEvaluation(Evaluation):
     provenance: Provenance
     conditions: tuple[Mapping[str, str], ...] = ()  #: of each section, as `group_by` names them
     joint: JointAccount | None = None  #: of groups that share constants
+    refused: tuple[RefusedGroup, ...] = ()
 
     @property
     def fits(self) -> bool:
-        """Whether the model fits in all groups, as far as its method can judge."""
+        """Whether the model fits in all groups, as far as its method can judge; none is refused."""
         gates = [section.result.gate for section in self.sections]
-        return all(gate is None or gate.outcome is not FitOutcome.MISFIT for gate in gates)
+        fit = all(gate is None or gate.outcome is not FitOutcome.MISFIT for gate in gates)
+        return fit and not self.refused
 
     @property
     def opening(self) -> Opening:
@@ -122,6 +148,7 @@ class ParameterEvaluation(Evaluation):
         fitted: Sequence[Fitted],
         options: Options,
         joint: JointAccount | None = None,
+        refused: Sequence[RefusedGroup] = (),
     ) -> ParameterEvaluation:
         """Return the evaluation of ``sweeps`` from the results of all their groups."""
         sections = tuple(item.section for item in fitted)
@@ -136,10 +163,13 @@ class ParameterEvaluation(Evaluation):
             entries = {item.wording: item.text for item in joint.constants.values()}
             facts = Facts(joint.title.capitalize(), entries)
             origin = replace(origin, facts=(*origin.facts, facts))
+        if refused:
+            entries = {item.group: f"{item.sentence}. {item.hint}" for item in refused}
+            origin = replace(origin, facts=(*origin.facts, Facts("Not identified", entries)))
         titles = dict.fromkeys(item.result.title for item in fitted)
         recordings = tuple(item.group.recordings for item in fitted)
         values = tuple(item.group.conditions for item in fitted)
-        return cls(", ".join(titles), sections, recordings, origin, values, joint)
+        return cls(", ".join(titles), sections, recordings, origin, values, joint, tuple(refused))
 
     def report(self) -> str:
         """Return the report as a self-contained HTML page; 2.5 s for each group of ten trials.
@@ -160,7 +190,8 @@ class ParameterEvaluation(Evaluation):
         """Return the results as an object for ``json.dumps``.
 
         Of a single group it is the group's own object (``parameters``, ``friction_curve``, …)
-        with ``group`` and ``recordings``; of several, ``groups`` is a list of such objects.
+        with ``group`` and ``recordings``; of several, ``groups`` is a list of such objects, and
+        ``refused`` a list of those whose data cannot answer.
         """
         groups = [
             {
@@ -173,7 +204,10 @@ class ParameterEvaluation(Evaluation):
                 self.sections, self.recordings, self.conditions, strict=True
             )
         ]
-        found: dict[str, object] = groups[0] if len(groups) == 1 else {"groups": groups}
+        alone = len(groups) == 1 and not self.refused
+        found: dict[str, object] = groups[0] if alone else {"groups": groups}
+        if self.refused:
+            found["refused"] = [plain_object(item) for item in self.refused]
         return found if self.joint is None else {**found, "joint": plain_object(self.joint)}
 
     def terminal_report(self) -> TerminalReport:
@@ -200,6 +234,9 @@ class ParameterEvaluation(Evaluation):
                 lines.append(f"  {account}")
             lines += [f"  {warning}" for warning in section.result.warnings]
             paragraphs.append("\n".join(lines))
+        paragraphs += [
+            f"not identified: {item.sentence}\n  {item.hint}".rstrip() for item in self.refused
+        ]
         if self.joint is not None:
             paragraphs += _shared(self.joint)
         for section in self.sections:
@@ -304,6 +341,30 @@ def complete_groups(
     for label, trials in found.items():
         notify(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
         yield Group(label, trials, tuple(pooled))
+
+
+def each_group(
+    groups: Iterable[Group], evaluated: Callable[[Group], T]
+) -> tuple[list[tuple[Group, T]], list[RefusedGroup]]:
+    """Return what ``evaluated`` makes of each group, and the groups whose data cannot answer.
+
+    Raises:
+        DataError: that is so of all groups; with the reason of the first.
+    """
+    found: list[tuple[Group, T]] = []
+    refused: list[RefusedGroup] = []
+    for group in groups:
+        try:
+            found.append((group, evaluated(group)))
+        except DataError as error:
+            last = error
+            refused.append(RefusedGroup.of(group, error))
+    if refused and not found:
+        if len(refused) == 1 and len(refused[0].recordings) == 1:
+            raise last
+        others = [f"; also {item.sentence}" for item in refused[1:]]
+        raise DataError("".join([refused[0].sentence, *others]), hint=refused[0].hint or None)
+    return found, refused
 
 
 def conditions(sweep: RecordedSweep, trial: TrialInfo) -> dict[str, str]:

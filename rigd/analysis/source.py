@@ -97,9 +97,8 @@ class RecordedSweep:
         """
         if name in trial.parameters:
             value, unit = trial.parameters[name], trial.units.get(name)
-            if isinstance(value, str | bool) or unit is None:
-                return str(value)
-            return str(Quantity(float(value), parse_unit(unit)))
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            return str(Quantity(value, parse_unit(unit))) if number and unit else str(value)
         if name in self.info.parameters:
             return self.info.parameters[name]
         raise DataError(f"{self.path}: there is no parameter {name!r} to group by")

@@ -109,3 +109,28 @@ def test_one_file_by_two_paths_is_refused(recorded: Recorded, tmp_path: Path) ->
         fitted(recorded("before"), link)
     with pytest.raises(DataError, match=r"before\.mcap is given twice"):
         fitted(recorded("before"), recorded("before"))
+
+
+def test_floor_that_cannot_answer_stops_no_other(recorded: Recorded, tmp_path: Path) -> None:
+    few = tmp_path / "few.mcap"
+    random_rig(0, "stone", tmp_path, currents="[0.9 A]").record(few, seed=1)
+    found = fitted(recorded("before"), few)
+    assert [section.label for section in found.sections] == ["pvc"]
+    assert found.sections[0].result.parameter("sigma_0").identifiable
+    assert not found.fits
+    (refused,) = found.refused
+    assert refused.sentence.startswith(f"stone ({few}): 1 of 1 trials can be fitted")
+    assert f"not identified: {refused.sentence}" in str(found.terminal_report())
+    saved = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert [group["group"] for group in saved["groups"]] == ["pvc"]
+    assert saved["refused"][0]["recordings"] == [str(few)]
+    assert refused.reason in found.report()
+
+
+def test_refusal_of_all_floors_names_each(tmp_path: Path) -> None:
+    few = [tmp_path / f"{floor}.mcap" for floor in ("stone", "pvc")]
+    for path in few:
+        random_rig(0, path.stem, tmp_path, currents="[0.9 A]").record(path, seed=1)
+    with pytest.raises(DataError) as error:
+        fitted(*few)
+    assert all(f"{path.stem} ({path}): 1 of 1" in error.value.message for path in few)

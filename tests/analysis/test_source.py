@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,13 @@ def make(tmp_path: Path) -> Make:
         return open_sweep(path)
 
     return record
+
+
+@pytest.mark.parametrize(("value", "shown"), [(None, "None"), ([], "[]"), (0.5, "0.5 A")])
+def test_parameter_of_any_kind_is_written(make: Make, value: object, shown: str) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000))
+    trial = replace(sweep.trials[0], parameters={"current": value}, units={"current": "A"})
+    assert sweep.parameter(trial, "current") == shown
 
 
 def test_signals_of_one_rate_are_not_resampled(make: Make) -> None:

@@ -7,11 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from rigd.analysis import Options
-from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
+from rigd.analysis.parameters import (
+    Fitted,
+    Group,
+    ParameterEvaluation,
+    complete_groups,
+    each_group,
+)
 from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult
 from rigd.analysis.source import RecordedSweep
-from rigd_analyses.lugre.reading import identify
+from rigd_analyses.lugre.reading import first_fit, identify
 from rigd_analyses.lugre.together import check_joint, identify_together, masses
 
 
@@ -21,16 +27,15 @@ def evaluate(
     """Return the LuGre parameters of each group of trials.
 
     Raises:
-        DataError: a recording has no complete trial, or the data cannot answer.
+        DataError: a recording has no complete trial, or the data of no group can answer.
     """
     if options.joint:
         return _evaluate_together(sweeps, options, notify)
-    fitted = []
-    for group in complete_groups(sweeps, options, notify):
-        result = identify(group.trials, options)
-        curve = reference_curve(group.reference_label, group.reference, result)
-        fitted.append(Fitted(group, result, curve))
-    return ParameterEvaluation.of(sweeps, fitted, options)
+    found, refused = each_group(
+        complete_groups(sweeps, options, notify), lambda group: identify(group.trials, options)
+    )
+    fitted = [_fitted(group, result) for group, result in found]
+    return ParameterEvaluation.of(sweeps, fitted, options, refused=refused)
 
 
 def _evaluate_together(
@@ -38,13 +43,17 @@ def _evaluate_together(
 ) -> ParameterEvaluation:
     """Return the parameters of all groups in one fit; those of several masses are one group."""
     check_joint(sweeps, options)
-    found = list(complete_groups(sweeps, options, notify, masses(sweeps)))
-    results, account = identify_together(found, options)
-    fitted = []
-    for group, result in zip(found, results, strict=True):
-        curve = reference_curve(group.reference_label, group.reference, result)
-        fitted.append(Fitted(group, result, curve))
-    return ParameterEvaluation.of(sweeps, fitted, options, account)
+    groups = complete_groups(sweeps, options, notify, masses(sweeps))
+    begun, refused = each_group(groups, lambda group: first_fit(group.trials, options))
+    found = [group for group, _ in begun]
+    results, account = identify_together(found, [first for _, first in begun], options)
+    fitted = [_fitted(group, result) for group, result in zip(found, results, strict=True)]
+    return ParameterEvaluation.of(sweeps, fitted, options, account, refused)
+
+
+def _fitted(group: Group, result: IdentificationResult) -> Fitted:
+    curve = reference_curve(group.reference_label, group.reference, result)
+    return Fitted(group, result, curve)
 
 
 def reference_curve(

@@ -13,7 +13,7 @@ from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.parameters import Group
-from rigd.analysis.result import IdentificationResult
+from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC
@@ -23,7 +23,6 @@ from rigd_analyses.lugre.reading import (
     FRICTION_MASS,
     MASS,
     OUTPUT_ERROR,
-    first_fit,
 )
 from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
@@ -69,17 +68,19 @@ def masses(sweeps: Sequence[RecordedSweep]) -> tuple[str, ...]:
 
 
 def identify_together(
-    groups: Sequence[Group], options: Options
+    groups: Sequence[Group],
+    begun: Sequence[tuple[FirstFit, list[TrialRejection]]],
+    options: Options,
 ) -> tuple[list[IdentificationResult], JointAccount]:
     """Return the results of ``groups`` in their order, and what their joint fit is.
 
-    Groups that the model does not fit are identified each by itself; so are all if they disagree
-    on a constant.
+    ``begun`` are the fits of each group by itself (:func:`.reading.first_fit`). Groups that the
+    model does not fit are identified each by itself; so are all if they disagree on a constant.
 
     Raises:
-        ConfigError, DataError: as :func:`.reading.identify`.
+        DataError: the cost of a group is not finite where its first fit ended.
     """
-    first, unusable = zip(*(first_fit(group.trials, options) for group in groups), strict=True)
+    first, unusable = zip(*begun, strict=True)
     fitting = [k for k, item in enumerate(first) if item.fits]
     joint = Joint((), ())
     if fitting:
