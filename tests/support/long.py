@@ -195,6 +195,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_unknown_gravity_is_named_where_it_decides",
             "test_wear_over_the_trials_gives_no_number",
         ),
+        "analyses/lugre/test_posterior.py": (
+            "test_credible_intervals_are_those_of_profiles",
+            "test_marginal_is_what_refits_give",
+            "test_model_that_does_not_fit_has_no_posterior",
+        ),
         "analyses/lugre/test_reading.py": (
             "test_guide_friction_follows_mass_it_was_measured_at",
             "test_guide_friction_without_mass_is_not_scaled",
