@@ -1,14 +1,16 @@
 """Is a number right, refused or named when the constants are wrong?
 
-    python benchmarks/identify_misfit.py --floor pvc --keep misfit.jsonl
+    python benchmarks/identify_misfit.py --floor pvc --size medium --keep misfit.jsonl
     python benchmarks/identify_misfit.py --only radius --size large
-    python benchmarks/identify_misfit.py --controls 30
+    python benchmarks/identify_misfit.py --controls 30 --keep misfit.jsonl
+    python benchmarks/identify_misfit.py --keep misfit.jsonl --table
 
 A row for each kind of wrongness (``tests/support/lugre_kinds.py``) and size: by how many half
-widths the worst interval of method A misses the truth, the outcome of output error, its worst
-interval, CPU seconds, the first finding. Wrong and not named is what must not be. With ``--keep``
-it continues the file; every fifth kind comes first, so that a table that is stopped is a spread.
-5 to 45 s of CPU for each case.
+widths the worst interval of method A alone misses the truth, what the gate decides, the same of
+method A behind the gate (``--method slip-force``) and of output error, CPU seconds, the first
+finding. Wrong and not named is what must not be. With ``--keep`` it continues the file; every
+fifth kind comes first, so that a table that is stopped is a spread. ``--table`` only prints what
+the file has. 5 to 45 s of CPU for each case.
 """
 
 from __future__ import annotations
@@ -17,56 +19,76 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from support.lugre_kinds import KINDS, SIZES
+from support.lugre_kinds import GROUPS, KINDS, SIZES
 from support.lugre_wrong import World, control, right
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import identify_lugre
-from rigd_analyses.lugre.rig.identify import identify_output_error
+from rigd_analyses.lugre.rig.identify import conclude_group, fit_group
 
 Row = dict[str, Any]
 STRIDE = 5  #: between one kind and the next
+REFUSED = (FitOutcome.MISFIT.name, "refused")
+METHODS = {"slip": "slip-force behind the gate", "oe": "output error"}
+CHANCE = 1.5  #: half widths beyond which chance puts one of eight intervals in 1 of 40 cases
 
 
-def worst(result: IdentificationResult, world: World) -> float:
-    """Return the largest error of an interval that is given, in half widths; 0 without any."""
-    errors = [0.0]
+def misses(result: IdentificationResult, world: World) -> dict[str, float]:
+    """Return by how many half widths each interval that is given misses the truth."""
+    found = {}
     for entry in (*result.parameters, *result.derived):
         if not entry.identifiable or entry.low is None or entry.high is None:
             continue
         if entry.name in world.truth:
             middle, half = 0.5 * (entry.low + entry.high), 0.5 * (entry.high - entry.low)
-            errors.append(abs(world.truth[entry.name] - middle) / half)
-    return max(errors)
+            found[entry.name] = round(abs(world.truth[entry.name] - middle) / half, 3)
+    return found
 
 
 def case(name: str, world: World, seed: int) -> Row:
-    """Return the row of one world."""
+    """Return the row of one world: the misses of each method, and what the gate decides."""
     trials = world.trials(seed)
-    row: Row = {"case": name, "a": 0.0, "outcome": "refused", "oe": 0.0, "finding": ""}
+    row: Row = {"case": name, "a": None, "slip": {}, "oe": {}, "outcome": "refused"}
+    row |= {"finding": "", "named": []}
+    begun_at = time.process_time()
     try:
-        row["a"] = worst(identify_lugre(trials, world.constants), world)
-    except DataError:
-        row["a"] = -1.0
-    begun = time.process_time()
-    try:
-        result = identify_output_error(trials, world.constants, world.rig)
+        by_slip = identify_lugre(trials, world.constants)
+        row["a"] = misses(by_slip, world)
+        begun = fit_group(trials, world.constants, world.rig)
+        row["outcome"], row["finding"] = begun.gate.outcome.name, begun.gate.sentence
+        row["named"] = [item.name for item in begun.gate.explanations]
+        row["slip"] = misses(checked(by_slip, begun), world)
+        row["oe"] = misses(conclude_group(begun), world)
     except DataError as error:
         row["finding"] = error.message
-    else:
-        gate = result.gate
-        row["oe"] = worst(result, world)
-        row["outcome"] = "" if gate is None else gate.outcome.name
-        row["finding"] = "" if gate is None else gate.sentence
-    row["s"] = time.process_time() - begun
+    row["s"] = time.process_time() - begun_at
     return row
+
+
+def worst(row: Row, column: str) -> float:
+    """Return the worst miss in a column; 0 without any, -1 if method A refuses the data."""
+    return -1.0 if row[column] is None else max(row[column].values(), default=0.0)
+
+
+def verdict(row: Row, column: str) -> str:
+    """Return what a user has of a method: numbers that are right, none, a name, or wrong ones."""
+    if row["outcome"] in REFUSED or not row[column]:
+        return "refused"
+    missed = worst(row, column)
+    if row["outcome"] == FitOutcome.FITS.name:
+        return "right" if missed <= 1.0 else "near" if missed <= CHANCE else "wrong"
+    return "named" if missed <= 1.0 else "named, near" if missed <= CHANCE else "named, wrong"
+
+
+VERDICTS = ("right", "near", "named", "named, near", "refused", "named, wrong", "wrong")
 
 
 def worlds(args: argparse.Namespace) -> Iterator[tuple[str, World]]:
@@ -82,6 +104,29 @@ def worlds(args: argparse.Namespace) -> Iterator[tuple[str, World]]:
                     yield f"{floor}, {kind.name}, {label}", kind.world(right(floor), size)
 
 
+def table(rows: Sequence[Row]) -> None:
+    """Print the verdicts on each method, by group and by what method A alone makes of them."""
+    wrong = [row for row in rows if not row["case"].startswith("control")]
+    controls = [row for row in rows if row["case"].startswith("control")]
+    group_of = {kind.name: name for name, kinds in GROUPS.items() for kind in kinds}
+    parts: dict[str, list[Row]] = {name: [] for name in GROUPS}
+    for row in wrong:
+        parts[group_of[row["case"].partition(", ")[2].rpartition(", ")[0]]].append(row)
+    parts["method A alone is off"] = [row for row in wrong if worst(row, "a") > 1.0]
+    parts["method A alone refuses"] = [row for row in wrong if row["a"] is None]
+    parts["method A alone is right"] = [row for row in wrong if 0.0 <= worst(row, "a") <= 1.0]
+    parts["controls"] = controls
+    for column, method in METHODS.items():
+        print(f"\n| {method} | cases | {' | '.join(VERDICTS)} |")
+        print("|---" * (len(VERDICTS) + 2) + "|")
+        for name, part in parts.items():
+            found = [verdict(row, column) for row in part]
+            counts = " | ".join(str(found.count(item)) for item in VERDICTS)
+            print(f"| {name} | {len(part)} | {counts} |")
+    alarms = [row["case"] for row in controls if row["outcome"] != FitOutcome.FITS.name]
+    print(f"\ncontrols: {len(controls)}, false alarms: {len(alarms)} {alarms}")
+
+
 def main() -> None:
     """Identify every case by both methods and print a row for each."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -91,32 +136,23 @@ def main() -> None:
     parser.add_argument("--controls", type=int, default=0, help="right worlds instead of wrong")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="JSON lines, read and appended to")
+    parser.add_argument("--table", action="store_true", help="only print what --keep has")
     args = parser.parse_args()
     lines = args.keep.read_text().splitlines() if args.keep and args.keep.exists() else []
     rows: list[Row] = [json.loads(line) for line in lines]
     done = {row["case"] for row in rows}
-    for name, world in worlds(args):
+    for name, world in [] if args.table else worlds(args):
         if name in done:
             continue
         rows.append(case(name, world, args.seed))
         row = rows[-1]
-        print(
-            f"{name:<58} A {row['a']:5.1f}  {row['outcome']:<9} {row['oe']:4.1f} "
-            f"{row['s']:5.1f} s  {row['finding'][:90]}",
-            flush=True,
-        )
+        shown = f"slip {worst(row, 'slip'):4.1f}  oe {worst(row, 'oe'):4.1f} {row['s']:5.1f} s"
+        alone = f"A {worst(row, 'a'):5.1f}"
+        print(f"{name:<52} {alone}  {row['outcome']:<9} {shown}  {row['finding'][:90]}", flush=True)
         if args.keep:
             with args.keep.open("a") as stream:
                 stream.write(json.dumps(row) + "\n")
-    wrong = [row for row in rows if row["a"] > 1.0 and not row["case"].startswith("control")]
-    good = [row for row in wrong if row["outcome"] != FitOutcome.FITS.name or row["oe"] <= 1.0]
-    print(f"method A off by more than its interval: {len(wrong)}")
-    print(f"of these right, named or refused: {len(good)}")
-    off = [row for row in wrong if row["outcome"] == FitOutcome.CORRECTED.name and row["oe"] > 1.0]
-    print(f"of these named, but an interval misses the truth: {len(off)}")
-    controls = [row for row in rows if row["case"].startswith("control")]
-    alarms = [row for row in controls if row["outcome"] != FitOutcome.FITS.name]
-    print(f"controls: {len(controls)}, false alarms: {len(alarms)}")
+    table(rows)
 
 
 if __name__ == "__main__":

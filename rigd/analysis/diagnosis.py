@@ -23,6 +23,7 @@ from rigd.analysis.score import Columns, Score, Scores, holm
 from rigd.analysis.structure import Suspect
 from rigd.analysis.system import System, Unknown
 from rigd.analysis.whiteness import EXCESS, Jump, LoudBand, largest_jump, levels, loudest_band
+from rigd.model.errors import DataError
 
 LEVEL = 0.005  #: chance of one false alarm in all tests together
 MOST = 3  #: things that are added
@@ -31,6 +32,7 @@ NAMED = 0.7  #: share of the best gain from which a thing with a name is preferr
 AS_GOOD = 0.9  #: share from which another explanation is worth a word
 MOST_OTHERS = 2
 DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
+NO_SIZE = 2.0  #: standard errors below which what was fitted is none
 FAR = 1e3  #: standard errors that bound an added value
 
 #: Returns the candidates at parameters (p,) of the system.
@@ -69,7 +71,8 @@ class Diagnosis:
 
     ``left`` are the tests that are still significant, the worst first; ``levels`` (m,) the mean
     squares of the whitened outputs, which noise leaves at 1, ``worst`` (m,) those of each output's
-    worst trial and ``trials`` (m,) which one that is.
+    worst trial and ``trials`` (m,) which one that is. ``doubts`` (s,) are the steps of the shared
+    parameters, scaled, from what was added to each other thing that explains as much.
     """
 
     fit: OutputErrorFit
@@ -80,6 +83,7 @@ class Diagnosis:
     trials: tuple[int, ...]
     band: LoudBand
     jump: Jump
+    doubts: tuple[FloatArray, ...] = ()
 
     @property
     def coloured(self) -> bool:
@@ -99,25 +103,40 @@ def diagnose(
     """
     system = found.model.system
     chosen: list[Tested] = []
-    others: list[tuple[str, ...]] = []
+    as_good: dict[str, list[Tested]] = {}
+    vanished: set[str] = set()
     while True:
         scores = Scores(found, block)
         known = _constants(found, scores.step)
         tests = [*known, *_tested(scores, candidates(own_parameters(found)))]
         left = sorted(_significant(tests), key=lambda item: -item.worth)
         state = _state(scores.white, period_s)
-        new = [item for item in tests if item.name not in {other.name for other in chosen}]
+        tried = vanished | {item.name for item in chosen}
+        new = [item for item in tests if item.name not in tried]
         best = _best(new)
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
-        if not wrong or best.worth < WORTH or len(chosen) >= MOST or done:
+        most = len(chosen) >= MOST or len(vanished) >= MOST
+        if not wrong or best.worth < WORTH or most or done:
             break
-        others.append(_as_good(new, best))
-        chosen.append(_refined(scores, best))
-        found = _refitted(system, found, chosen, candidates, starts, block)
+        last = _refined(scores, best)
+        as_good[last.name] = _as_good(new, best)
+        try:
+            with np.errstate(over="raise", invalid="raise"):
+                found, chosen, gone = _added(system, found, chosen, last, candidates, starts, block)
+        except (DataError, FloatingPointError):  # no motion at all: it stays in what is left
+            left = [best, *(item for item in left if item is not best)]
+            break
+        vanished |= {best.name if item is last else item.name for item in gone}
     explained = tuple(
-        _explanation(found, chosen, index, others[index]) for index in range(len(chosen))
+        _explanation(found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
+    own = len(system.shared)
+    doubts = [
+        other.score.shift[:own] - item.score.shift[:own]
+        for item in chosen
+        for other in as_good[item.name]
+    ]
     return Diagnosis(
         found,
         explained,
@@ -127,6 +146,7 @@ def diagnose(
         state.trials,
         state.band,
         state.jump,
+        tuple(doubts),
     )
 
 
@@ -180,9 +200,11 @@ def _constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
         by_noise = variance - variance**2 / u**2
         excess = max(float(found.from_data[place, place]) - by_noise, 0.0)
         p_value = float(chi2.sf(moved**2 / (u**2 * share + excess), 1))
+        # With it the others move along their covariance with it.
+        shift = inverse[:, place] / variance * moved * (1.0 / share - 1.0)
         score = Score(
             gain, 1, p_value, np.array([moved / share]), np.array([math.sqrt(variance / share)]),
-            np.zeros(len(pulls)),
+            shift,
         )  # fmt: skip
         name = unknown.wording
         yield Tested(name, unknown.parameter.unit, score, place=place)
@@ -215,24 +237,53 @@ def _refined(scores: Scores, best: Tested) -> Tested:
     return max(_tested(scores, best.candidate.near()), key=lambda item: item.worth)
 
 
-def _as_good(tests: Sequence[Tested], best: Tested) -> tuple[str, ...]:
+def _as_good(tests: Sequence[Tested], best: Tested) -> list[Tested]:
     near = [item for item in tests if item.worth > AS_GOOD * best.worth and item is not best]
-    near.sort(key=lambda item: -item.worth)
-    return tuple(item.name for item in near if item.special)[:MOST_OTHERS]
+    return sorted(near, key=lambda item: -item.worth)
+
+
+def _names(tests: Sequence[Tested]) -> tuple[str, ...]:
+    return tuple(item.name for item in tests if item.special)[:MOST_OTHERS]
+
+
+def _added(
+    system: System, found: OutputErrorFit, chosen: Sequence[Tested], last: Tested,
+    candidates: Suspects, starts: Sequence[FloatArray], block: int,
+) -> tuple[OutputErrorFit, list[Tested], list[Tested]]:  # fmt: skip
+    """Return the fit with ``last`` too, what is in it, and what had no size in it and was removed.
+
+    A score test is right close to the optimum only. From far away, a wrong candidate may promise
+    most, and have no size once the parameters have moved.
+    """
+    more = [*chosen, last]
+    promised = np.zeros(0) if last.candidate is None else last.score.size
+    sizes = np.concatenate([*(_sizes(found, chosen, item) for item in chosen), promised])
+    fitted = _refitted(system, found, more, sizes, candidates, starts, block)
+    gone = [item for item in more if _vanishes(fitted, more, item)]
+    if gone:
+        kept = [item for item in more if item not in gone]
+        sizes = np.concatenate([np.zeros(0), *(_sizes(fitted, more, item) for item in kept)])
+        fitted, more = _refitted(system, fitted, kept, sizes, candidates, starts, block), kept
+    return fitted, more, gone
 
 
 def _refitted(
-    system: System, found: OutputErrorFit, chosen: Sequence[Tested], candidates: Suspects,
-    starts: Sequence[FloatArray], block: int,
+    system: System, found: OutputErrorFit, chosen: Sequence[Tested], sizes: FloatArray,
+    candidates: Suspects, starts: Sequence[FloatArray], block: int,
 ) -> OutputErrorFit:  # fmt: skip
-    """Return the fit with all that was chosen; effects are taken at the motion, twice."""
+    """Return the fit with all that was chosen, from ``sizes`` (c,); effects are taken twice.
+
+    Raises:
+        DataError: with the fitted motion one of them has more or fewer values than before.
+    """
     others = list(starts)
     base = own_parameters(found)
     released = frozenset(item.place for item in chosen if item.candidate is None)
     own = len(system.shared)
-    sizes = _sizes(found, chosen)
     for _ in range(2):
         columns = _side_by_side(_again(chosen, candidates, base), system)
+        if columns[0].shape[2] != sizes.size:
+            raise DataError("what explains the misfit is another thing once the motion is refitted")
         extended = Extended(system, _unknowns(chosen, sizes), columns, released)
         points = [np.concatenate([start, sizes]) for start in (base[:own], *others)]
         fitted = estimate(extended, points, block)
@@ -241,16 +292,9 @@ def _refitted(
     return fitted
 
 
-def _sizes(found: OutputErrorFit, chosen: Sequence[Tested]) -> FloatArray:
-    """Return the starts of the added values: as fitted before, the last as its test has it."""
-    system = found.model.system
-    before = (
-        found.fit.theta[system.own : system.own + len(system.added)]
-        if isinstance(system, Extended)
-        else np.zeros(0)
-    )
-    last = chosen[-1]
-    return before if last.candidate is None else np.concatenate([before, last.score.size])
+def _sizes(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> FloatArray:
+    """Return the values (c,) of ``item``, one of ``chosen``, in the fit with all of these."""
+    return found.fit.theta[_places(found, chosen, item)]
 
 
 def _unknowns(chosen: Sequence[Tested], sizes: FloatArray) -> tuple[Unknown, ...]:
@@ -292,10 +336,26 @@ def _side_by_side(added: Sequence[Suspect], system: System) -> Columns:
     return [np.concatenate(part, axis=2) for part in parts]
 
 
+def _vanishes(fitted: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> bool:
+    """Whether ``item``, one of ``chosen``, has no size in the fit with all of these."""
+    if item.candidate is None:
+        return False
+    here = _places(fitted, chosen, item)
+    variance = np.maximum(np.diag(fitted.covariance)[here], np.finfo(float).tiny)
+    return bool(np.mean(fitted.fit.theta[here] ** 2 / variance) < NO_SIZE**2)
+
+
+def _places(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> slice:
+    """Return the places of the values of ``item``, one of ``chosen``; none of a constant."""
+    counts = [0 if other.candidate is None else other.score.size.size for other in chosen]
+    place = next(k for k, other in enumerate(chosen) if other is item)
+    begin = len(found.model.system.shared) - sum(counts[place:])
+    return slice(begin, begin + counts[place])
+
+
 def _explanation(
-    found: OutputErrorFit, chosen: Sequence[Tested], index: int, others: tuple[str, ...]
+    found: OutputErrorFit, chosen: Sequence[Tested], item: Tested, others: tuple[str, ...]
 ) -> Explanation:
-    item = chosen[index]
     theta, sds = found.fit.theta, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     if item.candidate is None:
         unknown = found.model.system.shared[item.place]
@@ -305,14 +365,8 @@ def _explanation(
             item.name, item.unit, value, float(sds[item.place]) * parameter.slope(value),
             item.score.gain, "", parameter.start, float(item.score.size[0]) / _u(item), others,
         )  # fmt: skip
-    own = len(found.model.system.shared) - sum(
-        other.score.size.size for other in chosen if other.candidate is not None
-    )
-    begin = own + sum(
-        before.score.size.size for before in chosen[:index] if before.candidate is not None
-    )
-    here = slice(begin, begin + item.score.size.size)
-    size = float(theta[begin]) if item.score.size.size == 1 else _amplitude(theta[here])
+    here = _places(found, chosen, item)
+    size = float(theta[here][0]) if item.score.size.size == 1 else _amplitude(theta[here])
     sd = float(np.sqrt(np.mean(sds[here] ** 2)))
     return Explanation(
         item.name, item.unit, size, sd, item.score.gain, item.candidate.look, others=others,

@@ -70,8 +70,8 @@ def sentence(item: Explanation) -> str:
 
 
 def _typed(item: Explanation) -> str:
-    """Return a guess at a typing error."""
-    if not item.size or item.stated is None:
+    """Return a guess at a typing error of a length."""
+    if not item.size or item.stated is None or item.unit != "m":
         return ""
     factor = item.stated / item.size
     if abs(factor - 2.0) < DOUBLED:

@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+KNEE = 0.8  #: in the unit of the sensor
+TURN = 2.0 * np.pi * 0.02  #: of the measuring wheel, in m
+RING_DAMPING = 0.05
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Sensor:
     ``fading`` for each second and a ``hum`` of 50 Hz are added, then white ``noise``; it is clipped
     at ``clip`` and shown in steps of ``count``. An encoder loses ``lost`` counts in each count
     (a share), and ``jump`` at once in the middle of the second trial. A share ``repeats`` of the
-    samples shows the one before.
+    samples shows the one before. Beyond ``KNEE`` it loses a share ``bend`` of what is more; its
+    mount rings at ``ring_hz``; ``lines`` counts are missing in half of each ``TURN``.
     """
 
     noise: float = 0.0
@@ -36,6 +40,9 @@ class Sensor:
     lost: float = 0.0
     jump: float = 0.0
     repeats: float = 0.0
+    bend: float = 0.0
+    ring_hz: float = 0.0
+    lines: float = 0.0
 
     def show(
         self, t: FloatArray, values: FloatArray, at: FloatArray, trial: int,
@@ -50,7 +57,11 @@ class Sensor:
             when = when + self.jitter_s * rng.standard_normal(len(at))
         if self.lowpass_hz:
             values = _lowpass(values, 2.0 * np.pi * self.lowpass_hz * float(t[1] - t[0]))
+        if self.ring_hz:
+            values = _ringing(values, self.ring_hz, float(t[1] - t[0]))
         shown = self.gain * np.interp(when, t, values) + self.zero + self.fading * at
+        shown = shown - self.bend * np.sign(shown) * np.maximum(np.abs(shown) - KNEE, 0.0)
+        shown = shown - self.lines * self.count * (np.mod(shown + 0.25 * TURN, TURN) > 0.5 * TURN)
         shown = shown + self.hum * np.sin(2.0 * np.pi * 50.0 * at + trial)
         shown = np.clip(shown + self.noise * rng.standard_normal(len(at)), -self.clip, self.clip)
         if self.lost:
@@ -73,4 +84,13 @@ def _lowpass(values: FloatArray, step: float) -> FloatArray:
 
     share = 1.0 - np.exp(-step)
     taps = ([share], [1.0, share - 1.0])
+    return np.asarray(lfilter(*taps, values, zi=values[0] * lfilter_zi(*taps))[0])
+
+
+def _ringing(values: FloatArray, ring_hz: float, period_s: float) -> FloatArray:
+    """Return ``values`` on a mount of second order that rings at ``ring_hz``."""
+    from scipy.signal import bilinear, lfilter, lfilter_zi
+
+    rate = 2.0 * np.pi * ring_hz
+    taps = bilinear([rate**2], [1.0, 2.0 * RING_DAMPING * rate, rate**2], 1.0 / period_s)
     return np.asarray(lfilter(*taps, values, zi=values[0] * lfilter_zi(*taps))[0])

@@ -64,6 +64,10 @@ class World:
     loaded: float = 0.0  #: share of mass gained from the first trial to the last
     swapped: int = 0  #: trials that were on another floor
     edge_share: float = 0.0  #: how far another floor, 0.5 m away, differs on the way to that one
+    fades: float = 0.0  #: share of K_t lost from the first trial to the last
+    shrinks: float = 0.0  #: share of wheel radius lost from the first trial to the last
+    turned: int = 0  #: trials in which the carriage encoder counts the other way
+    held_late_s: float = 0.0  #: by which the brake acts before it is recorded
     cut_s: float = 0.0  #: cut out of the middle of a trial, without a gap in its times
     stated: Mapping[str, float] = field(default_factory=dict)
     unknown: Mapping[str, float] = field(default_factory=dict)
@@ -141,6 +145,8 @@ class World:
             mu_s=q.mu_s * (1.0 - self.worn * share),
             s0=q.s0 * (1.0 - self.softened * share),
             mass=q.mass * (1.0 + self.loaded * share),
+            torque_constant=q.torque_constant * (1.0 - self.fades * share),
+            radius=q.radius * (1.0 - self.shrinks * share),
         )
 
     def _trial(self, number: int, seed: int) -> LugreTrial:
@@ -165,8 +171,10 @@ class World:
             "carriage_position_m": self.guide.show(t, way, at, number, rng, offsets[1]),
             "acceleration_m_s2": self.accelerometer.show(t, felt, at, number, rng),
             "motor_current_a": self.current.show(t, amps, at, number, rng),
-            "held": rows[::ROWS, physics.BRAKED],
+            "held": np.interp(at - self.held_late_s, t, rows[:, physics.BRAKED]).round(),
         }
+        if number >= len(self.program) - self.turned:
+            shown["carriage_position_m"] = -shown["carriage_position_m"]
         kept = np.ones(len(at), dtype=np.bool_)
         if self.cut_s and number % 3 == 1:
             driven = np.flatnonzero(shown["held"][REST:] > 0.5)

@@ -11,6 +11,7 @@ from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
 from rigd_analyses.lugre.analysis import LugreAnalysis
 from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
+from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, identify_output_error
@@ -74,7 +75,7 @@ def identify(
         rig = rig_constants(usable, constants)
         result = identify_output_error(found, constants, rig, settings, options.posterior)
     else:
-        result = identify_lugre(found, constants, settings)
+        result = _by_slip_force(usable, found, constants, settings)
     if options.compare:
         comparison, broken = compare_by_law(found, constants, settings, options)
         warnings = (*result.warnings, *(f"not compared: {why}" for why in broken))
@@ -82,6 +83,30 @@ def identify(
     account = result.preprocessing
     whole = replace(account, rejected=(*unusable, *account.rejected))
     return replace(result, preprocessing=whole)
+
+
+def _by_slip_force(
+    usable: Sequence[tuple[RecordedSweep, TrialInfo]],
+    found: Sequence[LugreTrial],
+    constants: LugreConstants,
+    settings: Settings,
+) -> IdentificationResult:
+    """Return the result of method A, held to the simulated rig as far as the plan allows.
+
+    Raises:
+        DataError: the data cannot answer the question, or the rig cannot be simulated.
+    """
+    result = identify_lugre(found, constants, settings)
+    missing = [name for name in DRIVE if name not in usable[0][0].plan.constants]
+    if settings.loss is not Loss.SQUARES:
+        why = "output error, which would do so, has no robust loss"
+    elif missing:
+        why = f"that takes constants of the drive: {', '.join(missing)}"
+    else:
+        rig = rig_constants(usable, constants)
+        return checked(result, fit_group(found, constants, rig, settings))
+    warning = f"Not tested is whether the model fits the motion of the rig: {why}."
+    return replace(result, warnings=(warning, *result.warnings))
 
 
 def first_fit(

@@ -17,6 +17,7 @@ from rigd.analysis.output_error import conclude, estimate
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd.analysis.score import holm
 from rigd.analysis.whiteness import largest_jump, levels, loudest_band
+from rigd.model.errors import DataError
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
@@ -91,3 +92,18 @@ def test_a_tone_or_jump_in_noise_is_seen() -> None:
 
 def test_holm_rejects_what_all_tests_allow() -> None:
     assert holm([1e-4, 0.03, 0.02, 0.9], 0.05) == [True, False, False, False]
+
+
+def test_explanation_that_cannot_be_fitted_leaves_misfit() -> None:
+    """The carriage encoder counts the other way in half of the trials."""
+    with pytest.raises(DataError, match="times what the noise"):
+        found(replace(right("pvc"), turned=2), FEW)
+
+
+def test_constant_is_named_not_a_law_without_size() -> None:
+    """Far from the optimum a score test promises most for another law of friction."""
+    result = found(replace(right("pvc"), stated={"rolling_resistance": 0.5}), SLOW)
+    assert result.gate is not None
+    (first, *_) = result.gate.explanations
+    assert first.name in ("rolling resistance", "guide friction"), result.gate.sentence
+    assert first.stated is not None

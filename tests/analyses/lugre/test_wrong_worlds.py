@@ -16,7 +16,10 @@ from support.lugre_wrong import GUIDE, World, control, right
 from rigd_analyses.lugre.trial import LugreTrial
 
 SHORT = (((1.5, 0.9),), ((0.75, 0.25), (-0.9, 0.35)))
-SIGNALS = ("wheel_angle_rad", "carriage_position_m", "acceleration_m_s2", "motor_current_a")
+SIGNALS = (
+    *("wheel_angle_rad", "carriage_position_m", "acceleration_m_s2", "motor_current_a"),
+    "held",
+)
 
 
 def bare(world: World) -> World:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD
+from rigd.analysis.left_out import jackknife_sd
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.owed import owed_to_constants
@@ -52,7 +53,11 @@ class Found:
     weight_u: float = (
         0.0  #: relative standard uncertainty of gravity: friction is force over weight
     )
-    shifts: tuple[FloatArray, ...] = ()  #: (p,) of what is left unexplained, each scaled
+    #: (6,) or longer, scaled: of what is left unexplained, and of what explains as much
+    shifts: tuple[FloatArray, ...] = ()
+    without: FloatArray = field(  #: (trials, p), scaled: steps without each trial, if named
+        default_factory=lambda: np.zeros((0, FRICTION))
+    )
 
     @property
     def theta(self) -> FloatArray:
@@ -61,9 +66,17 @@ class Found:
 
     def error(self, quantity: Quantity) -> float:
         """Return the standard error of the logarithm: noise, constants, filter of the current."""
-        gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
+        by_natural = quantity.log_gradient(self.theta[:FRICTION])
+        return math.hypot(self.chance(by_natural), self.method(quantity), self.weight(quantity))
+
+    def chance(self, by_natural: FloatArray) -> float:
+        """Return the standard error from noise and constants of a logarithm's gradient (1, 6).
+
+        If something was added to the model, it is no less than what single trials make of it.
+        """
+        gradient = self._padded(by_natural[0])
         chance = math.sqrt(max(float(gradient @ self.whole.covariance @ gradient), 0.0))
-        return math.hypot(chance, self.method(quantity), self.weight(quantity))
+        return max(chance, jackknife_sd(self.without[:, :FRICTION] @ gradient[:FRICTION]))
 
     def weight(self, quantity: Quantity) -> float:
         """Return what gravity adds: all but V_s are forces over the weight."""
@@ -81,9 +94,13 @@ class Found:
         return math.hypot(filters, self.unexplained(quantity.log_gradient(self.theta[:FRICTION])))
 
     def unexplained(self, by_natural: FloatArray) -> float:
-        """Return by how much what is left may move a logarithm with this gradient (1, 6)."""
-        gradient = self._padded(by_natural[0])
-        shift = max((abs(float(gradient @ shift)) for shift in self.shifts), default=0.0)
+        """Return by how much what is left may move a logarithm with this gradient (1, 6).
+
+        That is too what something else that explains as much would make of it.
+        """
+        gradient = self._padded(by_natural[0])[:FRICTION]
+        moved = (abs(float(gradient @ shift[:FRICTION])) for shift in self.shifts)
+        shift = max(moved, default=0.0)
         varies = [item for item in self.gate.explanations if item.meaning is Meaning.VARIES]
         return math.hypot(shift, *(abs(item.size) for item in varies))
 

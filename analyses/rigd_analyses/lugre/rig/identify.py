@@ -14,6 +14,7 @@ from rigd.analysis.extended import same_with
 from rigd.analysis.fit import Fit, fit, multi_start
 from rigd.analysis.gate import judge_fit
 from rigd.analysis.homogeneity import TrialParts, homogeneity
+from rigd.analysis.left_out import without_each_trial
 from rigd.analysis.model import scaled_bounds
 from rigd.analysis.output_error import ENOUGH, NEAR, OutputErrorFit, estimate, improve
 from rigd.analysis.profile import ProfileScan, axis, follow
@@ -128,7 +129,7 @@ def fit_group(
         sentence = f"The model does not fit these data: {changed[0]}"
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)
         gate = replace(gate, findings=(*changed, *gate.findings))
-    shifts = tuple(item.score.shift for item in diagnosis.left)
+    shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
     return FirstFit(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
         tuple(starts), block, settings.seed,
@@ -173,7 +174,7 @@ def with_intervals(
     scans: dict[str, ProfileScan] = {}
     if gate.outcome is not FitOutcome.MISFIT:
         for _ in range(MOST_BETTER):
-            scans = profiles(whole, visited_slip(first, whole))
+            scans = profiles(whole, visited_slip(first, whole, gate))
             better = [line.better for line in scans.values() if line.better is not None]
             if not better:
                 break
@@ -187,10 +188,13 @@ def with_intervals(
         )  # fmt: skip
         others.append(again.theta)
     gravity = first.constants.gravity
-    return Found(
-        whole, tuple(others), scans, visited_slip(first, whole), gate, alike,
+    found = Found(
+        whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
         gravity.u / gravity.value, shifts,
     )  # fmt: skip
+    if gate.outcome is FitOutcome.CORRECTED:
+        return replace(found, without=without_each_trial(whole))
+    return found
 
 
 def _parts(trials: Sequence[LugreTrial], rig: RigConstants) -> list[TrialParts]:
@@ -292,8 +296,14 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
     return scans
 
 
-def visited_slip(system: RigSystem, whole: OutputErrorFit) -> tuple[float, float]:
-    """Return the slip range in m/s in which the bristle slides."""
+def visited_slip(
+    system: RigSystem, whole: OutputErrorFit, gate: Gate | None = None
+) -> tuple[float, float]:
+    """Return the slip range in m/s in which the bristle slides.
+
+    Raises:
+        DataError: it slides in no trial: with the sentence of ``gate`` if the model does not fit.
+    """
     speeds = []
     for trial, states in enumerate(all_states(system, whole)):
         speed = np.abs(slip(system, whole, states))
@@ -303,6 +313,8 @@ def visited_slip(system: RigSystem, whole: OutputErrorFit) -> tuple[float, float
         speeds.append(speed[bent & (system.trials[trial].jumps == 0.0)])
     used = np.concatenate(speeds)
     if used.size == 0 or not np.max(used) > 0.0:
+        if gate is not None and gate.outcome is FitOutcome.MISFIT:
+            raise DataError(gate.sentence, hint="; ".join(gate.findings[1:]))
         raise DataError(
             "no trial bends the bristle half way to sliding: nothing is known about friction",
             hint="record trials with more current",

@@ -10,7 +10,7 @@ import numpy as np
 from rigd.analysis import residuals as tests
 from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import fitted_point, slopes
+from rigd.analysis.model import fitted_point
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import (
     Curve,
@@ -125,16 +125,12 @@ def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
     points = 0 if found.gate.outcome is FitOutcome.MISFIT else POINTS
     slip = np.geomspace(max(found.visited[0], 1e-6), found.visited[1], points)
     centre = friction(theta, slip)
-    scale = slopes(found.whole.model.parameters, found.theta)[:FRICTION]
-    gradient = friction_gradient(theta, slip) / centre[:, None] * scale
-    chance = np.einsum(
-        "ij,jk,ik->i", gradient, found.whole.covariance[:FRICTION, :FRICTION], gradient
-    )
     moved = [np.log(friction(other[:FRICTION], slip) / centre) for other in found.others]
     method = np.mean(np.square(moved), axis=0) if moved else np.zeros(points)
     by_natural = friction_gradient(theta, slip) / centre[:, None]
+    chance = np.array([found.chance(row[None]) ** 2 for row in by_natural])
     method += np.array([found.unexplained(row[None]) ** 2 for row in by_natural])
-    reach = Z_95 * np.sqrt(np.maximum(chance, 0.0) + method + found.weight_u**2)
+    reach = Z_95 * np.sqrt(chance + method + found.weight_u**2)
     accepted = [line.accepted[:, :FRICTION] for line in found.scans.values()]
     ridge = np.array(
         [np.log(friction(point, slip) / centre) for part in accepted for point in part]

@@ -1,0 +1,70 @@
+"""Method A behind the gate of the simulated rig: the numbers that a user has by default."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from support.lugre_wrong import World, right
+
+from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
+from rigd_analyses.lugre.checked import checked
+from rigd_analyses.lugre.identify import Settings, identify_lugre
+from rigd_analyses.lugre.rig.identify import fit_group
+
+FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
+SETTINGS = Settings(starts=2)
+
+
+def found(world: World) -> tuple[IdentificationResult, IdentificationResult]:
+    """Return what method A finds alone, and behind the gate."""
+    trials = replace(world, program=FEW).trials(1)
+    alone = identify_lugre(trials, world.constants, SETTINGS)
+    return alone, checked(alone, fit_group(trials, world.constants, world.rig, SETTINGS))
+
+
+def test_right_rig_keeps_numbers_of_method_a() -> None:
+    alone, held = found(right("pvc"))
+    assert held.gate is not None
+    assert held.gate.outcome is FitOutcome.FITS
+    assert held.parameter("sigma_0").identifiable
+    assert held.parameter("sigma_0") == alone.parameter("sigma_0")
+    assert all(held.curve.low <= alone.curve.low)
+
+
+def test_another_law_leaves_no_number_of_method_a() -> None:
+    world = right("pvc")
+    world = replace(world, physics=world.physics._replace(exponent=1.0))
+    alone, held = found(world)
+    assert any(item.identifiable for item in alone.parameters)
+    assert held.gate is not None
+    assert held.gate.outcome is FitOutcome.MISFIT
+    assert {item.verdict for item in held.parameters} == {Verdict.MISFIT}
+    assert not held.derived
+    assert held.curve.x.size == 0
+    assert held.point is None
+    assert held.warnings[0] == held.gate.sentence
+
+
+def test_number_that_output_error_contradicts_is_withdrawn() -> None:
+    """A drag that method A takes for friction, and that output error knows."""
+    world = right("pvc")
+    world = replace(world, physics=world.physics._replace(drag=0.2))
+    alone, held = found(world)
+    missed = [
+        item for item in alone.parameters
+        if item.name in world.truth and item.low is not None and item.high is not None
+        and not item.low <= world.truth[item.name] <= item.high
+    ]  # fmt: skip
+    assert missed, "method A alone is not wrong here"
+    for item in missed:
+        entry = held.parameter(item.name)
+        assert entry.low is None and entry.high is None
+        assert entry.verdict is Verdict.UNRESOLVED
+        assert "output-error" in entry.sentence
+
+
+def test_named_misfit_stands_above_other_warnings() -> None:
+    _, held = found(replace(right("pvc"), guide_eccentric=1e-4))
+    assert held.gate is not None
+    assert held.gate.outcome is FitOutcome.CORRECTED
+    assert "Slip-force does not correct for it" in held.warnings[0]
