@@ -318,6 +318,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_killed_with_the_relay_closed_it_opens[all-SIGKILL]",
             "test_killed_with_the_relay_closed_it_opens[cycle-SIGSTOP]",
             "test_killed_with_the_relay_closed_it_opens[daemon-SIGKILL]",
+            "test_watchdog_that_stays_up_prevents_arming",
         ),
         "system/test_daemon.py": (
             "test_a_signal_ends_the_run_then_the_daemon[2-aborted]",
