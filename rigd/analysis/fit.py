@@ -24,6 +24,8 @@ STEP_TOLERANCE = 1e-9  #: in scaled coordinates, in which one is a factor e
 DAMPING = 1e-3  #: of the first step
 TRUSTED = 1e-4  #: a step with more damping may be short far from the optimum
 REJECTED = 1e-6  #: least damping behind a step that was refused
+SECOND_TRIES = 3  #: steps after one that raised the cost
+ACROSS = 1e-4  #: damping with which a step leads across a ridge, not along it
 MAX_DAMPING = 1e12  #: beyond it the steps are below rounding
 MAX_STEP = 3.0  #: e-folds; a longer step is a linearisation far outside its validity
 HUBER_K = 1.345  #: 95 % efficiency on Gaussian residuals
@@ -93,12 +95,16 @@ def fit(
     max_iterations: int = MAX_ITERATIONS,
     relative_decrease: float = RELATIVE_DECREASE,
     damping: float = DAMPING,
+    thorough: bool = False,
+    ridges: bool = False,
 ) -> Fit:
     """Return the least-squares fit from one start (natural units; the model's own by default).
 
     It ends with a step that gains less than ``relative_decrease`` of the cost, or would by the
     linearised model. ``damping`` is that of the first step, relative to the diagonal: close to the
-    optimum a smaller one saves steps along ridges.
+    optimum a smaller one saves steps along ridges. A ``thorough`` fit solves a step that meets a
+    bound again, and takes a small gain for the end only if the model promises no more: for dear
+    costs. With ``ridges`` it follows a step that raises the cost across a bent ridge.
 
     Raises DataError when the cost is not finite at the start.
     """
@@ -123,6 +129,24 @@ def fit(
             affine.basis.T @ information @ affine.basis,
         ), information
 
+    def second_try(target: FloatArray, cost: float) -> tuple[FloatArray, float, int]:
+        """Return where further steps from ``target`` come below the present cost, else itself.
+
+        Along a curved ridge a long step is right but for what the curvature adds, which the steps
+        after it take away (the watchdog of Chamberlain et al., Mathematical Programming Study 16,
+        1982).
+        """
+        point = target
+        for count in range(1, SECOND_TRIES + 1):
+            there, _ = equations(point)
+            if not np.isfinite(there.cost):
+                return target, cost, 2 * count - 1
+            point = point + _damped_step(there, point, low, high, max(damping, ACROSS), again=True)
+            found = model.cost(natural(point), weights)
+            if found < now.cost:
+                return point, found, 2 * count
+        return target, cost, 2 * SECOND_TRIES
+
     now, whole = equations(w)
     if not np.isfinite(now.cost):
         raise DataError(
@@ -134,32 +158,40 @@ def fit(
     iterations, evaluations, converged = 0, 1, False
     while iterations < max_iterations and not converged:
         iterations += 1
-        step = _damped_step(now, w, low, high, damping)
+        step = _damped_step(now, w, low, high, damping, again=thorough)
         target = np.clip(w + step, low, high)
         step = target - w
         if float(np.max(np.abs(step), initial=0.0)) < STEP_TOLERANCE:
             converged = True
             break
-        predicted = -float(now.gradient @ step + 0.5 * step @ now.information @ step)
+        predicted = now.promised(step)
         little = 0.0 <= predicted < relative_decrease * now.cost
         if little and damping <= TRUSTED:
             converged = True
             break
         cost = model.cost(natural(target), weights)
         evaluations += 1
+        if ridges and damping <= TRUSTED and predicted > 0.0 and not cost < now.cost:
+            target, cost, more = second_try(target, cost)
+            evaluations += more
         gain = now.cost - cost
         if np.isfinite(cost) and gain > 0.0:
-            w = target
-            if gain < relative_decrease * now.cost:
-                now = NormalEquations(cost, now.gradient, now.information)
-                converged = True
+            converged = gain < relative_decrease * now.cost
+            if thorough and converged:
+                whole_step = _damped_step(now, w, low, high, 0.0, again=True)
+                converged = now.promised(whole_step) - gain < relative_decrease * now.cost
+            if converged:
+                w, now = target, NormalEquations(cost, now.gradient, now.information)
                 break
-            ratio = gain / predicted if predicted > 0.0 else 1.0
-            damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
-            growth = 2.0
-            now, whole = equations(w)
+            after, there = equations(target)
             evaluations += 1
-        elif damping > MAX_DAMPING or little:
+            if np.isfinite(after.cost):
+                ratio = gain / predicted if predicted > 0.0 else 1.0
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
+                growth = 2.0
+                w, now, whole = target, after, there
+                continue
+        if damping > MAX_DAMPING or little:  # the step was refused
             converged = True
         else:
             damping = max(damping * growth, REJECTED)
@@ -172,21 +204,44 @@ def fit(
 
 
 def _damped_step(
-    now: NormalEquations, w: FloatArray, low: FloatArray, high: FloatArray, damping: float
-) -> FloatArray:
-    """Return the step on the parameters that are not held by their bound."""
+    now: NormalEquations, w: FloatArray, low: FloatArray, high: FloatArray, damping: float,
+    *, again: bool,
+) -> FloatArray:  # fmt: skip
+    """Return the step on the parameters that are not held by their bound.
+
+    With ``again`` a parameter that would leave its box stops at the bound, and the step of all
+    others is solved again with it there: a neighbour's step on a ridge would be wrong by as much.
+    """
     held = ((w <= low) & (now.gradient > 0.0)) | ((w >= high) & (now.gradient < 0.0))
+    least, most = np.maximum(low - w, -MAX_STEP), np.minimum(high - w, MAX_STEP)
     free = np.flatnonzero(~held)
     step = np.zeros_like(w)
-    if free.size == 0:
-        return step
-    matrix = now.information[np.ix_(free, free)]
-    diagonal = np.diag(matrix)
-    # A floor under the diagonal keeps a direction without information from taking any step size.
-    floor = 1e-9 * float(np.max(diagonal)) + np.finfo(float).tiny
-    damped = matrix + damping * np.diag(np.maximum(diagonal, floor))
-    step[free] = np.linalg.solve(damped + 1e-14 * floor * np.eye(free.size), -now.gradient[free])
-    return np.asarray(np.clip(step, -MAX_STEP, MAX_STEP))
+    while free.size:
+        matrix = now.information[np.ix_(free, free)]
+        diagonal = np.diag(matrix)
+        # A floor under the diagonal keeps a direction without information from any step size.
+        floor = 1e-9 * float(np.max(diagonal)) + np.finfo(float).tiny
+        damped = matrix + damping * np.diag(np.maximum(diagonal, floor))
+        step[free] = 0.0
+        slope = (now.gradient + now.information @ step)[free]
+        step[free] = np.linalg.solve(damped + 1e-14 * floor * np.eye(free.size), -slope)
+        if not again:
+            return np.asarray(np.clip(step, -MAX_STEP, MAX_STEP))
+        room = np.where(step > 0.0, most, -least)[free]
+        beyond = np.flatnonzero(np.abs(step[free]) > room)
+        if beyond.size == 0:
+            break
+        first = int(beyond[np.argmin(room[beyond] / np.abs(step[free][beyond]))])
+        stopped = free[first]
+        step[stopped] = most[stopped] if step[stopped] > 0.0 else least[stopped]
+        free = np.delete(free, first)
+    return step
+
+
+def newton_step(now: NormalEquations, model: Model, found: Fit) -> FloatArray:
+    """Return the step (p,) to the minimum of the linearised model, scaled, within the bounds."""
+    low, high = scaled_bounds(model.parameters)
+    return _damped_step(now, found.scaled, low, high, 0.0, again=True)
 
 
 def multi_start(

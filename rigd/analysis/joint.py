@@ -184,7 +184,7 @@ def _with_others(
     )
     known = Knowledge(rows, aim + rows @ found.model.prior, scores)
     model = replace(found.model, elsewhere=known)
-    again = fit(model, found.fit.theta, relative_decrease=ENOUGH, damping=NEAR)
+    again = fit(model, found.fit.theta, relative_decrease=ENOUGH, damping=NEAR, thorough=True)
     return replace(conclude(model, again, block), others=found.others)
 
 

@@ -65,6 +65,10 @@ class NormalEquations:
     gradient: FloatArray
     information: FloatArray
 
+    def promised(self, step: FloatArray) -> float:
+        """Return by how much ``step`` (p,) lowers the cost of the linearised model."""
+        return -float(self.gradient @ step + 0.5 * step @ self.information @ step)
+
 
 class Model(Protocol):
     """Residuals r = (prediction - measurement) of several trials and their exact derivatives.

@@ -25,12 +25,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.fit import DAMPING, Fit, fit
+from rigd.analysis.fit import DAMPING, Fit, fit, newton_step
 from rigd.analysis.innovations import Whitener
 from rigd.analysis.model import FitParameter, NormalEquations, slopes, to_scaled
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import SomeTrials, System
-from rigd.analysis.uncertainty import RELATIVE_RANK, bounds_reached, scaled_pinv
+from rigd.analysis.system import Diverged, SomeTrials, System
+from rigd.analysis.uncertainty import bounds_reached, scaled_pinv, score_covariance
 from rigd.model.errors import DataError
 
 SAME = 0.05  #: in scaled coordinates: two starts have ended in one optimum
@@ -44,7 +44,13 @@ RANKING_ITERATIONS = 8
 RANKING_DECREASE = 1e-2
 REFINED = 2  #: optima that all trials refine
 RANKING_SAME = 0.2
-HOPELESS = 30.0  #: in -ln L: an optimum that is so much worse does not come back
+HOPELESS = 30.0  #: of the cost: an optimum that is so much worse does not come back
+#: Standard errors of each parameter that an estimate may have left to go: where slip turns its sign
+#: the cost has kinks, and 0.4 was seen at a point from which no step leads down.
+CONVERGED = 0.5
+SETTLED = 0.1  #: and beyond which it is continued
+MORE_FITS = 3
+GROSS = 10.0  #: mean square of innovations beyond which no fit is continued
 UNSEEN = 1e-9  #: information on a scaled parameter that is none
 FINITE = 1e120  #: information beyond it: the simulation has left the numbers
 
@@ -200,7 +206,8 @@ class OutputErrorFit:
     ``covariance`` is the sandwich, of which ``from_data`` is the part of the noise; ``pulls`` (p,)
     is by how many of its own uncertainties each constant was moved, 0 for a free parameter.
     ``information``, ``scores`` and ``slope`` (p,) are of these data alone, without what is known of
-    constants: J'J of the whitened Jacobian, the covariance of J'e, and J'e itself.
+    constants: J'J of the whitened Jacobian, the covariance of J'e, and J'e itself. ``left`` (p,) is
+    the Newton step that remains, in standard errors; a bound stops it.
     ``errors`` are the residuals of each trial, (n, m), not whitened. ``others`` are the natural
     parameters (p,) of other optima that the data do not rule out at once.
     """
@@ -213,10 +220,25 @@ class OutputErrorFit:
     information: FloatArray
     scores: FloatArray
     slope: FloatArray
+    left: FloatArray
     on_bound: tuple[bool, ...]
     pulls: FloatArray
     errors: tuple[FloatArray, ...]
     others: tuple[FloatArray, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit has come to its optimum: no number of another one means anything."""
+        return bool(np.all(np.abs(self.left) <= CONVERGED))
+
+    @property
+    def unsettled(self) -> str:
+        """Which parameter has how far to go; empty if the fit has converged."""
+        if self.converged:
+            return ""
+        far = np.nan_to_num(np.abs(self.left), nan=np.inf)
+        worst = self.model.parameters[int(np.argmax(far))].name
+        return f"the fit has not converged: {worst} has {np.max(far):.2g} standard errors to go"
 
     def budget(self, gradient: FloatArray) -> dict[str, float]:
         """Return the variance of a quantity by its sources.
@@ -241,40 +263,90 @@ class OutputErrorFit:
 def estimate(system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
     """Return the best fit from ``starts``, each the shared parameters (p,) in natural units.
 
-    A few trials rank the starts; all trials refine the best optima that differ. ``block`` is the
-    longest correlation of the scores that is accounted for, in samples.
+    A few trials rank the starts; all trials refine the best optima that differ. Optima are compared
+    under one noise; one that has not converged is given only if none has. ``block`` is the longest
+    correlation of the scores that is accounted for, in samples.
 
     Raises:
-        DataError: the cost is not finite at any start.
+        Diverged: the cost of a trial is not finite at any start.
     """
     branches: list[Branch] = []
-    for start in _ranked(system, starts)[:REFINED]:
+    ranked = _ranked(system, starts)
+    refined = 0
+    for start in ranked:
         iterations = OTHER_ITERATIONS if branches else MAX_ITERATIONS
-        branch = _branch(system, start, iterations, ROUGH, NEAR)
+        try:
+            branch = _branch(system, start, iterations, ROUGH, NEAR)
+        except Diverged:
+            if start is ranked[-1] and not branches:
+                raise
+            continue
         if not _met(branch[1], branches, len(system.shared), SAME):
             branches.append(branch)
-    best = min(likelihood(*branch) for branch in branches)
-    near = [branch for branch in branches if likelihood(*branch) < best + HOPELESS]
-    for enough in (ROUGH, ENOUGH):
-        near = [_reweighted(*branch, enough) for branch in near]
-    near.sort(key=lambda branch: likelihood(*branch))
-    others = tuple(found.theta for _, found in near[1:])
-    return replace(conclude(*near[0], block), others=others)
+        if (refined := refined + 1) == REFINED:
+            break
+    order = by_cost(branches)
+    near = [branch for cost, branch in order if cost < order[0][0] + HOPELESS] or branches[:1]
+    ends = [_settled(*branch, block) for branch in near]
+    able = [end for end in ends if end.converged] or ends
+    first = by_cost([(end.model, end.fit) for end in able])[0][1][1]
+    chosen = next(end for end in able if end.fit is first)
+    return replace(chosen, others=tuple(end.fit.theta for end in ends if end is not chosen))
 
 
 def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputErrorFit:
     """Return the fit continued from ``theta`` (p,), a better point than the end of ``found``."""
-    model, best = found.model, _fit(found.model, theta, ROUGH)
+    ended = _settled(found.model, _fit(found.model, theta, ROUGH), block)
+    return replace(ended, others=(*found.others, found.fit.theta))
+
+
+def _settled(model: OutputErrorModel, found: Fit, block: int) -> OutputErrorFit:
+    """Return the fit continued until it has converged under the noise of its end, or has not."""
     for enough in (ROUGH, ENOUGH):
-        model, best = _reweighted(model, best, enough)
-    return replace(conclude(model, best, block), others=(*found.others, found.fit.theta))
+        model, found = _reweighted(model, found, enough)
+    ended = conclude(model, found, block)
+    for _ in range(MORE_FITS):
+        if np.all(np.abs(ended.left) <= SETTLED) or _gross(model, ended.fit):
+            break
+        enough = 0.1 * SETTLED**2 / ended.fit.cost
+        ended = conclude(model, _fit(model, ended.fit.theta, enough, ridges=True), block)
+    return ended
+
+
+def _gross(model: OutputErrorModel, found: Fit) -> bool:
+    """Whether the model is far off: a lower cost is then a stranger one, and shows less of why."""
+    return not 2.0 * found.cost < GROSS * len(model.mask)
+
+
+def by_cost(branches: Sequence[Branch]) -> list[tuple[float, Branch]]:
+    """Return ``branches`` by their cost under one noise, that at the best of them.
+
+    Under noise of its own, an optimum that takes much for noise would win.
+    """
+    best = branches[0]
+    costs: list[float] = []
+    for _ in branches:
+        model, found = best
+        noise = noise_at(model.system, found.theta)
+        costs = [
+            cost
+            if math.isfinite(cost := replace(model, noise=noise).cost(other.theta))
+            else math.inf
+            for _, other in branches
+        ]
+        winner = branches[int(np.argmin(costs))]
+        if winner is best:
+            break
+        best = winner
+    order = np.argsort(costs, kind="stable")
+    return [(costs[int(k)], branches[int(k)]) for k in order]
 
 
 def _ranked(system: System, starts: Sequence[FloatArray]) -> list[FloatArray]:
     """Return the optima of ``starts`` on a few of the trials, the best first, each once.
 
     Raises:
-        DataError: the cost is not finite at any start.
+        Diverged: the cost of a trial is not finite at any start.
     """
     if len(starts) < 2:
         return list(starts)
@@ -285,11 +357,11 @@ def _ranked(system: System, starts: Sequence[FloatArray]) -> list[FloatArray]:
     for start in starts:
         try:
             ends.append(_branch(part, start, RANKING_ITERATIONS, RANKING_DECREASE, DAMPING))
-        except DataError:
+        except Diverged as error:
             if start is starts[-1] and not ends:
-                raise
+                raise Diverged(part.trials[error.trial]) from error
     distinct: list[Branch] = []
-    for end in sorted(ends, key=lambda branch: likelihood(*branch)):
+    for _, end in by_cost(ends):
         if not _met(end[1], distinct, len(system.shared), RANKING_SAME):
             distinct.append(end)
     return [found.theta[: len(system.shared)] for _, found in distinct]
@@ -301,21 +373,15 @@ def _branch(
     """Return the fit from the shared parameters ``start`` (p,), with the noise as at its start.
 
     Raises:
-        DataError: the cost is not finite there.
+        Diverged: the cost of a trial is not finite there.
     """
     local = [item.parameter.start for item in system.local]
     for trial in range(len(system.measured)):
         if not np.max(np.abs(system.simulate(trial, start, np.array(local)))) < FINITE:
-            raise DataError(
-                "the simulation leaves the numbers at the start of a fit",
-                hint="a constant or a signal is far from what the rig has: compare both with the "
-                "rig (`rigd report FILE` shows signals, `rigd identify FILE --set` corrects "
-                "constants)",
-            )
+            raise Diverged(trial)
     theta = np.concatenate([start, np.tile(local, len(system.measured))])
     model = OutputErrorModel(system, noise_at(system, theta))
-    found = fit(model, theta, max_iterations=iterations, relative_decrease=enough, damping=damping)
-    return model, found
+    return model, _fit(model, theta, enough, damping, iterations)
 
 
 def _met(found: Fit, others: Sequence[Branch], count: int, same: float) -> bool:
@@ -338,20 +404,34 @@ def noise_at(system: System, theta: FloatArray) -> tuple[Whitener, ...]:
 
 
 def _reweighted(model: OutputErrorModel, found: Fit, enough: float) -> Branch:
-    """Return the model with the noise as it moves the outputs at ``found``, and its fit."""
-    model = replace(model, noise=noise_at(model.system, found.theta))
-    return model, _fit(model, found.theta, enough)
+    """Return the model with the noise as it moves the outputs at ``found``, and its fit.
+
+    If that noise leaves the numbers, as far from the optimum, both stay.
+    """
+    other = replace(model, noise=noise_at(model.system, found.theta))
+    try:
+        return other, _fit(other, found.theta, enough, ridges=not _gross(model, found))
+    except Diverged:
+        return model, found
 
 
-def likelihood(model: OutputErrorModel, found: Fit) -> float:
-    """Return -ln L up to a constant: costs under different noise do not compare."""
-    return found.cost - sum(noise.log_scale for noise in model.noise)
+def _fit(
+    model: OutputErrorModel, start: FloatArray, enough: float, damping: float = NEAR,
+    iterations: int = MAX_ITERATIONS, *, ridges: bool = False,
+) -> Fit:  # fmt: skip
+    """Return the fit from ``start`` (p,), natural.
 
-
-def _fit(model: OutputErrorModel, start: FloatArray, enough: float, damping: float = NEAR) -> Fit:
-    return fit(
-        model, start, max_iterations=MAX_ITERATIONS, relative_decrease=enough, damping=damping
-    )
+    Raises:
+        Diverged: the cost of a trial is not finite there.
+    """
+    try:
+        return fit(
+            model, start, max_iterations=iterations, relative_decrease=enough, damping=damping,
+            thorough=True, ridges=ridges,
+        )  # fmt: skip
+    except DataError as error:
+        parts = [np.sum(np.abs(model.linearise(k, start)[1])) for k in range(model.trials)]
+        raise Diverged(int(np.argmax(~(np.array(parts) < FINITE)))) from error
 
 
 def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
@@ -377,39 +457,43 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
         sums[:, here] = np.add.reduceat(jacobian * error[:, None], edges, axis=0)
         scores.append(sums)
     known = model.known.rows.T @ model.known.rows
+    gradient = slope + model.known.rows.T @ model.prior_residuals(best.scaled)
     seen = np.flatnonzero(np.diag(information + known) > UNSEEN)
     both = np.ix_(seen, seen)
     inverse, varied = np.zeros((count, count)), np.zeros((count, count))
     inverse[both] = scaled_pinv((information + known)[both])
-    varied[both] = _score_covariance(information[both], np.concatenate(scores)[:, seen])
+    varied[both] = score_covariance(information[both], np.concatenate(scores)[:, seen])
     from_data = inverse @ varied @ inverse
     pulls = np.sqrt(model.precision) * (best.scaled - model.prior)
+    covariance = from_data + inverse @ model.known.scores @ inverse
+    left = _left(NormalEquations(best.cost, gradient, information + known), model, best, covariance)
     return OutputErrorFit(
         model=model,
         fit=best,
-        covariance=from_data + inverse @ model.known.scores @ inverse,
+        covariance=covariance,
         from_data=from_data,
         inverse=inverse,
         information=information,
         scores=varied,
         slope=slope,
+        left=left,
         on_bound=bounds_reached(model, best.scaled),
         pulls=pulls,
         errors=tuple(model.errors(best.theta)),
     )
 
 
-def _score_covariance(information: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return the covariance (p, p) of the scores: of ``blocks`` (b, p), no less than white ones.
+def _left(
+    now: NormalEquations, model: OutputErrorModel, best: Fit, covariance: FloatArray
+) -> FloatArray:
+    """Return the Newton step (p,) that remains within the bounds, in standard errors.
 
-    Both are compared in the directions in which they differ most (simultaneous diagonalisation).
+    In the linearised model the cost would fall by half the square of ``most``, and no parameter has
+    more standard errors to go; a direction that ``covariance`` leaves out as unseen has less.
     """
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    known = values > RELATIVE_RANK * values[-1]
-    root = (vectors[:, known] * np.sqrt(values[known])) * scale[:, None]
-    whiten = (vectors[:, known] / np.sqrt(values[known])) / scale[:, None]
-    among = whiten.T @ (blocks.T @ blocks) @ whiten
-    ratio, directions = np.linalg.eigh(among)
-    turned = root @ directions
-    return np.asarray((turned * np.maximum(ratio, 1.0)) @ turned.T)
+    step = newton_step(now, model, best)
+    free = np.flatnonzero(step != 0.0)
+    inverse = scaled_pinv(now.information[np.ix_(free, free)])
+    most = math.sqrt(max(float(now.gradient[free] @ inverse @ now.gradient[free]), 0.0))
+    sds = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    return np.asarray(np.clip(step / sds, -most, most))

@@ -27,6 +27,7 @@ NEAR = 1e-8  #: first damping of a refit
 AGREES = 0.1
 BETTER = 1.0  #: in the statistic: a point that fits so much better shows another optimum
 MOST_REFITS = 8  #: on each side
+MOST_PARTS = 3  #: of a refit, each of so many iterations as the next number
 REFIT_ITERATIONS = 12
 FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
 TINY_STEP = 1e-9  #: in scaled coordinates
@@ -130,8 +131,8 @@ def follow(
     Nonlinear Regression Analysis, 1988, section 6.1). The first stands at the crossing of a
     quadratic; if the signed root of the statistic is there within ``AGREES`` the end is found, else
     a secant on the root follows. An end stays None when the statistic does not
-    cross within ``limits``. ``others`` are other optima (natural parameters (p,)): if one is
-    accepted too, the interval reaches around it.
+    cross within ``limits``, or when a refit beyond the threshold does not converge. ``others`` are
+    other optima (natural parameters (p,)): if one is accepted too, the interval reaches around it.
     """
     threshold = float(chi2.ppf(confidence, 1))
     path = _Path(model, best, direction, inverse, limits, threshold)
@@ -163,6 +164,7 @@ class _Point:
     statistic: float
     scaled: FloatArray
     along: FloatArray  #: d(scaled)/d(value) of the linearised model
+    converged: bool = True  #: else the statistic may be too large
 
     @property
     def root(self) -> float:
@@ -213,6 +215,8 @@ class _Path:
             if abs(moved) < TINY_STEP:
                 return None
             point = self.refit(target, inside.scaled + moved * inside.along)
+            if not point.converged and point.root > (1.0 - AGREES) * self._root:
+                return None  # what a refit that has not converged excludes is not excluded
             share = self._share(inside, point)
             if abs(point.root - self._root) < AGREES * self._root:
                 found = inside.value + share * moved
@@ -236,12 +240,17 @@ class _Path:
         """Return the best fit that has ``value``; of infinite statistic if there is none."""
         low, high = scaled_bounds(self._model.parameters)
         held = Affine.holding(self._direction, value)
+        theta = to_natural(self._model.parameters, np.clip(start, low, high))
         try:
-            found = fit(
-                self._model, to_natural(self._model.parameters, np.clip(start, low, high)),
-                affine=held, weights=self._best.weights, max_iterations=REFIT_ITERATIONS,
-                relative_decrease=self._worth, damping=NEAR,
-            )  # fmt: skip
+            for _ in range(MOST_PARTS):
+                found = fit(
+                    self._model, theta, affine=held, weights=self._best.weights,
+                    max_iterations=REFIT_ITERATIONS, relative_decrease=self._worth, damping=NEAR,
+                    thorough=True, ridges=True,
+                )  # fmt: skip
+                theta = found.theta
+                if found.converged:
+                    break
         except DataError:  # the model has no finite cost there: the point is not accepted
             return _Point(value, np.inf, start, self._direction)
         ratio = found.cost / max(self._best.cost, np.finfo(float).tiny)
@@ -252,7 +261,9 @@ class _Path:
         if found.information is not None:
             free = np.flatnonzero((found.scaled > low) & (found.scaled < high))
             inverse[np.ix_(free, free)] = scaled_pinv(found.information[np.ix_(free, free)])
-        point = _Point(value, max(statistic, 0.0), found.scaled, self._along(inverse))
+        point = _Point(
+            value, max(statistic, 0.0), found.scaled, self._along(inverse), found.converged
+        )
         self.points.append(point)
         return point
 

@@ -9,6 +9,19 @@ from typing import Protocol
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter
 from rigd.analysis.result import FloatArray
+from rigd.model.errors import DataError
+
+
+class Diverged(DataError):
+    """The simulation of one trial (its number from 0) leaves the numbers."""
+
+    def __init__(self, trial: int, label: str = "") -> None:
+        super().__init__(
+            f"{label or f'trial {trial + 1}'}: its simulation leaves the numbers, from every start",
+            hint="a constant or a signal is far from what the rig has: compare both with the rig "
+            "(`rigd report FILE` shows signals, `rigd identify FILE --set` corrects constants)",
+        )
+        self.trial = trial
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from rigd.analysis.fit import Affine, Loss, fit, multi_start, robust_fit, robust_weights
-from rigd.analysis.model import FitParameter, Model
+from rigd.analysis.model import (
+    FitParameter,
+    Model,
+    NormalEquations,
+    Scaling,
+    stacked_normal_equations,
+)
 from rigd.model.errors import DataError
 
+FloatArray = NDArray[np.float64]
 T = np.linspace(0.0, 3.0, 200)
 TRUTH = np.array([5.0, 2.5])
 CLEAN = TRUTH[0] * np.exp(-TRUTH[1] * T)
@@ -92,3 +101,69 @@ def test_a_cost_that_is_not_finite_is_refused(decay: Callable[..., Model]) -> No
     broken[3] = np.nan
     with pytest.raises(DataError, match="not finite"):
         fit(decay(broken, T))
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """As many residuals as parameters, as a model of one trial."""
+
+    of: Callable[[FloatArray], FloatArray]
+    by: Callable[[FloatArray], FloatArray]
+    most: float
+    start: tuple[float, ...]
+
+    @property
+    def parameters(self) -> tuple[FitParameter, ...]:
+        box = (-50.0, self.most)
+        return tuple(
+            FitParameter(f"x{k}", "1", *box, start, Scaling.LINEAR)
+            for k, start in enumerate(self.start)
+        )
+
+    @property
+    def trial_slices(self) -> tuple[slice, ...]:
+        return (slice(0, len(self.start)),)
+
+    @property
+    def mask(self) -> FloatArray:
+        return np.ones(len(self.start))
+
+    def residuals(self, theta: FloatArray) -> FloatArray:
+        return self.of(theta)
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        return self.by(theta)
+
+    def cost(self, theta: FloatArray, weights: FloatArray | None = None) -> float:
+        return 0.5 * float(self.of(theta) @ self.of(theta))
+
+    def normal_equations(
+        self, theta: FloatArray, weights: FloatArray | None = None
+    ) -> NormalEquations:
+        return stacked_normal_equations(self.of(theta), self.by(theta), self.mask)
+
+
+def test_bound_on_a_ridge_takes_few_steps() -> None:
+    """A step that is cut at the bound alone would raise the cost by its part across the ridge."""
+    random = np.random.default_rng(1)
+    left, right = (np.linalg.qr(random.standard_normal((5, 5)))[0] for _ in range(2))
+    matrix = left @ np.diag(np.geomspace(1e3, 0.1, 5)) @ right.T
+    aim = matrix @ np.full(5, 2.0) + left @ np.full(5, 3.0)
+    model = Residuals(lambda q: matrix @ q - aim, lambda _: matrix, 3.0, (1.5,) * 5)
+    expected = lsq_linear(matrix, aim, (-50.0, 3.0), tol=1e-14).x
+    assert np.count_nonzero(expected > 2.999) == 2
+    found = fit(model, relative_decrease=1e-9, damping=1e-8, thorough=True)
+    assert found.iterations <= 5
+    np.testing.assert_allclose(found.theta, expected, atol=1e-3)
+
+
+def test_bent_ridge_is_followed_in_few_steps() -> None:
+    model = Residuals(
+        lambda q: np.array([1e4 * (q[1] - q[0] ** 2), 5.0 - q[0]]),
+        lambda q: np.array([[-2e4 * q[0], 1e4], [-1.0, 0.0]]),
+        50.0,
+        (-1.0, 1.0),
+    )
+    found = fit(model, relative_decrease=1e-9, damping=1e-8, thorough=True, ridges=True)
+    np.testing.assert_allclose(found.theta, [5.0, 25.0], atol=1e-3)
+    assert found.converged

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from rigd_analyses.lugre.model import PARAMETERS
-from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig import sensors as rows
+from rigd_analyses.lugre.rig.system import FITTED_NAMES
 
 #: Friction of the simulated rig (configs/plants/lugre.yaml).
 PVC: Final = np.array([0.0044, 0.12, np.log(0.15 / 0.12), 49.933, 0.372, 2.8084])
@@ -24,12 +24,9 @@ def fitted_constants() -> dict[str, float]:
         "drive_gain": drive, "no_load": 0.0381, "wheel_viscous": 6.3e-4, "wheel_inertia": 8.5e-4,
         "guide_friction": 0.304, "rolling_resistance": 0.022, "wheel_radius": 0.05,
         "ripple_sin": RIPPLE, "shake_2_sin": 0.15,
+        "mass": 3.9593,
     }  # fmt: skip
-    names = (
-        *kernel.NAMES[6:19], "carriage_delay", "acceleration_gain", "shake_cos", "shake_sin",
-        "shake_2_cos", "shake_2_sin",
-    )  # fmt: skip
-    return {name: given.get(name, 0.0) for name in names}
+    return {name: given.get(name, 0.0) for name in FITTED_NAMES}
 
 
 def saved_model(folder: Path, **change: Any) -> Path:

@@ -144,7 +144,7 @@ def test_step_that_drives_is_missing() -> None:
         ({}, ("mu_x",), 1.0, "there is no such target"),
         ({}, ("g@50mm",), 1.0, "there is no such target"),
         ({"settings": {}}, (), 1.0, "not identified by output error"),
-        ({"settings": {CURRENT_NOISE: 6e-3}}, (), 1.0, "0 fitted constants, must have 19"),
+        ({"settings": {CURRENT_NOISE: 6e-3}}, (), 1.0, "lacks 'fitted drive_gain'"),
         ({"names": ["sigma_0"]}, (), 1.0, "designed for the law lugre alone"),
         ({"model": "approach-angle"}, (), 1.0, "has no design of tests"),
         ({"model": "lugre-lateral"}, (), 1.0, "has no design of tests"),

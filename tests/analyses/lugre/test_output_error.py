@@ -13,14 +13,29 @@ import pytest
 from support.lugre_bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
-from rigd.analysis.output_error import estimate
+from rigd.analysis.model import to_natural
+from rigd.analysis.output_error import (
+    CONVERGED,
+    OutputErrorModel,
+    by_cost,
+    conclude,
+    estimate,
+    noise_at,
+)
 from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
-from rigd_analyses.lugre.rig.identify import fit_group, identify_output_error, rig_system
+from rigd_analyses.lugre.rig.identify import (
+    FirstFit,
+    conclude_group,
+    fit_group,
+    identify_output_error,
+    rig_system,
+)
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
+from rigd_analyses.lugre.rig.system import MASS
 from rigd_analyses.lugre.trial import LugreTrial
 
 CURRENTS_A = (0.3, 0.6, 0.9, 1.2)
@@ -101,9 +116,14 @@ def test_slow_sampling_fits_and_gives_the_friction(bench: Bench) -> None:
 
 
 @pytest.fixture(scope="module")
-def pvc(bench: Bench) -> IdentificationResult:
+def begun(bench: Bench) -> FirstFit:
     rig = bench("pvc")
-    return identify_output_error(rig.sweep(3, CURRENTS_A), rig.constants, known_rig(rig.constants))
+    return fit_group(rig.sweep(3, CURRENTS_A), rig.constants, known_rig(rig.constants))
+
+
+@pytest.fixture(scope="module")
+def pvc(begun: FirstFit) -> IdentificationResult:
+    return conclude_group(begun)
 
 
 def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, bench: Bench) -> None:
@@ -120,6 +140,61 @@ def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, benc
         assert found.low is not None and found.high is not None, name
         assert found.low <= value <= found.high, name
         assert found.high - found.low < widest.get(name, 0.2) * value, name
+
+
+def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
+    assert begun.whole.converged
+    left = begun.whole.left.copy()
+    left[3] = 2.0 * CONVERGED
+    result = conclude_group(replace(begun, whole=replace(begun.whole, left=left)))
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.MISFIT
+    assert "not converged: sigma_0 has 1 standard errors to go" in result.gate.sentence
+    assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
+
+
+def test_point_beside_the_optimum_has_steps_left(begun: FirstFit) -> None:
+    model, best = begun.whole.model, begun.whole.fit
+    half = 0.5 * np.sqrt(begun.whole.covariance[3, 3])
+    scaled = best.scaled + half * begun.whole.inverse[:, 3] / begun.whole.inverse[3, 3]
+    beside = conclude(
+        model, replace(best, scaled=scaled, theta=to_natural(model.parameters, scaled)), 50
+    )
+    assert beside.left[3] == pytest.approx(-0.5, abs=0.05)
+
+
+def test_optimum_that_takes_much_for_noise_loses(begun: FirstFit) -> None:
+    """Under noise of its own, its cost is the least."""
+    whole = begun.whole
+    theta = whole.fit.theta.copy()
+    theta[3] *= 1.01
+    system = whole.model.system
+    loud = tuple(replace(item, scale=0.5 * item.scale) for item in noise_at(system, theta))
+    wrong = replace(whole.fit, theta=theta, cost=OutputErrorModel(system, loud).cost(theta))
+    assert wrong.cost < whole.fit.cost
+    branches = [(OutputErrorModel(system, loud), wrong), (whole.model, whole.fit)]
+    (cost, (_, best)), (other, _) = by_cost(branches)
+    assert best is whole.fit
+    assert other > cost + 100.0
+
+
+def test_paperboard_ends_at_its_optimum(bench: Bench) -> None:
+    """On its ridge V_s, mu_c and mu_s stand in for one another."""
+    rig = bench("paperboard")
+    begun = fit_group(rig.sweep(2, CURRENTS_A), rig.constants, known_rig(rig.constants))
+    assert begun.whole.converged
+    assert begun.gate.outcome is FitOutcome.FITS
+
+
+def test_trial_that_cannot_be_simulated_is_named(bench: Bench) -> None:
+    rig = bench("pvc")
+    trials = [replace(trial, recording="run.mcap") for trial in rig.sweep(1, CURRENTS_A)]
+    light = known_rig(
+        rig.constants, wheel_inertia=Known(1e-9, 1e-12), motor_inertia=Known(0.0, 0.0)
+    )
+    with pytest.raises(DataError, match=r"run\.mcap: trial .* A.*leaves the numbers") as refused:
+        identify_output_error(trials, rig.constants, light)
+    assert "--set" in str(refused.value)
 
 
 def test_friction_curve_holds_the_truth(pvc: IdentificationResult, bench: Bench) -> None:
@@ -285,3 +360,67 @@ def test_creeping_carriage_is_left_out_and_named(bench: Bench) -> None:
     )
     assert [item.label for item in result.preprocessing.rejected] == ["creeps"]
     assert "crept" in result.preprocessing.rejected[0].reason
+
+
+def test_mass_of_the_fit_moves_as_a_heavier_rig(bench: Bench) -> None:
+    rig = bench("pvc")
+    trials = rig.sweep(1, CURRENTS_A)
+    parts, _ = sort_out(trials, [1e-3] * len(trials), Settings())
+    known = known_rig(rig.constants)
+    friction = rig_parameters("pvc", bench)[:6]
+    light = rig_system(parts, known, friction)
+    heavy = rig_system(
+        parts, replace(known, mass=Known(1.05 * known.mass.value, known.mass.u)), friction
+    )
+    shared, local = (np.array([item.parameter.start for item in part])
+                     for part in (heavy.shared, heavy.local))  # fmt: skip
+    np.testing.assert_allclose(
+        light.simulate(2, shared, local), heavy.simulate(2, shared, local), atol=1e-12
+    )
+    _, slopes = light.linearise(2, shared, local)
+    more = shared.copy()
+    more[MASS] *= 1.0 + 1e-6
+    step = light.simulate(2, more, local) - light.simulate(2, shared, local)
+    difference = step / (1e-6 * shared[MASS])
+    scale = np.max(np.abs(difference), axis=0)
+    np.testing.assert_allclose(slopes[:, :, MASS] / scale, difference / scale, atol=1e-3)
+
+
+def test_mass_is_a_constant_with_its_doubt(bench: Bench) -> None:
+    rig, mass = bench("pvc"), bench("pvc").constants.mass_kg
+    rough = known_rig(rig.constants, mass=Known(1.04 * mass, 0.04 * mass))
+    result = identify_output_error(rig.sweep(3, CURRENTS_A), rig.constants, rough)
+    line = next(s for s in result.preprocessing.statements if s.startswith("mass "))
+    assert f"stated {1.04 * mass:.5g} kg" in line
+    for name in ("sigma_0", "sigma_2", "mu_s"):
+        entry = result.parameter(name)
+        true = {"sigma_0": rig.truth.s0, "sigma_2": rig.truth.s2, "mu_s": rig.truth.mu_s}[name]
+        assert entry.low is not None and entry.high is not None, name
+        assert entry.low <= true <= entry.high, name
+
+
+def test_mass_is_in_the_budget(begun: FirstFit) -> None:
+    gradient = np.zeros(len(begun.whole.fit.theta))
+    gradient[3] = 1.0
+    assert begun.whole.budget(gradient)["mass of the carriage"] > 0.0
+
+
+def test_recordings_begin_at_angles_of_their_own(bench: Bench) -> None:
+    """The rollers shake with the angle from where each recording's encoder began."""
+    rig, turned = bench("pvc"), 0.1
+    trials = [
+        replace(t, recording=name, wheel_angle_rad=t.wheel_angle_rad + offset)
+        for name, seed, offset in (("first.mcap", 1, 0.0), ("second.mcap", 2, turned))
+        for t in rig.sweep(seed, CURRENTS_A)
+    ]
+    begun = fit_group(trials, rig.constants, known_rig(rig.constants))
+    assert begun.gate.outcome is FitOutcome.FITS
+    names = [item.parameter.name for item in begun.whole.model.system.shared]
+    fitted = dict(zip(names, begun.whole.fit.theta, strict=False))
+    first, second = (
+        complex(fitted[f"ripple_cos{of}"], fitted[f"ripple_sin{of}"])
+        for of in ("", " of second.mcap")
+    )
+    assert abs(first) == pytest.approx(0.3, abs=0.02)  # 1/s, as the bench makes it
+    orders = known_rig(rig.constants).roller_transitions
+    assert np.angle(second / first) == pytest.approx(orders * turned, abs=0.1)

@@ -21,8 +21,8 @@ from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, obtained, sl
 from rigd_analyses.lugre.model import PARAMETERS, V_S
 from rigd_analyses.lugre.reading import CONSTANTS, DRIVE, FRICTION_MASS, known_constants
 from rigd_analyses.lugre.rig import sensors as rows
-from rigd_analyses.lugre.rig.outputs import SHARED
 from rigd_analyses.lugre.rig.parts import LEAST_TRIALS
+from rigd_analyses.lugre.rig.system import FITTED_NAMES
 from rigd_analyses.lugre.validation.friction import AGAIN, POINT, Friction, friction_of
 
 DEFAULT = (*QUANTITIES, "g@5mm/s", "g@10mm/s", "g@20mm/s", "g@50mm/s")
@@ -160,16 +160,13 @@ def subject_of(ground: Ground) -> Subject:
     values["guide_friction"] *= share
     values["bearing_torque"] *= share
     settings = saved.get(*SETTINGS)
-    fitted = [
-        row(name) for name in (settings if isinstance(settings, dict) else ())
-        if name.startswith(rows.FITTED)
-    ]  # fmt: skip
-    if len(fitted) != SHARED - len(PARAMETERS):
+    given = settings if isinstance(settings, dict) else {}
+    wanted = [rows.FITTED + name for name in FITTED_NAMES]
+    if missing := [name for name in wanted if name not in given]:
         raise saved.error(
-            f"the model has {len(fitted)} fitted constants, must have {SHARED - len(PARAMETERS)}",
-            SETTINGS,
-            hint=AGAIN,
+            f"the model lacks {missing[0]!r}, which output error fits", SETTINGS, hint=AGAIN
         )
+    fitted = [row(name) for name in wanted]
     limited = saved.get(*SETTINGS, rows.VOLTAGE_AT_REST) is not None
     sensors = Sensors(
         row(rows.PERIOD), row(rows.CURRENT_NOISE), row(rows.ANGLE_COUNT), row(rows.POSITION_COUNT),

@@ -12,6 +12,7 @@ from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, DYNAMIC, LOCAL, outputs
 from rigd_analyses.lugre.rig.parts import LEAST_SPEED_M_S, LEAST_TRAVEL_M
+from rigd_analyses.lugre.rig.system import BY_MASS, MASS
 from rigd_analyses.lugre.trial import LugreTrial
 
 TAIL = 30  #: samples behind the drive, in which the belt holds the carriage
@@ -72,8 +73,9 @@ class Motion:
 
 
 def predict(shape: Shape, shared: FloatArray, constants: RigConstants, sensors: Sensors) -> Motion:
-    """Return the motion of ``shape`` with the unknowns ``shared`` (25,) of a system."""
+    """Return the motion of ``shape`` with the unknowns ``shared`` (26,) of a system."""
     q, period_s = np.append(shared[:DYNAMIC], 0.0), sensors.period_s
+    q[list(BY_MASS)] *= constants.mass.value / shared[MASS]
     told = np.zeros(round(REST_S / period_s))
     for phase in shape.phases:
         start = len(told)

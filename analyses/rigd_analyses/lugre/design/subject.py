@@ -35,7 +35,7 @@ SEED = 1  #: of the noise of predicted recordings
 class Subject:
     """One group of the model file.
 
-    ``shared`` (25,) are friction and constants as they were fitted, around which is predicted;
+    ``shared`` (26,) are friction and constants as they were fitted, around which is predicted;
     ``constants`` are those that the next identification begins from. ``other`` is friction that the
     model's data accept as well, far from its point, if they leave V_s open.
     """
@@ -65,7 +65,7 @@ class Subject:
         return predict(shape, self.shared, self.constants, self.sensors)
 
     def offered(self, shape: Shape, motion: Motion) -> PossibleTest:
-        """Return what a test adds to the information of output error, (1, 25, 25) scaled."""
+        """Return what a test adds to the information of output error, (1, 26, 26) scaled."""
         system = self.system([shape], [motion])
         shared = self.shared
         theta = np.append(shared, np.zeros(len(system.local)))
@@ -79,7 +79,7 @@ class Subject:
         return PossibleTest(information[None], motion.duration_s)
 
     def known(self, system: RigSystem) -> FloatArray:
-        """Return the information (1, 25, 25) before any test: constants, and the box of a law."""
+        """Return the information (1, 26, 26) before any test: constants, and the box of a law."""
         low, high = scaled_bounds(PARAMETERS)
         box = (high - low) / math.sqrt(12.0)
         u = [item.u for item in system.shared[FRICTION:]]

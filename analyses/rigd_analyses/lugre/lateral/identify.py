@@ -24,7 +24,6 @@ from rigd.analysis.output_error import (
     OutputErrorFit,
     OutputErrorModel,
     conclude,
-    likelihood,
     noise_at,
 )
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
@@ -141,7 +140,7 @@ def find_lateral(
             candidate, np.array([item.parameter.start for item in candidate.shared])
         )
         branches += [(candidate, *_branch(candidate.held(point), start)) for start in starts(point)]
-    first, model, begun = min(branches, key=lambda branch: likelihood(*branch[1:]))
+    first, model, begun = min(branches, key=lambda branch: _likelihood(*branch[1:]))
     shared = len(first.shared)
     begin = begun.theta.copy()
     begin[:shared] = with_rollers(first, begin[:shared])
@@ -191,6 +190,11 @@ def _branch(system: LateralSystem, start: FloatArray) -> Branch:
     theta = np.concatenate([start, local])
     model = OutputErrorModel(system, noise_at(system, theta))
     return model, _damped(model, theta)
+
+
+def _likelihood(model: OutputErrorModel, found: Fit) -> float:
+    """Return -ln L up to a constant: costs under different noise do not compare."""
+    return found.cost - sum(noise.log_scale for noise in model.noise)
 
 
 def _damped(model: OutputErrorModel, theta: FloatArray) -> Fit:

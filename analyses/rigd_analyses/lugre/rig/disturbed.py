@@ -23,7 +23,6 @@ from rigd_analyses.lugre.rig.outputs import (
     CARRIAGE_DELAY,
     GAIN,
     LOCAL,
-    SHARED,
     SLIP,
     TRAVEL,
     WHEEL_DELAY,
@@ -61,10 +60,10 @@ class Disturbed:
 
     def __init__(self, system: RigSystem, theta: FloatArray) -> None:
         """Simulate ``system`` with the parameters ``theta`` (p,): shared, then local ones."""
-        self.system, self.shared = system, theta[:SHARED]
+        self.system, self.shared = system, theta[: len(system.shared)]
         names = (item.parameter.name for item in system.shared)
         self.named = dict(zip(names, self.shared.tolist(), strict=True))
-        local = theta[SHARED:].reshape(-1, LOCAL)
+        local = theta[len(system.shared) :].reshape(-1, LOCAL)
         self.motions = [self._motion(k, local[k]) for k in range(len(system.trials))]
 
     def _motion(self, trial: int, local: FloatArray) -> Motion:

@@ -211,7 +211,6 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "the guide's carriages, their grease and preload",
         lambda m: -np.tanh(m.speed / 1e-3) * np.exp(-np.abs(m.speed) / STICTION_M_S),
     )
-    yield yielded("another mass", "1", "the weights on the carriage", lambda k, m: _mass(rig, k))
     yield yielded(
         "a drive wheel out of centre",
         "m",
@@ -309,20 +308,6 @@ def _circle(phase: FloatArray) -> FloatArray:
 def _sliding(motion: Motion) -> FloatArray:
     """Return the rate of the bristle over sigma_0, u = V - |V| z/g."""
     return motion.slip - np.abs(motion.slip) * motion.bristle / motion.g
-
-
-def _mass(rig: Disturbed, trial: int) -> FloatArray:
-    """Return the outputs for each unit of relative mass: weight and inertia, not guide friction."""
-    motion, named = rig.motions[trial], rig.named
-    pull = (
-        motion.bristle
-        + named["sigma_1"] * _sliding(motion)
-        + named["sigma_2"] * motion.slip
-    )  # fmt: skip
-    torque = -named["wheel_radius"] * rig.system.normal_force_n(trial) * pull
-    guide = named["guide_friction"] * rig.system.trials[trial].trial.load
-    held = guide * np.tanh(motion.speed / 1e-3) + named["drag"] * motion.speed
-    return rig.forced(trial, force_n=held[:, None], torque_nm=torque[:, None])
 
 
 def _eccentric(rig: Disturbed, trial: int) -> FloatArray:

@@ -16,7 +16,13 @@ from rigd.analysis.gate import judge_fit
 from rigd.analysis.homogeneity import TrialParts, homogeneity
 from rigd.analysis.left_out import without_each_trial
 from rigd.analysis.model import scaled_bounds
-from rigd.analysis.output_error import ENOUGH, NEAR, OutputErrorFit, estimate, improve
+from rigd.analysis.output_error import (
+    ENOUGH,
+    NEAR,
+    OutputErrorFit,
+    estimate,
+    improve,
+)
 from rigd.analysis.profile import ProfileScan, axis, follow
 from rigd.analysis.result import (
     FitOutcome,
@@ -27,6 +33,7 @@ from rigd.analysis.result import (
     ResidualTest,
     TrialRejection,
 )
+from rigd.analysis.system import Diverged
 from rigd_analyses.lugre.curve import SLIDING, TRIM
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import (
@@ -79,8 +86,8 @@ class FirstFit:
 
     @property
     def fits(self) -> bool:
-        """Whether the model fits these trials, as far as the gate can say."""
-        return self.gate.outcome is not FitOutcome.MISFIT
+        """Whether the model fits these trials, as far as the gate can say, and has converged."""
+        return self.gate.outcome is not FitOutcome.MISFIT and self.whole.converged
 
 
 def identify_output_error(
@@ -118,7 +125,10 @@ def fit_group(
     known = np.array([unknown.parameter.start for unknown in first.shared[FRICTION:]])
     points = [np.concatenate([start, known]) for start in starts]
     points = [*points, *_other_radius(first, points[-1])]
-    whole = estimate(first, points, block)
+    try:
+        whole = estimate(first, points, block)
+    except Diverged as error:
+        raise Diverged(error.trial, _described(used[error.trial])) from error
     alike = homogeneity(whole, MU_C, "friction", _parts(used, rig))
     changed = [test.sentence for test in reversed(alike) if not test.passed]
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
@@ -148,7 +158,7 @@ def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationRe
 
     found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
     concluded = result(first, found, begun.rejected, begun.starts, begun.block)
-    if not (posterior and begun.fits):
+    if not posterior or found.gate.outcome is FitOutcome.MISFIT:
         return concluded
     # Here, so that only this option needs the extra.
     from rigd_analyses.lugre.rig.posterior import friction_posterior
@@ -173,18 +183,16 @@ def with_intervals(
     first = system(WINDOW_S)
     scans: dict[str, ProfileScan] = {}
     if gate.outcome is not FitOutcome.MISFIT:
-        for _ in range(MOST_BETTER):
-            scans = profiles(whole, visited_slip(first, whole, gate))
-            better = [line.better for line in scans.values() if line.better is not None]
-            if not better:
-                break
-            whole = improve(whole, better[0], block)
+        whole, scans, left = _scanned(first, whole, gate, block)
+        if left:
+            text = f"No number is given: {left}. More trials, or --starts, may help."
+            gate = Gate(FitOutcome.MISFIT, text, (text, *gate.findings), gate.explanations)
     others = []
     for window_s in OTHER_WINDOWS_S:
         model = replace(whole.model, system=same_with(whole, system(window_s)))
         again = fit(
             model, whole.fit.theta, max_iterations=OTHER_ITERATIONS, relative_decrease=ENOUGH,
-            damping=NEAR,
+            damping=NEAR, thorough=True,
         )  # fmt: skip
         others.append(again.theta)
     gravity = first.constants.gravity
@@ -195,6 +203,33 @@ def with_intervals(
     if gate.outcome is FitOutcome.CORRECTED:
         return replace(found, without=without_each_trial(whole))
     return found
+
+
+def _scanned(
+    system: RigSystem, whole: OutputErrorFit, gate: Gate, block: int
+) -> tuple[OutputErrorFit, dict[str, ProfileScan], str]:
+    """Return the fit with its profiles, and why it is not to be trusted (empty: it is).
+
+    A profile that finds a better fit is made again from there.
+    """
+    for _ in range(MOST_BETTER):
+        if not whole.converged:
+            break
+        scans = profiles(whole, visited_slip(system, whole, gate))
+        better = [line.better for line in scans.values() if line.better is not None]
+        if not better:
+            return whole, scans, ""
+        whole = improve(whole, better[0], block)
+    return whole, {}, whole.unsettled or "its profiles find better fits again and again"
+
+
+def _described(trial: LugreTrial) -> str:
+    """Return which trial it is, and how large its signals are."""
+    current, position = trial.motor_current_a, trial.carriage_position_m
+    return (
+        f"{trial.recording}: trial {trial.label} (current up to {np.max(np.abs(current)):.3g} A, "
+        f"travel {np.ptp(position):.3g} m)"
+    )
 
 
 def _parts(trials: Sequence[LugreTrial], rig: RigConstants) -> list[TrialParts]:

@@ -22,6 +22,10 @@ WHEEL_DELAY = DYNAMIC - 1
     CARRIAGE_DELAY, GAIN, SHAKE_COS, SHAKE_SIN, TWICE_COS, TWICE_SIN,
 ) = range(DYNAMIC, DYNAMIC + 6)  # fmt: skip
 SHARED = TWICE_SIN + 1
+#: Names of the shared unknowns from ``CARRIAGE_DELAY`` on.
+NAMES = (
+    "carriage_delay", "acceleration_gain", "shake_cos", "shake_sin", "shake_2_cos", "shake_2_sin",
+)  # fmt: skip
 FIRST_BRISTLE, FIRST_ANGLE, FIRST_POSITION, ZERO = range(4)
 LOCAL = ZERO + 1
 SLIP, TRAVEL, ACCELERATION = range(3)

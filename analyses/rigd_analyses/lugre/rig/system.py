@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from rigd.analysis.innovations import Deviations
@@ -21,6 +22,13 @@ from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
 from rigd_analyses.lugre.rig.outputs import (
     DYNAMIC,
     FIRST_BRISTLE,
+    LOCAL,
+    NAMES,
+    SHAKE_COS,
+    SHAKE_SIN,
+    SHARED,
+    TWICE_COS,
+    TWICE_SIN,
     WHEEL_DELAY,
     output_slopes,
     outputs,
@@ -51,6 +59,22 @@ OF_THE_RIG = (
 )
 #: Places among the shared unknowns, which begin with those of the recursion.
 GUIDE, NO_LOAD = kernel.NAMES.index("guide_friction"), kernel.NAMES.index("no_load")
+MASS = SHARED  #: behind those of recursion and outputs
+#: Fitted constants of a single recording and mass, in their order behind those of friction.
+FITTED_NAMES = (*kernel.NAMES[len(PARAMETERS) : DYNAMIC], *NAMES, "mass")
+#: A mass that is a factor larger moves as if these were smaller by it: the force of friction is in
+#: proportion to the mass, so that only what is not divides by it.
+BY_MASS = tuple(
+    kernel.NAMES.index(name)
+    for name in (
+        *("drive_gain", "no_load", "wheel_viscous", "wheel_inertia", "guide_friction", "drag"),
+    )
+)
+#: What follows from the angle at which the wheel's encoder begins: each recording has its own.
+OF_THE_ENCODER = (
+    kernel.NAMES.index("ripple_cos"), kernel.NAMES.index("ripple_sin"),
+    SHAKE_COS, SHAKE_SIN, TWICE_COS, TWICE_SIN,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +103,10 @@ class RigSystem:
     measured), carriage position, acceleration. The two positions have counts, the accelerometer
     noise; what else they share is drift from the noise of the current. ``constants`` are those at
     a load of 1; a trial with another mass has its share of it as ``load``.
+
+    The first ``MASS`` + 1 shared unknowns are those of a trial of the first recording at the first
+    load. Then come the masses of other loads, and :data:`OF_THE_ENCODER` of other recordings;
+    ``places`` has for each trial where its own stand.
     """
 
     trials: tuple[DrivenTrial, ...]
@@ -88,10 +116,14 @@ class RigSystem:
     measured: tuple[FloatArray, ...] = field(init=False, repr=False)
     shared: tuple[Unknown, ...] = field(init=False)
     local: tuple[Unknown, ...] = field(init=False)
+    places: tuple[NDArray[np.intp], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "measured", tuple(trial.measured for trial in self.trials))
-        object.__setattr__(self, "shared", (*self._friction(), *self._known()))
+        first = (*self._friction(), *self._known(), self._mass(self.trials[0].trial.load))
+        shared, places = self._of_others(first)
+        object.__setattr__(self, "shared", shared)
+        object.__setattr__(self, "places", places)
         object.__setattr__(self, "local", self._local())
 
     def mass_kg(self, trial: int) -> float:
@@ -107,10 +139,12 @@ class RigSystem:
 
         Guide and bearings rub in proportion to the mass that they carry (Eqs. 20, 21, 48).
         """
-        q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
+        own = shared[self.places[trial]]
+        q = np.append(own[:DYNAMIC], local[FIRST_BRISTLE])
         load = self.trials[trial].trial.load
         q[GUIDE] *= load
         q[NO_LOAD] += (load - 1.0) * self.constants.bearing_torque.value
+        q[list(BY_MASS)] *= self.mass_kg(trial) / own[MASS]
         return q
 
     @property
@@ -149,18 +183,27 @@ class RigSystem:
         """Return the outputs (n, 3) of one trial."""
         # Far from the data a trial step may leave the numbers; the fit then takes a shorter one.
         states, _, phase = self._run(trial, shared, local, False)
-        return outputs(states, phase, shared, local, self.constants.wheel_radius.value)
+        own = shared[self.places[trial]]
+        return outputs(states, phase, own, local, self.constants.wheel_radius.value)
 
     def linearise(
         self, trial: int, shared: FloatArray, local: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the outputs (n, 3) and their derivatives (n, 3, 29)."""
+        """Return the outputs (n, 3) and their derivatives (n, 3, p + 4)."""
         states, by_q, phase = self._run(trial, shared, local, True)
-        radius = self.constants.wheel_radius.value
-        predicted = outputs(states, phase, shared, local, radius)
+        own, radius = shared[self.places[trial]], self.constants.wheel_radius.value
+        predicted = outputs(states, phase, own, local, radius)
         hurry = self.constants.roller_transitions * self.trials[trial].turning_rad_s
-        slopes = output_slopes(states, by_q, phase, hurry, shared, radius)
-        slopes[:, :, GUIDE] *= self.trials[trial].trial.load
+        by_own = output_slopes(states, by_q, phase, hurry, own, radius)
+        q, moved = self.recursion(trial, shared, local), list(BY_MASS)
+        with np.errstate(over="ignore", invalid="ignore"):  # as in simulate
+            by_mass = -(by_own[:, :, moved] @ q[moved]) / own[MASS]
+        by_own[:, :, moved] *= self.mass_kg(trial) / own[MASS]
+        by_own[:, :, GUIDE] *= self.trials[trial].trial.load
+        slopes = np.zeros((*predicted.shape, len(self.shared) + LOCAL))
+        slopes[:, :, self.places[trial][:MASS]] = by_own[:, :, :SHARED]
+        slopes[:, :, self.places[trial][MASS]] = by_mass
+        slopes[:, :, len(self.shared) :] = by_own[:, :, SHARED:]
         return predicted, slopes
 
     def _run(
@@ -214,6 +257,32 @@ class RigSystem:
             _zero("shake_2_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin of twice"),
         )
 
+    def _mass(self, load: float) -> Unknown:
+        stated = self.constants.mass
+        value = stated.value * load
+        name = "mass" if load == self.trials[0].trial.load else f"mass {value:g} kg"
+        return _positive(name, "kg", Known(value, stated.u * load), "mass of the carriage")
+
+    def _of_others(
+        self, first: tuple[Unknown, ...]
+    ) -> tuple[tuple[Unknown, ...], tuple[NDArray[np.intp], ...]]:
+        """Return all shared unknowns, and the places (26,) of those that each trial has."""
+        shared, places = list(first), []
+        masses = {self.trials[0].trial.load: MASS}
+        recordings = {self.trials[0].trial.recording: list(OF_THE_ENCODER)}
+        for item in self.trials:
+            load, recording = item.trial.load, item.trial.recording
+            if load not in masses:
+                masses[load] = len(shared)
+                shared.append(self._mass(load))
+            if recording not in recordings:
+                recordings[recording] = [len(shared) + k for k in range(len(OF_THE_ENCODER))]
+                shared += [_named(first[place], recording) for place in OF_THE_ENCODER]
+            own = np.arange(MASS + 1, dtype=np.intp)
+            own[MASS], own[list(OF_THE_ENCODER)] = masses[load], recordings[recording]
+            places.append(own)
+        return tuple(shared), tuple(places)
+
     def _local(self) -> tuple[Unknown, ...]:
         counts = [_count(trial.trial.wheel_angle_rad) for trial in self.trials]
         lines = [_count(trial.trial.carriage_position_m) for trial in self.trials]
@@ -250,6 +319,12 @@ def driven_trial(trial: LugreTrial, part: slice, window: int, radius_m: float) -
 def period(trials: Sequence[LugreTrial]) -> float:
     """Return the sampling period of the trials in s."""
     return float(np.median(np.diff(trials[0].t_s)))
+
+
+def _named(unknown: Unknown, recording: str) -> Unknown:
+    """Return ``unknown`` as one of another recording."""
+    parameter = replace(unknown.parameter, name=f"{unknown.parameter.name} of {recording}")
+    return replace(unknown, parameter=parameter, wording=f"{unknown.wording}, {recording}")
 
 
 def _count(values: FloatArray) -> float:
