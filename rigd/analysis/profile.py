@@ -41,6 +41,7 @@ class ProfileScan:
     """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``.
 
     ``better`` (p,) are natural parameters that fit better than what was taken for the best.
+    ``slack`` is the factor on the threshold up to which a point stands for the end next to it.
     """
 
     values: FloatArray
@@ -50,11 +51,12 @@ class ProfileScan:
     low: float | None
     high: float | None
     better: FloatArray | None = None
+    slack: float = 1.0
 
     @property
     def accepted(self) -> FloatArray:
-        """Return the natural parameters (m, p) of the grid points below the threshold."""
-        return self.thetas[self.statistic <= self.threshold]
+        """Return the natural parameters (m, p) of the points that are below the threshold."""
+        return self.thetas[self.statistic <= self.slack * self.threshold]
 
 
 def scan(
@@ -154,7 +156,7 @@ def follow(
         np.array([point.value for point in points]),
         np.array([point.statistic for point in points]),
         np.array([to_natural(model.parameters, point.scaled) for point in points]),
-        threshold, ends[0], ends[1], path.better,
+        threshold, ends[0], ends[1], path.better, (1.0 + AGREES) ** 2,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from rigd.analysis.model import (
     Scaling,
     stacked_normal_equations,
 )
-from rigd.analysis.profile import axis, crossing, natural_ends, scan
+from rigd.analysis.profile import AGREES, axis, crossing, follow, natural_ends, scan
 from rigd.analysis.uncertainty import covariance
 
 FloatArray = NDArray[np.float64]
@@ -48,6 +48,20 @@ def test_inflation_widens_by_its_root(line: Callable[..., Model]) -> None:
         assert found.low is not None and found.high is not None
         widths.append(found.high - found.low)
     assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.01)
+
+
+def test_accepted_points_of_few_refits_reach_the_ends(decay: Callable[..., Model]) -> None:
+    t = np.linspace(0.0, 1.0, 300)
+    noise = 0.05 * np.random.default_rng(13).standard_normal(300)
+    model = decay(np.exp(-t / 0.3) + noise, t)
+    best = fit(model)
+    inverse = covariance(model, best, 30).white
+    found = follow(model, best, axis(2, 1), inverse, (-10.0, 10.0))
+    assert found.low is not None and found.high is not None
+    reached = np.log(found.accepted[:, 1])
+    centre = best.scaled[1]
+    assert centre - reached.min() > (1.0 - AGREES) * (centre - found.low)
+    assert reached.max() - centre > (1.0 - AGREES) * (found.high - centre)
 
 
 def test_open_end_of_profile_is_none(decay: Callable[..., Model]) -> None:
