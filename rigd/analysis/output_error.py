@@ -458,10 +458,9 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
         scores.append(sums)
     known = model.known.rows.T @ model.known.rows
     gradient = slope + model.known.rows.T @ model.prior_residuals(best.scaled)
-    seen = np.flatnonzero(np.diag(information + known) > UNSEEN)
+    inverse, seen = _inverted(information + known)
     both = np.ix_(seen, seen)
-    inverse, varied = np.zeros((count, count)), np.zeros((count, count))
-    inverse[both] = scaled_pinv((information + known)[both])
+    varied = np.zeros((count, count))
     varied[both] = score_covariance(information[both], np.concatenate(scores)[:, seen])
     from_data = inverse @ varied @ inverse
     pulls = np.sqrt(model.precision) * (best.scaled - model.prior)
@@ -481,6 +480,23 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
         pulls=pulls,
         errors=tuple(model.errors(best.theta)),
     )
+
+
+def inverse_at(model: OutputErrorModel, theta: FloatArray) -> FloatArray:
+    """Return the inverse (p, p) of the information at ``theta`` (p,), in scaled coordinates.
+
+    Parameters on their bounds are taken as free.
+    """
+    scale = slopes(model.parameters, theta)
+    return _inverted(model.normal_equations(theta).information * np.outer(scale, scale))[0]
+
+
+def _inverted(information: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the inverse (p, p), 0 for what has no information, and the indices that have some."""
+    seen = np.flatnonzero(np.diag(information) > UNSEEN)
+    inverse = np.zeros_like(information)
+    inverse[np.ix_(seen, seen)] = scaled_pinv(information[np.ix_(seen, seen)])
+    return inverse, seen
 
 
 def _left(

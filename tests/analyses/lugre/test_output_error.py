@@ -13,6 +13,7 @@ import pytest
 from support.lugre_bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
+from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import to_natural
 from rigd.analysis.output_error import (
     CONVERGED,
@@ -22,11 +23,15 @@ from rigd.analysis.output_error import (
     estimate,
     noise_at,
 )
-from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
+from rigd.analysis.profile import ProfileScan
+from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
 from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.model import SIGMA_1
+from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
+from rigd_analyses.lugre.rig.found import Beside, Found, beside
 from rigd_analyses.lugre.rig.identify import (
     FirstFit,
     conclude_group,
@@ -153,14 +158,46 @@ def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
     assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
 
 
+def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
+    """Return a profile of V_s from ``low``: the optimum, and a point with a statistic of 5."""
+    best = begun.whole.fit.theta
+    return ProfileScan(
+        np.log(best[:1] * [1.0, 2.0]), np.array([0.0, 5.0]), np.stack([best, best]), 3.84, low, 1.0
+    )
+
+
+def test_open_stribeck_speed_widens_the_region(begun: FirstFit) -> None:
+    closed, free = (
+        [item.reach for item in beside(begun.whole, {"V_s": scan_of(begun, low)})]
+        for low in (-9.0, None)
+    )
+    assert closed == pytest.approx([1.96], abs=1e-3)
+    assert free == pytest.approx([np.sqrt(5.991), np.sqrt(5.991 - 5.0)], abs=1e-3)
+
+
+def test_interval_reaches_around_an_accepted_point(begun: FirstFit) -> None:
+    whole = begun.whole
+    theta, inverse = whole.fit.theta[:6].copy(), whole.inverse[:6, :6].copy()
+    gate = Gate(FitOutcome.FITS, "")
+    alone = Found(whole, (), {}, (0.0, 1.0), gate)
+    usual = alone.ridge(DAMPING)
+    assert usual == pytest.approx([Z_95 * alone.chance(DAMPING.log_gradient(theta))] * 2)
+    theta[SIGMA_1] *= 1.1
+    inverse[SIGMA_1, SIGMA_1] *= 9.0
+    other = Beside(theta, inverse, Z_95)
+    below, above = replace(alone, beside=(other,)).ridge(DAMPING)
+    assert above - below == pytest.approx(2.0 * np.log(1.1))
+    assert above + below == pytest.approx(2.0 * 3.0 * usual[0])
+
+
 def test_point_beside_the_optimum_has_steps_left(begun: FirstFit) -> None:
     model, best = begun.whole.model, begun.whole.fit
     half = 0.5 * np.sqrt(begun.whole.covariance[3, 3])
     scaled = best.scaled + half * begun.whole.inverse[:, 3] / begun.whole.inverse[3, 3]
-    beside = conclude(
+    off = conclude(
         model, replace(best, scaled=scaled, theta=to_natural(model.parameters, scaled)), 50
     )
-    assert beside.left[3] == pytest.approx(-0.5, abs=0.05)
+    assert off.left[3] == pytest.approx(-0.5, abs=0.05)
 
 
 def test_optimum_that_takes_much_for_noise_loses(begun: FirstFit) -> None:

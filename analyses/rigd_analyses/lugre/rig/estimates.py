@@ -135,7 +135,8 @@ def _joined(found: Found, quantity: Quantity, reach: float) -> float:
 def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
     value = quantity.value(found.theta[:FRICTION])
     error = found.error(quantity)
-    below, above = (math.exp(math.hypot(Z_95 * error, part)) for part in found.ridge(quantity))
+    others = Z_95 * math.hypot(found.method(quantity), found.weight(quantity))
+    below, above = (math.exp(math.hypot(part, others)) for part in found.ridge(quantity))
     on_bound = quantity.index is not None and found.whole.on_bound[quantity.index]
     evidence = Evidence(
         value, value / below, value * above, quantity.unit, value if on_bound else None

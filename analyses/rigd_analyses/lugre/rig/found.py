@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import chi2
 
 from rigd.analysis.extended import own_parameters
-from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD
+from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95
 from rigd.analysis.left_out import jackknife_sd
 from rigd.analysis.model import slopes
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.output_error import OutputErrorFit, inverse_at
 from rigd.analysis.owed import owed_to_constants
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import (
@@ -41,6 +43,19 @@ HEIGHT = Quantity(
 
 
 @dataclass(frozen=True, eq=False)
+class Beside:
+    """A point that a profile accepts, for what the data allow around it.
+
+    ``theta`` (6,) natural, ``inverse`` (6, 6) of the information, scaled; ``reach`` is how many
+    standard deviations the point leaves until the region of 95 % ends.
+    """
+
+    theta: FloatArray
+    inverse: FloatArray
+    reach: float
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
     """The fit, what other filters of the current make of it, and the profiles."""
 
@@ -58,6 +73,7 @@ class Found:
     without: FloatArray = field(  #: (trials, p), scaled: steps without each trial, if named
         default_factory=lambda: np.zeros((0, FRICTION))
     )
+    beside: tuple[Beside, ...] = ()
 
     @property
     def theta(self) -> FloatArray:
@@ -105,14 +121,25 @@ class Found:
         return math.hypot(shift, *(abs(item.size) for item in varies))
 
     def ridge(self, quantity: Quantity) -> tuple[float, float]:
-        """Return how far profiles take the logarithm below and above that of the fit."""
+        """Return how far the logarithm may be below and above that of the fit.
+
+        That is the region around all points that the profiles accept: if V_s is open, how well
+        the data determine another parameter depends on V_s.
+        """
         centre = quantity.log(self.theta[:FRICTION])[0]
-        moved = [
-            quantity.log(point[:FRICTION])[0] - centre
-            for line in self.scans.values()
-            for point in line.accepted
-        ]
-        return max(-min(moved, default=0.0), 0.0), max(*moved, 0.0, 0.0)
+        chance = self.chance(quantity.log_gradient(self.theta[:FRICTION]))
+        by_best = _spread(quantity, self._at_best())
+        coloured = chance / by_best if by_best > 0.0 else 1.0
+        below = above = Z_95 * chance
+        for point in self.beside:
+            moved = quantity.log(point.theta)[0] - centre
+            reach = point.reach * coloured * _spread(quantity, point)
+            below, above = max(below, reach - moved), max(above, reach + moved)
+        return below, above
+
+    def _at_best(self) -> Beside:
+        block = self.whole.inverse[:FRICTION, :FRICTION]
+        return Beside(self.theta[:FRICTION], block, Z_95)
 
     def budget(self, quantity: Quantity) -> dict[str, float]:
         """Return the standard uncertainty of the logarithm by its sources."""
@@ -137,6 +164,32 @@ class Found:
         scale = slopes(self.whole.model.parameters, self.theta)[:FRICTION]
         gradient[:FRICTION] = by_natural * scale
         return gradient
+
+
+def beside(whole: OutputErrorFit, scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
+    """Return the points that ``scans`` accept, with the information at each.
+
+    A ratio of mu_s to mu_c that data without a Stribeck effect allow by chance comes with a V_s of
+    its own: if the profile of V_s has an open end, the region is that of two parameters (Davies,
+    Biometrika 64, 1977: a parameter that exists under one of two hypotheses only).
+    """
+    speed = scans.get("V_s")
+    is_open = speed is not None and None in (speed.low, speed.high)
+    threshold = float(chi2.ppf(0.95, 2 if is_open else 1))
+    found = []
+    for line in scans.values():
+        for theta, statistic in zip(line.thetas, line.statistic, strict=True):
+            if statistic <= max(threshold, line.slack * line.threshold):
+                inverse = inverse_at(whole.model, theta)[:FRICTION, :FRICTION]
+                reach = math.sqrt(max(threshold - statistic, 0.0))
+                found.append(Beside(theta[:FRICTION], inverse, reach))
+    return tuple(found)
+
+
+def _spread(quantity: Quantity, point: Beside) -> float:
+    """Return the standard deviation of the logarithm by the information at ``point``."""
+    by_scaled = quantity.log_gradient(point.theta)[0] * slopes(PARAMETERS, point.theta)
+    return math.sqrt(max(float(by_scaled @ point.inverse @ by_scaled), 0.0))
 
 
 def all_states(system: RigSystem, whole: OutputErrorFit) -> list[FloatArray]:

@@ -48,7 +48,7 @@ from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.extensions import candidates
-from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, slip
+from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, beside, slip
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.system import (
@@ -198,7 +198,7 @@ def with_intervals(
     gravity = first.constants.gravity
     found = Found(
         whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
-        gravity.u / gravity.value, shifts,
+        gravity.u / gravity.value, shifts, beside=beside(whole, scans),
     )  # fmt: skip
     if gate.outcome is FitOutcome.CORRECTED:
         return replace(found, without=without_each_trial(whole))
