@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-pytest.importorskip("emcee")
-pytest.importorskip("arviz_stats")
-
 from rigd.analysis import posterior
 from rigd.analysis.credible import Posterior
 from rigd.analysis.posterior import Sampled, effective_draws, r_hat, sample_posterior

@@ -10,9 +10,6 @@ from typing import Any
 import pytest
 from support.lugre_bench import known_rig
 
-pytest.importorskip("emcee")
-pytest.importorskip("arviz_stats")
-
 from rigd.analysis import ConfigError, Options
 from rigd.analysis.marginal import Marginal
 from rigd.analysis.model import to_scaled
