@@ -339,7 +339,9 @@ def _side_by_side(added: Sequence[Suspect], system: System) -> Columns:
 def _vanishes(fitted: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> bool:
     """Whether ``item``, one of ``chosen``, has no size in the fit with all of these."""
     if item.candidate is None:
-        return False
+        stated = fitted.model.system.shared[item.place].parameter
+        moved = fitted.fit.scaled[item.place] - stated.scaled(stated.start)
+        return bool(abs(moved) < NO_SIZE * math.sqrt(fitted.covariance[item.place, item.place]))
     here = _places(fitted, chosen, item)
     variance = np.maximum(np.diag(fitted.covariance)[here], np.finfo(float).tiny)
     return bool(np.mean(fitted.fit.theta[here] ** 2 / variance) < NO_SIZE**2)
