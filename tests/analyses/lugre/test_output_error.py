@@ -399,7 +399,7 @@ def test_creeping_carriage_is_left_out_and_named(bench: Bench) -> None:
     assert "crept" in result.preprocessing.rejected[0].reason
 
 
-def test_mass_of_the_fit_moves_as_a_heavier_rig(bench: Bench) -> None:
+def test_fitted_mass_moves_as_a_heavier_rig(bench: Bench) -> None:
     rig = bench("pvc")
     trials = rig.sweep(1, CURRENTS_A)
     parts, _ = sort_out(trials, [1e-3] * len(trials), Settings())
