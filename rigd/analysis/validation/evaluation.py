@@ -18,7 +18,7 @@ from rigd.analysis.report.validation_tables import overview, published_table, su
 from rigd.analysis.source import Correction
 from rigd.analysis.validation.result import ModelOutcome, Validation
 from rigd.analysis.validation.saved import read_models
-from rigd.config.registry import FRICTION_LAWS, installed
+from rigd.config.registry import ANALYSES, FRICTION_LAWS, installed
 from rigd.model.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -131,7 +131,8 @@ def validate(
     if len(names) > 1:
         raise ConfigError(f"{model} has models of several analyses: {', '.join(names)}")
     sweeps = open_sweeps(paths, passed_over, corrections, changed)
-    if sweeps[0].plan.model != names[0] and names[0] in installed(FRICTION_LAWS):
+    laws = set(installed(FRICTION_LAWS)) - set(installed(ANALYSES))  # lugre is both
+    if sweeps[0].plan.model != names[0] and names[0] in laws:
         raise models[0].error(
             f"these are parameters of the friction law {names[0]}: `rigd validate` simulates the "
             f"rig with the law {sweeps[0].plan.model} alone",
