@@ -5,6 +5,8 @@ BIN  := $(VENV)/bin
 
 #: `make test K=expr`: only the tests that match, as pytest -k has it.
 K :=
+#: `make test-long SLICE=0/2`: one half of them, 1/2: the other.
+SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
@@ -33,6 +35,7 @@ test: setup
 	$(BIN)/pytest -k "$(K)"
 endif
 
+test-long: export RIGD_TESTS_SLICE := $(SLICE)
 test-long: setup ## the long tests; tests/support/long.py lists them, with reasons
 	$(call play,long)
 

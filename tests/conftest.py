@@ -18,6 +18,7 @@ from collections.abc import Generator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from support import long, warm
@@ -162,7 +163,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests by what may run when; the largest files go first, and none is left alone."""
+    """Mark the tests by what may run when; the largest files go first, and none is left alone.
+
+    RIGD_TESTS_SLICE=0/2 takes half of the long tests only, 1/2 the others.
+    """
     items.sort(key=lambda item: not is_in(item.path, FIRST))
     ids = [(str(item.path.relative_to(HERE)), item.nodeid.split("::", 1)[1]) for item in items]
     whole_files = not any("::" in argument for argument in config.args)
@@ -176,6 +180,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.long(why))
         if is_in(item.path, places("docs")) and item.name.endswith(DATED_DOCUMENTS):
             item.add_marker("dates")
+    if of := os.environ.get("RIGD_TESTS_SLICE"):
+        number, slices = (int(part) for part in of.split("/"))
+        beside = [
+            item
+            for item in items
+            if item.get_closest_marker("long") and crc32(item.nodeid.encode()) % slices != number
+        ]
+        items[:] = [item for item in items if item not in beside]
+        config.hook.pytest_deselected(items=beside)
 
 
 @pytest.hookimpl(wrapper=True)
