@@ -131,7 +131,7 @@ def validate(
     if len(names) > 1:
         raise ConfigError(f"{model} has models of several analyses: {', '.join(names)}")
     sweeps = open_sweeps(paths, passed_over, corrections, changed)
-    laws = set(installed(FRICTION_LAWS)) - set(installed(ANALYSES))  # lugre is both
+    laws = set(installed(FRICTION_LAWS)) - set(installed(ANALYSES))  # one name may be both
     if sweeps[0].plan.model != names[0] and names[0] in laws:
         raise models[0].error(
             f"these are parameters of the friction law {names[0]}: `rigd validate` simulates the "
