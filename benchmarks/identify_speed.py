@@ -29,8 +29,9 @@ from scipy.optimize import least_squares
 
 from rigd.analysis.fit import fit, multi_start
 from rigd.analysis.model import scaled_bounds, to_natural, to_scaled
-from rigd.analysis.output_error import ENOUGH, OutputErrorModel, noise_at
+from rigd.analysis.output_error import ENOUGH
 from rigd.analysis.source import open_sweep
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import process

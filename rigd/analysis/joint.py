@@ -25,11 +25,12 @@ from scipy.stats import chi2
 
 from rigd.analysis.fit import fit
 from rigd.analysis.joint_account import ConstantAccount
-from rigd.analysis.output_error import ENOUGH, NEAR, Knowledge, OutputErrorFit, conclude
+from rigd.analysis.output_error import ENOUGH, NEAR, OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
 from rigd.analysis.score import holm
 from rigd.analysis.system import Unknown
 from rigd.analysis.uncertainty import scaled_pinv
+from rigd.analysis.whitened import Knowledge
 
 #: Of one false alarm in the tests of all constants, if no group differed.
 LEVEL = 1e-4

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.model import scaled_bounds, slopes, to_natural, to_scaled
-from rigd.analysis.output_error import OutputErrorFit, OutputErrorModel
+from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd.analysis.uncertainty import scaled_pinv
+from rigd.analysis.whitened import OutputErrorModel
 
 LITTLE = 0.05  #: of the statistic: what another step would gain, which is taken as gained
 MOST_STEPS = 4

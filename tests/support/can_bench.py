@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+
+from support.can_script import ScriptedBus, number, servo
 
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
 from rigd_drivers.cia402_servo.speed import SpeedServo, SpeedServoConfig
 from rigd_drivers.cia406_encoder import Cia406Encoder, EncoderConfig
+
+Connect = Callable[..., tuple[CanBus, ScriptedBus]]
+
+ENABLED = 0x1237  # operation enabled, voltage, remote, follows
+OFF = 0x0250
 
 
 class Clock:
@@ -60,3 +68,33 @@ def encoder_config(**options: object) -> EncoderConfig:
 
 def encoder(bus: CanBus, **options: object) -> Cia406Encoder:
     return Cia406Encoder(encoder_config(**options), bus)
+
+
+def feedback(port: ScriptedBus, status: int, torque: int = 0, counts: int = 0) -> None:
+    port.say(0x181, number(status, 2) + number(torque, 2) + number(counts, 4))
+
+
+def cycle(
+    driver: CurrentServo | SpeedServo, port: ScriptedBus, *setpoints: float
+) -> list[tuple[int, str]]:
+    """One cycle; what was sent in it, but for heartbeats."""
+    first = len(port.sent)
+    driver.link.begin(0)
+    driver.read(0)
+    driver.write(setpoints)
+    driver.link.end(0)
+    return [(to, data.hex(" ")) for to, data in port.sent[first:] if to != 0x77F]
+
+
+def enabled(connect: Connect, **options: object) -> tuple[CurrentServo, ScriptedBus]:
+    """A wheel that is armed and enabled."""
+    bus, port = connect(servo())
+    driver = wheel(bus, **options)
+    driver.open()
+    cycle(driver, port, 0.0)
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, ENABLED):
+        feedback(port, status)
+        cycle(driver, port, 0.0)
+    assert driver.ready()
+    return driver, port

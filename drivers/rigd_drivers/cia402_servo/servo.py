@@ -9,6 +9,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import ClassVar, Final
 
 from rigd.sdk import Channel, DeviceError, Driver, LinkConfig, LinkError, Row
@@ -338,9 +339,9 @@ class Servo(Driver[ServoConfigT, CanBus]):
         inbox = self._inboxes[0]
         deadline = time.monotonic() + _SHOWN_S
         while time.monotonic() < deadline:
-            seen = inbox.came
+            before = inbox.came
             self._flush_safe()
-            if not self.link.wait(lambda seen=seen: inbox.came > seen, by_sdo.LOOK_S):  # type: ignore[misc]
+            if not self.link.wait(partial(_came_since, inbox, before), by_sdo.LOOK_S):
                 continue
             values = inbox.newest()
             if values is not None and cia402.state_of(values[0]) in by_sdo.TORQUELESS:
@@ -469,6 +470,11 @@ class Servo(Driver[ServoConfigT, CanBus]):
                 f"{state.value} (statusword 0x{word:04X}){lacks}",
                 hint=hint,
             )
+
+
+def _came_since(inbox: Inbox, before: int) -> bool:
+    """Return whether ``inbox`` has received more than the ``before`` frames it had."""
+    return inbox.came > before
 
 
 def _too_short(config: ServoConfig, link: LinkConfig | None) -> Iterator[str]:

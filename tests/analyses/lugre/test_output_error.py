@@ -15,16 +15,10 @@ from support.lugre_bench import FLOORS, known_rig
 from rigd.analysis import DataError
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import to_natural
-from rigd.analysis.output_error import (
-    CONVERGED,
-    OutputErrorModel,
-    by_cost,
-    conclude,
-    estimate,
-    noise_at,
-)
+from rigd.analysis.output_error import CONVERGED, by_cost, conclude, estimate
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import SIGMA_1
 from rigd_analyses.lugre.quantities import DAMPING

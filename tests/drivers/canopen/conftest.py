@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import pytest
-from support.can_bench import Clock
+from support.can_bench import Clock, Connect
 from support.can_script import ScriptedBus, ScriptedNode
 
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 
+
 #: ``connect(*nodes)``: the nodes on a bus that is open, with the port that shows what was sent.
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
-
-
 @pytest.fixture
 def connect(monkeypatch: pytest.MonkeyPatch) -> Connect:
     def opened(*nodes: ScriptedNode, listen: bool = False) -> tuple[CanBus, ScriptedBus]:

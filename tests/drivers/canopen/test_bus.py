@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import can
 import pytest
-from support.can_bench import Clock
+from support.can_bench import Clock, Connect
 from support.can_script import ScriptedBus
 
 from rigd.sdk import LinkError
@@ -18,7 +17,6 @@ from rigd_drivers.can_load import FRAME_BITS, WINDOW_NS, LoadMeter
 from rigd_drivers.can_ports import Full, open_port
 from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
 
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 #: A frame of 8 bytes with stuff bits, at 1 Mbit/s.
 FRAME_S = 135e-6
 

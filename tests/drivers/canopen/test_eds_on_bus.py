@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from support.can_bench import belt, belt_config, encoder, wheel, wheel_config
-from support.can_script import ScriptedBus, number, servo
+from support.can_bench import Connect, belt, belt_config, encoder, wheel, wheel_config
 from support.can_script import encoder as scripted_encoder
+from support.can_script import number, servo
 from support.eds import line_of, write_eds
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.can_bus import CanBusConfig
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.sheet import read_sheet
@@ -23,7 +23,6 @@ from rigd_drivers.cia402_servo.servo import Servo
 from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_drivers.cia406_encoder import EncoderConfig
 
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 #: The option that a scripted drive needs beside its EDS.
 RATED = {"rated_torque": "44.25 mN m", "torque_constant": "29.5 mN m/A"}
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import pytest
-from support.can_bench import encoder
+from support.can_bench import Connect, encoder
 from support.can_script import ScriptedBus, ScriptedNode, number
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.can_bus import CanBus
 from rigd_drivers.cia406_encoder import Cia406Encoder
 
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 Objects = dict[tuple[int, int], int | None]
 LINE = {"kind": "linear", "distance_per_count": "5 um/count"}
 #: As delivered: 16 bits per turn, of which the position shows 13; 4096 turns.

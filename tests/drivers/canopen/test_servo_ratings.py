@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
-from support.can_bench import belt, wheel, wheel_config
+from support.can_bench import Connect, belt, wheel, wheel_config
 from support.can_script import ScriptedBus, ScriptedServo, number, plain_servo, servo
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.can_bus import CanBus
 from rigd_drivers.cia402_servo.current import CurrentServo
 
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 Objects = dict[tuple[int, int], bytes | None]
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import pytest
 from support.can_bench import (
     Clock,
+    Connect,
     belt,
     belt_config,
     encoder,
@@ -15,7 +15,7 @@ from support.can_bench import (
     wheel,
     wheel_config,
 )
-from support.can_script import ScriptedBus, ScriptedServo, number, servo
+from support.can_script import ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
@@ -23,8 +23,6 @@ from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_drivers.cia402_servo.current import CurrentServo
 from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_drivers.cia406_encoder import Cia406Encoder
-
-Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 
 
 def test_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> None:

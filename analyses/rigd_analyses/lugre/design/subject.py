@@ -11,8 +11,9 @@ import numpy as np
 from rigd.analysis import parse_quantity
 from rigd.analysis.design import DesignTarget, PossibleTest
 from rigd.analysis.model import scaled_bounds, slopes
-from rigd.analysis.output_error import OutputErrorModel, estimate, noise_at
+from rigd.analysis.output_error import estimate
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, IdentificationResult
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.curve import SLIDING, TRIM
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, predict, reading
 from rigd_analyses.lugre.design.shapes import Shape

@@ -16,18 +16,10 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.fit import Fit, fit
-from rigd.analysis.output_error import (
-    ENOUGH,
-    NEAR,
-    ROUGH,
-    Branch,
-    OutputErrorFit,
-    OutputErrorModel,
-    conclude,
-    noise_at,
-)
+from rigd.analysis.output_error import ENOUGH, NEAR, ROUGH, Branch, OutputErrorFit, conclude
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
 from rigd.analysis.simple_gate import judge_fit
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
