@@ -5,13 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
-from pydantic import ValidationError, ValidationInfo, field_validator
+from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator
 
 from rigd.model.errors import ConfigError, Place
 from rigd.sdk.documented import Documented
 from rigd.sdk.plant import PlantConfig
+
+M = TypeVar("M", bound=BaseModel)
 
 
 class ParameterGroup(Documented):
@@ -83,8 +85,8 @@ class ParametersConfig(PlantConfig):
         return {path: path.read_text("utf-8")}
 
 
-def load_parameters(path: Path, model: type[ParameterGroup], example: Path) -> ParameterGroup:
-    """Return the parameters in the YAML file at ``path`` as ``model``.
+def load_parameters(path: Path, model: type[M], example: Path) -> M:
+    """Return the content of the YAML file at ``path`` as ``model``.
 
     ``example`` is the shipped file that the message of an error points to.
 
@@ -117,15 +119,22 @@ def load_parameters(path: Path, model: type[ParameterGroup], example: Path) -> P
 def _words(item: Any) -> str:
     """Return the problem of one entry, in terms of the file instead of the library."""
     known = {"extra_forbidden": "unknown key", "missing": "this key is missing"}
-    return known.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
+    if item["type"] in known:
+        return known[item["type"]]
+    words, found = str(item["msg"]).removeprefix("Value error, "), item["input"]
+    is_value = isinstance(found, str | int | float) and str(found) not in words
+    return f"{words}, found {str(found)!r}" if is_value else words
 
 
 def _place(path: Path, tree: Any, location: tuple[int | str, ...]) -> Place:
     """Return the place of the entry at ``location``, or of the last entry on the way to it."""
     line, column, node = 0, 0, tree
     for key in location:
-        if not isinstance(node, dict) or key not in node:
+        if isinstance(node, dict) and key in node:
+            line, column = node.lc.value(key)  # type: ignore[attr-defined] # ruamel's CommentedMap
+        elif isinstance(node, list) and isinstance(key, int) and key < len(node):
+            line, column = node.lc.item(key)  # type: ignore[attr-defined] # ruamel's CommentedSeq
+        else:
             break
-        line, column = node.lc.value(key)  # type: ignore[attr-defined] # ruamel's CommentedMap
         node = node[key]
     return Place(str(path), line + 1, column + 1)

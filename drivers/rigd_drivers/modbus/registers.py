@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from annotated_types import Ge, Le
 
 from rigd.sdk import Documented, In
+from rigd_drivers.device_file import DeviceFile
 from rigd_drivers.modbus import pdu
 from rigd_drivers.modbus.pdu import Request, read_registers, write_register, write_registers
 
@@ -111,13 +112,9 @@ class Expect(Described):
     """What it is, for a person."""
 
 
-class Access(Described):
+class Access(DeviceFile):
     """How rigd accesses a device: functions, sizes, order of words, silence."""
 
-    title: str
-    """What the device is."""
-    source: str
-    """Manual and section that the map is made from."""
     read_function: Literal[3, 4] = 3
     """Function that reads its registers: 3 (holding) or 4 (input)."""
     write_function: Literal[6, 16] = 6

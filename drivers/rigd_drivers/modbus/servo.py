@@ -6,11 +6,10 @@ import math
 import time
 from collections import deque
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from annotated_types import Gt, Le
-from pydantic import Field, model_validator
-from pydantic.functional_validators import BeforeValidator
+from pydantic import model_validator
 
 from rigd.sdk import (
     Channel,
@@ -22,6 +21,7 @@ from rigd.sdk import (
     ProtocolError,
     Row,
 )
+from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
@@ -29,7 +29,6 @@ from rigd_drivers.modbus.exchange import Answer, Failure
 from rigd_drivers.modbus.pdu import Request
 from rigd_drivers.modbus.registers import Condition, all_hold
 from rigd_drivers.modbus.servo_map import ServoMap, Step
-from rigd_drivers.modbus.shipped import shipped_map
 
 #: Bits of the status word: the drive follows its setpoint; its watchdog has acted, which before
 #: arming is no fault (rigd was busy with other devices, and nothing moved).
@@ -50,17 +49,12 @@ _LOOK_S: Final = 2e-3
 _LOST_REPLIES: Final = 2
 
 
-def _shipped(value: Any) -> Any:
-    return shipped_map(value, "servo") if isinstance(value, str) else value
-
-
 class ServoConfig(ConnectionConfig):
     """The connection of the drive, its register map, and its largest speed."""
 
-    map: Annotated[ServoMap, BeforeValidator(_shipped)] = Field(
-        json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
-    )
-    """Name of a shipped map (delta-asda-b, schneider-atv320), or a map written here."""
+    map: Annotated[ServoMap, FromFile("modbus-servo")]
+    """Name of a shipped map (delta-asda-b, schneider-atv320), a
+    file of your own beside the rig file, such as my_device.yaml, or a map written here."""
     max_speed: Annotated[float, In("rad/s"), Gt(0)]
     """Largest speed of the motor, of either sign."""
     travel: Annotated[float, In("m/rad")] | None = None
@@ -167,7 +161,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         if self._in_fault():
             self._reset()
         self._unfit = [*self._set_up(), *self._set_watchdog()]
-        self.identity = self._map.title
+        self.identity = f"{self._map.title}, map {self._map.standing}"
 
     def preflight(self) -> Sequence[str]:
         """See :class:`~rigd.sdk.AnyDriver`: a setting or a watchdog that the drive did not keep."""

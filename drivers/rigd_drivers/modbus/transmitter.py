@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from annotated_types import Gt, Le, MinLen
-from pydantic import Field, model_validator
-from pydantic.functional_validators import BeforeValidator
+from pydantic import model_validator
 
 from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, ProtocolError, Row
+from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
@@ -26,7 +26,6 @@ from rigd_drivers.modbus.registers import (
     WordOrder,
     Write,
 )
-from rigd_drivers.modbus.shipped import shipped_map
 
 #: Bits of the status word that the device's own flags take.
 FLAGS: Final = {"stable": 1, "overload": 2, "underload": 4, "fault": 8}
@@ -86,17 +85,12 @@ class TransmitterMap(Access):
         return [self.force.addresses, *(range(f.address, f.address + 1) for f in flags)]
 
 
-def _shipped(value: Any) -> Any:
-    return shipped_map(value, "transmitter") if isinstance(value, str) else value
-
-
 class TransmitterConfig(ConnectionConfig):
     """The connection of the transmitter, its register map, and the forces it may read."""
 
-    map: Annotated[TransmitterMap, BeforeValidator(_shipped)] = Field(
-        json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
-    )
-    """Name of a shipped map (laumas-tlb4, seneca-z-sg2, tuna-id551), or a map written here."""
+    map: Annotated[TransmitterMap, FromFile("modbus-transmitter")]
+    """Name of a shipped map (laumas-tlb4, seneca-z-sg2, tuna-id551), a
+    file of your own beside the rig file, such as my_device.yaml, or a map written here."""
     low: Annotated[float, In("N")]
     """Smallest force that the cell can bear; a reading beyond is not believed at opening."""
     high: Annotated[float, In("N")]
@@ -188,9 +182,8 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         self._turn, self._suspects, self._acting = 0, 0, None
         self._to_write.clear()
         self.check(self._map.expect)
-        self.identity = ", ".join(
-            [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]
-        )
+        numbers = [f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items()]
+        self.identity = ", ".join([self._map.title, *numbers, f"map {self._map.standing}"])
         hints = 0
         for _ in range(_PROBES):
             self._words = self.fetch(self._reads)

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 
+from rigd_drivers import device_file
 from rigd_drivers.modbus.registers import Access, Register
 from rigd_drivers.modbus.servo_map import ServoMap
-from rigd_drivers.modbus.shipped import shipped_map
 from rigd_drivers.modbus.transmitter import TransmitterMap
 
+M = TypeVar("M", ServoMap, TransmitterMap)
+
 HOLDING = 40001  # number that manuals give the register at address 0
+
+
+def shipped_map(name: str, kind: str, model: type[M]) -> M:
+    """Return the shipped map of that name."""
+    path = device_file.find(name, kind, Path("nowhere"))
+    return device_file.read(path, model, path)
 
 
 @pytest.mark.parametrize(
@@ -28,7 +37,7 @@ HOLDING = 40001  # number that manuals give the register at address 0
 def test_shipped_transmitter_maps_match_their_manuals(
     name: str, force: int, status: int, kind: Any
 ) -> None:
-    described = TransmitterMap.model_validate(shipped_map(name, "transmitter"))
+    described = shipped_map(name, "modbus-transmitter", TransmitterMap)
     assert described.force == Register(address=force - HOLDING, type=kind)
     assert {flag.address for flag in described.status.values()} == {status - HOLDING}
     assert "manual" in described.source
@@ -42,14 +51,14 @@ def test_shipped_transmitter_maps_match_their_manuals(
     ],
 )
 def test_shipped_drive_maps_match_their_manuals(name: str, setpoint: int, watchdog: int) -> None:
-    described = ServoMap.model_validate(shipped_map(name, "servo"))
+    described = shipped_map(name, "modbus-servo", ServoMap)
     assert described.setpoint.address == setpoint
     assert described.watchdog.time.address == watchdog
     assert described.scale == pytest.approx(0.10471975512)  # rpm
 
 
 def test_one_reading_is_asked_for_in_one_request() -> None:
-    described = TransmitterMap.model_validate(shipped_map("laumas-tlb4", "transmitter"))
+    described = shipped_map("laumas-tlb4", "modbus-transmitter", TransmitterMap)
     (read,) = described.reads(described.polled())
     assert (read.first, read.request.pdu.hex()) == (6, "0300060005")
 

@@ -306,7 +306,7 @@ def test_troubles_stand_in_the_status_word(servo: ServoBench) -> None:
         ({"max_speed": "40000 rpm"}, r"does not fit into int16"),
         ({"max_speed": "3 m/s"}, r"expected rad/s"),
         ({"rate": "200 Hz"}, r"less than or equal to 100"),
-        ({"map": "laumas-tlb4"}, r"no shipped map of a servo"),
+        ({"map": "laumas-tlb4"}, r"no shipped modbus-servo map"),
     ],
 )
 def test_error_on_wrong_option_names_right_value(options: dict[str, Any], message: str) -> None:

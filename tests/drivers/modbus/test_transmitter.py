@@ -349,7 +349,7 @@ def test_slow_device_on_tcp_may_take_its_time() -> None:
     ("options", "message"),
     [
         ({"map": "laumas-tlb5"}, "did you mean 'laumas-tlb4'"),
-        ({"map": "delta-asda-b"}, "no shipped map of a transmitter"),
+        ({"map": "delta-asda-b"}, "no shipped modbus-transmitter map"),
         ({"scale": None}, "has no scale: give 'scale'"),
         ({"scale": "0 N/count"}, "'scale' must not be zero"),
         ({"map": "seneca-z-sg2", "scale": "0 N/count"}, "'scale' must not be zero"),
