@@ -211,8 +211,9 @@ def _constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
 
 
 def _tested(scores: Scores, candidates: Iterable[Suspect]) -> Iterator[Tested]:
-    for item in candidates:
-        score = scores.test(item.columns(), each_trial=item.each_trial)
+    items = list(candidates)
+    found = scores.tests((item.columns(), item.each_trial) for item in items)
+    for item, score in zip(items, found, strict=True):
         yield Tested(item.name, item.unit, score, item)
 
 

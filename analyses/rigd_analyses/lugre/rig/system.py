@@ -22,7 +22,6 @@ from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
 from rigd_analyses.lugre.rig.outputs import (
     DYNAMIC,
     FIRST_BRISTLE,
-    LOCAL,
     NAMES,
     SHAKE_COS,
     SHAKE_SIN,
@@ -194,17 +193,22 @@ class RigSystem:
         own, radius = shared[self.places[trial]], self.constants.wheel_radius.value
         predicted = outputs(states, phase, own, local, radius)
         hurry = self.constants.roller_transitions * self.trials[trial].turning_rad_s
-        by_own = output_slopes(states, by_q, phase, hurry, own, radius)
-        q, moved = self.recursion(trial, shared, local), list(BY_MASS)
-        with np.errstate(over="ignore", invalid="ignore"):  # as in simulate
-            by_mass = -(by_own[:, :, moved] @ q[moved]) / own[MASS]
-        by_own[:, :, moved] *= self.mass_kg(trial) / own[MASS]
-        by_own[:, :, GUIDE] *= self.trials[trial].trial.load
-        slopes = np.zeros((*predicted.shape, len(self.shared) + LOCAL))
-        slopes[:, :, self.places[trial][:MASS]] = by_own[:, :, :SHARED]
-        slopes[:, :, self.places[trial][MASS]] = by_mass
-        slopes[:, :, len(self.shared) :] = by_own[:, :, SHARED:]
+        slopes = output_slopes(
+            states, by_q, phase, hurry, own, radius, self._q_slopes(trial, shared, local),
+            self.places[trial], len(self.shared),
+        )  # fmt: skip
         return predicted, slopes
+
+    def _q_slopes(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the derivatives (2, 19) of :meth:`recursion` to its own unknowns, and to mass."""
+        mass = shared[self.places[trial][MASS]]
+        moved = list(BY_MASS)
+        found = np.zeros((2, DYNAMIC))
+        found[0] = 1.0
+        found[0, moved] = self.mass_kg(trial) / mass
+        found[0, GUIDE] *= self.trials[trial].trial.load
+        found[1, moved] = -self.recursion(trial, shared, local)[moved] / mass
+        return found
 
     def _run(
         self, trial: int, shared: FloatArray, local: FloatArray, sensitive: bool
