@@ -49,6 +49,7 @@ class Node:
         self._beside_sheet: set[Entry] = set()  #: what the node has though its sheet may not
         self.identity = ""
         self.vendor: int | None = None  #: object 1018:1, once open
+        self.product: int | None = None  #: object 1018:2, once open
         self.device_type = 0  #: object 1000, once open
         self.state: nmt.State | None = None  #: the state in its last heartbeat
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
@@ -389,7 +390,7 @@ class Node:
             self.read_optional(entry)
             for entry in (objects.VENDOR, objects.PRODUCT, objects.REVISION)
         ]
-        self.vendor = found[0]
+        self.vendor, self.product, _ = found
         if self._sheet is not None:
             self._heed(self._sheet.another_device(found))
         numbers = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from rigd.sdk import ProtocolError
@@ -43,15 +43,18 @@ def configure(node: Node, pdo: Pdo) -> None:
     node.ensure(valid, cob_id)
 
 
-def switch_off_rest(node: Node, receive: int, transmit: int) -> None:
-    """Make invalid what PDOs the node has beyond so many, so that they do not load the bus.
+def switch_off_rest(node: Node, used: Sequence[Pdo]) -> None:
+    """Make invalid what PDOs of CiA 301 the node has beside ``used``, which would load the bus.
 
     Raises:
         LinkError, ProtocolError: see :meth:`Node.ensure`.
 
     """
-    for used, bases, sent in ((receive, frames.RPDO, False), (transmit, frames.TPDO, True)):
-        for number, base in enumerate(bases[used:], start=used + 1):
+    kept = {(pdo.transmit, pdo.number) for pdo in used}
+    for bases, sent in ((frames.RPDO, False), (frames.TPDO, True)):
+        for number, base in enumerate(bases, start=1):
+            if (sent, number) in kept:
+                continue
             valid, _ = Pdo(number, sent, base + node.node_id, EVENT_DRIVEN, ()).cob_id()
             found = node.read_optional(valid)
             if found is not None:

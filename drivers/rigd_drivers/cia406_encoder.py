@@ -145,7 +145,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
             check_step(node, scale)
         self._scale = -scale if config.inverted else scale
         configure(node, self._tpdo)
-        switch_off_rest(node, receive=0, transmit=1)
+        switch_off_rest(node, [self._tpdo])
         self._unwrap = Unwrap(resolution.range_of_counts(node, config.bits))
         count = self._unwrap.follow(self._within_span(node.read(position)))
         self._zero = count if config.zero is None else config.zero

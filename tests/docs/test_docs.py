@@ -72,7 +72,7 @@ UNCHECKED = {
     "friction_laws.md": 1,
     "plants.md": 3,
     "simulation.md": 5,
-    "devices.md": 5,
+    "devices.md": 6,
     "faults.md": 1,
     "calibration.md": 0,
     "foxglove.md": 2,

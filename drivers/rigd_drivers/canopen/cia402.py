@@ -27,8 +27,15 @@ class DriveState(Enum):
 class Mode(IntEnum):
     """Modes of operation (6060h); bit ``mode - 1`` of 6502h is set if a drive has it."""
 
+    PROFILE_VELOCITY = 3
+    PROFILE_TORQUE = 4
     CYCLIC_VELOCITY = 9
     CYCLIC_TORQUE = 10
+
+    @property
+    def title(self) -> str:
+        """Name of the mode in words."""
+        return self.name.lower().replace("_", " ")
 
 
 #: (mask, bits under it) of the statusword -> state.

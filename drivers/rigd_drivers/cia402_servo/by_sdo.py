@@ -81,10 +81,9 @@ def set_mode(node: Node, mode: Mode) -> None:
     """
     modes = node.read(objects.SUPPORTED_MODES)
     if not modes >> (mode - 1) & 1:
-        name = mode.name.lower().replace("_", " ")
         raise ProtocolError(
-            f"{node} does not offer the {name} mode ({mode:d}): object 6502 is 0x{modes:X}",
-            hint="update its firmware, or use another drive",
+            f"{node} does not offer the {mode.title} mode ({mode:d}): object 6502 is 0x{modes:X}",
+            hint="update its firmware, use another drive, or name another mode in a `profile`",
         )
     node.write(objects.MODE, mode)
     deadline = time.monotonic() + _STEP_S

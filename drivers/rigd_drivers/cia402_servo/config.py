@@ -8,11 +8,18 @@ from annotated_types import Ge, Gt, Le
 
 from rigd.sdk import In
 from rigd_drivers.can_sheet import NodeConfig
+from rigd_drivers.cia402_servo.profile import DrivePdos, DriveProfile
+from rigd_drivers.device_file import FromFile
 
 
 class ServoConfig(NodeConfig):
     """The options of the drive: its identity, and the scaling of its units."""
 
+    profile: Annotated[DriveProfile, FromFile("cia402")] | None = None
+    """What is known of this make of drive: the name of a shipped profile (elmo-gold,
+    kollmorgen-akd, maxon-epos4, nanotec), a file of your own beside the rig file, such as
+    my_drive.yaml, or a profile written here. None: the drive is as CiA 402-2 has it. Options of
+    the rig file come before it."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
     """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
     inverted: bool = False
@@ -22,12 +29,25 @@ class ServoConfig(NodeConfig):
     rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
     """Rated torque of the motor, to which object 6076 must be set; none: any."""
     torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
-    """Unit of object 6076; none: 1 mN m (CiA 402-2), of a drive of maxon 1 uN m."""
-    follows_bit: bool = True
+    """Unit of object 6076; none: as `profile` has it, else 1 mN m (CiA 402-2), of a
+    drive of maxon 1 uN m."""
+    follows_bit: bool | None = None
     """Whether bit 12 of the statusword (object 6041) shows that the drive follows its target, as
-    CiA 402-2 has it in the cyclic modes; false for drives that leave it 0."""
+    CiA 402-2 has it in the cyclic modes; false for drives that leave it 0. None: as `profile` has
+    it, else true."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
     """The drive switches itself off after so long without a heartbeat of rigd."""
+
+    @property
+    def pdos(self) -> DrivePdos:
+        """Which PDOs carry what."""
+        return DrivePdos() if self.profile is None else self.profile.pdos
+
+    @property
+    def unit_of_6076(self) -> float | None:
+        """Unit of the motor rated torque in N m, as far as rig file or profile know it."""
+        profiled = None if self.profile is None else self.profile.torque_unit
+        return self.torque_unit or profiled
 
     @property
     def watchdog_s(self) -> float:

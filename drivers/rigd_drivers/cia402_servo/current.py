@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 from annotated_types import Gt
+from pydantic import model_validator
 
 from rigd.sdk import Channel, Declaration, DriverConfig, In, LinkConfig, ProtocolError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.cia402 import Mode
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.cia402_servo.config import ServoConfig
+from rigd_drivers.cia402_servo.profile import Choice, torque_choice
 from rigd_drivers.cia402_servo.ratings import (
     MAXON,
     Rating,
@@ -40,8 +41,24 @@ class CurrentServoConfig(ServoConfig):
     torque_constant: Annotated[float, In("N m/A"), Gt(0)] | None = None
     """Torque of the motor per current; with it, object 6076 gives the rated current too. None: as a
     drive of maxon reports (object 3001:5)."""
-    measured: Literal["torque", "current"] = "torque"
-    """What the drive measures: `torque` is object 6077, `current` object 6078, both per mille."""
+    measured: Literal["torque", "current"] | None = None
+    """What the drive measures: `torque` is object 6077, `current` object 6078, both per mille.
+    None: as `profile` has it, else `torque`."""
+
+    @model_validator(mode="after")
+    def _has_the_mode(self) -> Self:
+        if self.profile is not None and self.profile.torque is None:
+            raise ValueError(
+                f"the profile of the {self.profile.title} has no torque mode: use the driver "
+                "cia402-speed, or another profile"
+            )
+        return self
+
+    def choice(self) -> Choice:
+        """Return the mode of operation and its objects."""
+        mode = None if self.profile is None else self.profile.torque
+        measured = self.measured or ("torque" if mode is None else mode.measured)
+        return torque_choice(mode, measured)
 
 
 class CurrentRow(Row):
@@ -62,8 +79,6 @@ class CurrentServo(Servo[CurrentServoConfig]):
 
     Config: ClassVar[type[DriverConfig]] = CurrentServoConfig
     title = "CiA 402 servo drive on CAN, current mode"
-    mode = Mode.CYCLIC_TORQUE
-    target = objects.TARGET_TORQUE
     range_option = "current_range"
 
     def __init__(self, config: CurrentServoConfig, link: CanBus) -> None:
@@ -111,8 +126,11 @@ class CurrentServo(Servo[CurrentServoConfig]):
 
     @classmethod
     def _feedback(cls, config: CurrentServoConfig) -> tuple[tuple[Entry, ...], ...]:
-        measured = objects.TORQUE if config.measured == "torque" else objects.CURRENT
-        return ((objects.STATUSWORD, measured, objects.POSITION),)
+        return ((objects.STATUSWORD, config.choice().actual, objects.POSITION),)
+
+    @classmethod
+    def _choose(cls, config: CurrentServoConfig) -> Choice:
+        return config.choice()
 
     @classmethod
     def contradictions(cls, config: CurrentServoConfig, link: LinkConfig | None) -> Sequence[str]:
@@ -153,9 +171,10 @@ class CurrentServo(Servo[CurrentServoConfig]):
         constant = agreed(
             node, "torque constant", "N m/A", torque_constants(node, config.torque_constant)
         )
-        torques = rated_torques(node, config.rated_torque, config.torque_unit)
+        torques = rated_torques(node, config.rated_torque, config.unit_of_6076)
         torque = agreed(node, "rated torque", "N m", torques)
-        ratings = rated_currents(node, config.rated_current)
+        reported = None if config.profile is None else config.profile.rated_current
+        ratings = rated_currents(node, config.rated_current, reported)
         if torque is not None and constant is not None:
             ratings.append(torque.over(constant))
         rating = agreed(node, "rated current", "A", ratings)
@@ -165,9 +184,9 @@ class CurrentServo(Servo[CurrentServoConfig]):
                 "6076 are 0 or missing, or `torque_constant` for 6076 is",
                 hint="give `rated_current`, from the motor's plate",
             )
-        by_torque = constant is not None and (config.rated_torque or config.torque_unit)
-        sure = node.vendor == MAXON or config.rated_current or by_torque or len(ratings) > 1
-        if not sure:
+        by_torque = constant is not None and (config.rated_torque or config.unit_of_6076)
+        stated = config.rated_current or reported or by_torque
+        if not (node.vendor == MAXON or stated or len(ratings) > 1):
             raise ProtocolError(
                 f"{node} has 1000 per mille at {rating.value:.4g} A by {rating.source}; nothing "
                 "confirms the unit, which differs between makers",

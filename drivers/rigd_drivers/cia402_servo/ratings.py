@@ -15,6 +15,7 @@ from typing import Final
 from rigd.sdk import ProtocolError
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
+from rigd_drivers.cia402_servo.profile import RatedCurrent
 
 #: Vendor id (1018h:1) of maxon.
 MAXON: Final = 0xFB
@@ -79,17 +80,23 @@ def torque_constants(node: Node, given: float | None) -> list[Rating]:
     return found
 
 
-def rated_currents(node: Node, given: float | None) -> list[Rating]:
-    """Return the rated current in A by the rig file (``given``) and by the drive."""
+def rated_currents(
+    node: Node, given: float | None, chosen: RatedCurrent | None = None
+) -> list[Rating]:
+    """Return the rated current in A by the rig file (``given``) and by the drive.
+
+    ``chosen`` is the object that the profile of the drive names in place of 6075.
+    """
     found = [] if given is None else [Rating(given, "`rated_current`")]
-    entries = [objects.RATED_CURRENT]
+    entries = [(objects.RATED_CURRENT, _CURRENT_UNIT)]
+    if chosen is not None:
+        entries = [(chosen.entry(objects.RATED_CURRENT.name), chosen.unit)]
     if node.vendor == MAXON:
-        entries.append(objects.NOMINAL_CURRENT)
-    for entry in entries:
+        entries.append((objects.NOMINAL_CURRENT, _CURRENT_UNIT))
+    for entry, unit in entries:
         if reported := node.read_optional(entry):
-            value = reported * _CURRENT_UNIT
             where = f"{entry.index:04X}" + (f":{entry.sub:02X}" if entry.sub else "")
-            found.append(Rating(value, f"object {where}", _CURRENT_UNIT / 2))
+            found.append(Rating(reported * unit, f"object {where}", unit / 2))
     return found
 
 

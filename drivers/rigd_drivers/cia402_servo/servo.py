@@ -14,16 +14,17 @@ from typing import ClassVar, Final
 
 from rigd.sdk import Channel, DeviceError, Driver, LinkConfig, LinkError, Row
 from rigd_drivers.can_bus import CanBus
-from rigd_drivers.can_node import HEARTBEAT_MS, Node
+from rigd_drivers.can_node import Node
 from rigd_drivers.can_pdo import configure, switch_off_rest
 from rigd_drivers.can_sheet import Plan, contradictions, refuse
-from rigd_drivers.canopen import cia402, frames, objects, pdo
-from rigd_drivers.canopen.cia402 import DriveState, Mode
+from rigd_drivers.canopen import cia402, objects, pdo
+from rigd_drivers.canopen.cia402 import DriveState
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
 from rigd_drivers.canopen.objects import Entry
-from rigd_drivers.cia402_servo import by_sdo
-from rigd_drivers.cia402_servo.config import ServoConfig, ServoConfigT
+from rigd_drivers.cia402_servo import by_sdo, plan
+from rigd_drivers.cia402_servo.config import ServoConfigT
+from rigd_drivers.cia402_servo.profile import Choice
 
 #: Low word of 1000h.
 _PROFILE: Final = 402
@@ -36,15 +37,6 @@ _NO_BIT: Final = (
     "the maker's tool may control it; if its manual gives this bit another meaning, or none, in "
     "cyclic modes, write `follows_bit: false`"
 )
-#: Heartbeats that must fit into the watchdog time, so that a late one does not trip it.
-_HEARTBEATS_IN_WATCHDOG: Final = 3
-#: What set-up cannot do without reading.
-_READ: Final = (
-    objects.STATUSWORD,
-    objects.SUPPORTED_MODES,
-    objects.MODE_DISPLAY,
-    objects.POSITION,
-)
 
 
 class Servo(Driver[ServoConfigT, CanBus]):
@@ -56,17 +48,15 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     link_kind = "can"
     second_link = True
-    #: Mode of operation, and the object that holds its target.
-    mode: ClassVar[Mode]
-    target: ClassVar[Entry]
     #: The option that bounds the setpoint.
     range_option: ClassVar[str]
 
     def __init__(self, config: ServoConfigT, link: CanBus) -> None:
         super().__init__(config, link)
         self._sign = -1 if config.inverted else 1
-        self._command = self._command_pdo(config)
-        self._tpdos = self._feedback_pdos(config)
+        self._choice = self._choose(config)
+        self._command = plan.command(config, self._choice)
+        self._tpdos = plan.feedback(config, self._feedback(config))
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
         self._unwrap = Unwrap(1 << 32)
@@ -86,9 +76,10 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def contradictions(cls, config: ServoConfigT, link: LinkConfig | None) -> Sequence[str]:
         """Return what in the EDS contradicts this drive on ``link``."""
         optional = [(objects.ABORT_CONNECTION_OPTION, by_sdo.DISABLE_VOLTAGE_OPTION)]
-        plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config), optional)
+        writes, pdos = cls._writes(config, link), cls._pdos(config)
+        planned = Plan(_PROFILE, plan.reads(config), writes, pdos, optional)
         beyond = cls._beyond_range(config, cls._declared_target(config))
-        return [*contradictions(config, link, plan), *beyond, *_too_short(config, link)]
+        return [*contradictions(config, link, planned), *beyond, *plan.too_short(config, link)]
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the node id is this device's alone."""
@@ -106,13 +97,19 @@ class Servo(Driver[ServoConfigT, CanBus]):
         refuse(self.title, self.contradictions(self.config, self.link.config))
         node = self._node = Node(self.link, self.config.node, self.config.sheet())
         node.open(self.title, _PROFILE, self.config.serial)
+        profile = self.config.profile
+        if profile is not None:
+            profile.confirm(node)
+            by_sdo.switch_off(node)
+            profile.prepare(node)
         scaling = self._check_ratings(node)
-        self.identity = f"{node.identity}, {scaling}" if scaling else node.identity
+        known = [node.identity, scaling, self._profiled()]
+        self.identity = ", ".join(each for each in known if each)
         refuse(node, self._beyond_range(self.config, self._largest_target()))
         by_sdo.watch_heartbeat(node, self.config.watchdog)
         by_sdo.switch_off(node)
-        node.ensure(self.target, 0)
-        by_sdo.set_mode(node, self.mode)
+        node.ensure(self._choice.target, 0)
+        by_sdo.set_mode(node, self._choice.mode)
         self._map(node)
         self._unwrap = Unwrap(1 << 32)
         count = self._unwrap.follow(node.read(objects.POSITION))
@@ -263,6 +260,11 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     @classmethod
     @abstractmethod
+    def _choose(cls, config: ServoConfigT) -> Choice:
+        """Return the mode of operation and its objects."""
+
+    @classmethod
+    @abstractmethod
     def _feedback(cls, config: ServoConfigT) -> tuple[tuple[Entry, ...], ...]:
         """Return what the drive sends at every SYNC, one tuple of entries per TPDO."""
 
@@ -281,7 +283,9 @@ class Servo(Driver[ServoConfigT, CanBus]):
         sheet = config.sheet()
         if sheet is None or largest is None:
             return []
-        problems = (sheet.beyond(cls.target, target) for target in (-largest, largest))
+        problems = (
+            sheet.beyond(cls._choose(config).target, target) for target in (-largest, largest)
+        )
         return [f"{each}, which `{cls.range_option}` allows" for each in problems if each]
 
     @abstractmethod
@@ -355,39 +359,22 @@ class Servo(Driver[ServoConfigT, CanBus]):
         pdos = self._pdos(self.config)
         for item in pdos:
             configure(node, item)
-        used = sum(1 for item in pdos if not item.transmit)
-        switch_off_rest(node, used, len(self._tpdos))
+        switch_off_rest(node, pdos)
 
     @classmethod
     def _writes(cls, config: ServoConfigT, link: LinkConfig | None) -> list[tuple[Entry, int]]:
         """Return what set-up and proof of the watchdog write by SDO, beside the PDOs."""
-        master = getattr(link, "master_node", 127)
-        return [
-            (objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS),
-            *by_sdo.watch_writes(master, config.watchdog),
-            *((objects.CONTROLWORD, word) for word in cia402.WORDS),
-            (cls.target, 0),
-            (objects.MODE, cls.mode),
-        ]
+        return plan.writes(config, link, cls._choose(config))
 
     @classmethod
     def _pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
-        return (cls._command_pdo(config), *cls._feedback_pdos(config))
+        command = plan.command(config, cls._choose(config))
+        return (command, *plan.feedback(config, cls._feedback(config)))
 
-    @classmethod
-    def _command_pdo(cls, config: ServoConfigT) -> pdo.Pdo:
-        identifier = frames.RPDO[0] + config.node
-        entries = (objects.CONTROLWORD, cls.target)
-        # A second watchdog, if the drive has it: targets must keep coming, not only heartbeats.
-        timer_ms = round(config.watchdog * 1e3)
-        return pdo.Pdo(1, False, identifier, pdo.SYNCHRONOUS, entries, timer_ms)
-
-    @classmethod
-    def _feedback_pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
-        return tuple(
-            pdo.Pdo(number + 1, True, frames.TPDO[number] + config.node, pdo.SYNCHRONOUS, entries)
-            for number, entries in enumerate(cls._feedback(config))
-        )
+    def _profiled(self) -> str:
+        """Return the profile and the mode that it chose, in words; "" without a profile."""
+        profile, mode = self.config.profile, self._choice.mode
+        return "" if profile is None else f"{profile} in {mode.title} mode ({mode:d})"
 
     def _fall_silent(self, node: Node, limit_s: float) -> float:
         """Enable the drive, fall silent, and return when it was off; beyond the limit: not yet.
@@ -397,7 +384,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         with self._beating():
             self.link.beat()
             by_sdo.switch_off(node)  # it may have a fault: our silence for another drive's proof
-            node.write(self.target, 0)
+            node.write(self._choice.target, 0)
             by_sdo.enable(node)
             self.link.beat()
         began_ns = self.link.beat_ns
@@ -454,7 +441,9 @@ class Servo(Driver[ServoConfigT, CanBus]):
             self._check_arming()
 
     def _follows(self, word: int) -> bool:
-        return not self.config.follows_bit or bool(word & cia402.FOLLOWS)
+        given = self.config.follows_bit
+        needed = self._choice.follows_bit if given is None else given
+        return not needed or bool(word & cia402.FOLLOWS)
 
     def _check_arming(self) -> None:
         if not self._armed or self._enabled:
@@ -475,13 +464,3 @@ class Servo(Driver[ServoConfigT, CanBus]):
 def _came_since(inbox: Inbox, before: int) -> bool:
     """Return whether ``inbox`` has received more than the ``before`` frames it had."""
     return inbox.came > before
-
-
-def _too_short(config: ServoConfig, link: LinkConfig | None) -> Iterator[str]:
-    """Yield why one late heartbeat would trip the watchdog, if it would."""
-    least = _HEARTBEATS_IN_WATCHDOG * getattr(link, "heartbeat", 0.0)
-    if config.watchdog < least:
-        yield (
-            f"`watchdog` of {config.watchdog * 1e3:g} ms is shorter than {_HEARTBEATS_IN_WATCHDOG} "
-            f"heartbeats ({least * 1e3:g} ms) of the link: raise it, or shorten `heartbeat` there"
-        )

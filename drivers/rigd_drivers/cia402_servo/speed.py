@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, Self
 
 from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
 
 from rigd.sdk import Channel, Declaration, DriverConfig, In, LinkConfig, ProtocolError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import frames, objects, pdo
-from rigd_drivers.canopen.cia402 import Mode
+from rigd_drivers.canopen import objects, pdo
 from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo import plan
 from rigd_drivers.cia402_servo.config import ServoConfig
+from rigd_drivers.cia402_servo.profile import MILLI_RPM, Choice, speed_choice
 from rigd_drivers.cia402_servo.ratings import agreed, rated_torques
 from rigd_drivers.cia402_servo.servo import Servo
 
@@ -35,14 +37,50 @@ class SpeedServoConfig(ServoConfig):
     """Largest setpoint of either sign."""
     travel: Annotated[float, In("m/rad"), Gt(0)]
     """Travel of the axis per revolution of the motor, through gear and pulley: `40 mm/rev`."""
-    velocity_unit: Annotated[float, In("rad/s"), Gt(0)] = 2 * math.pi / 60 * 1e-3
-    """Unit of the drive's velocities (objects 606C, 60FF); checked against object 60A9."""
+    velocity_unit: Annotated[float, In("rad/s"), Gt(0)] | None = None
+    """Unit of the drive's velocities (objects 606C, 60FF); checked against object 60A9. None: as
+    `profile` has it, 0.001 rpm without one."""
     force: bool = True
     """Whether the force is measured (objects 6076 and 6077, which some drives lack)."""
     clutch: bool = False
     """Whether a digital output of the drive releases a clutch between belt and axis."""
     clutch_output: Annotated[int, Ge(0), Le(31)] = 16
     """Bit of object 60FE:1 that releases the clutch: 1 is released, 0 is held by its spring."""
+
+    @model_validator(mode="after")
+    def _has_the_mode(self) -> Self:
+        if self.profile is None:
+            return self
+        if self.profile.speed is None:
+            raise ValueError(
+                f"the profile of the {self.profile.title} has no velocity mode: use the driver "
+                "cia402-current, or another profile"
+            )
+        if self.velocity_unit is None and self._profiled_unit() is None:
+            raise ValueError(
+                f"the profile of the {self.profile.title} does not state the unit of velocities: "
+                "give 'velocity_unit', from the drive's manual, such as '1 rpm'"
+            )
+        return self
+
+    def _profiled_unit(self) -> float | None:
+        mode = None if self.profile is None else self.profile.speed
+        return None if mode is None else mode.unit(self.counts_per_revolution)
+
+    @property
+    def unit(self) -> float:
+        """Unit of the drive's velocities in rad/s."""
+        return self.velocity_unit or self._profiled_unit() or MILLI_RPM
+
+    def choice(self) -> Choice:
+        """Return the mode of operation and its objects."""
+        return speed_choice(None if self.profile is None else self.profile.speed)
+
+    def torque_object(self) -> Entry:
+        """Return the object of the actual torque."""
+        mode = None if self.profile is None else self.profile.torque
+        chosen = None if mode is None else mode.actual
+        return objects.TORQUE if chosen is None else chosen.entry(objects.TORQUE.name)
 
 
 class AxisRow(Row):
@@ -72,16 +110,14 @@ class SpeedServo(Servo[SpeedServoConfig]):
 
     Config: ClassVar[type[DriverConfig]] = SpeedServoConfig
     title = "CiA 402 servo drive on CAN, speed mode, linear axis"
-    mode = Mode.CYCLIC_VELOCITY
-    target = objects.TARGET_VELOCITY
     range_option = "speed_range"
 
     def __init__(self, config: SpeedServoConfig, link: CanBus) -> None:
         super().__init__(config, link)
-        self._outputs = self._outputs_pdo(config.node)
+        self._outputs = plan.outputs(config)
         self._released = False
         self._metres = self._sign * config.travel / config.counts_per_revolution
-        self._metres_per_s = self._sign * config.travel * config.velocity_unit
+        self._metres_per_s = self._sign * config.travel * config.unit
         self._newtons = float("nan")
 
     @classmethod
@@ -136,17 +172,17 @@ class SpeedServo(Servo[SpeedServoConfig]):
 
     @classmethod
     def _feedback(cls, config: SpeedServoConfig) -> tuple[tuple[Entry, ...], ...]:
-        torque = (objects.TORQUE,) if config.force else ()
-        return (objects.STATUSWORD, *torque, objects.POSITION), (objects.VELOCITY,)
+        torque = (config.torque_object(),) if config.force else ()
+        return (objects.STATUSWORD, *torque, objects.POSITION), (config.choice().actual,)
 
     @classmethod
-    def _outputs_pdo(cls, node: int) -> pdo.Pdo:
-        return pdo.Pdo(2, False, frames.RPDO[1] + node, pdo.EVENT_DRIVEN, (objects.OUTPUTS,))
+    def _choose(cls, config: SpeedServoConfig) -> Choice:
+        return config.choice()
 
     @classmethod
     def _pdos(cls, config: SpeedServoConfig) -> tuple[pdo.Pdo, ...]:
         pdos = super()._pdos(config)
-        return (*pdos, cls._outputs_pdo(config.node)) if config.clutch else pdos
+        return (*pdos, plan.outputs(config)) if config.clutch else pdos
 
     def _map(self, node: Node) -> None:
         super()._map(node)
@@ -162,7 +198,7 @@ class SpeedServo(Servo[SpeedServoConfig]):
 
     @classmethod
     def _declared_target(cls, config: SpeedServoConfig) -> int:
-        return round(config.speed_range / (config.travel * config.velocity_unit))
+        return round(config.speed_range / (config.travel * config.unit))
 
     def _largest_target(self) -> int:
         return self._declared_target(self.config)
@@ -181,7 +217,7 @@ class SpeedServo(Servo[SpeedServoConfig]):
 
     def _check_force(self, node: Node) -> str:
         config = self.config
-        torques = rated_torques(node, config.rated_torque, config.torque_unit)
+        torques = rated_torques(node, config.rated_torque, config.unit_of_6076)
         rating = agreed(node, "rated torque", "N m", torques)
         if rating is None:
             raise ProtocolError(
@@ -197,11 +233,11 @@ class SpeedServo(Servo[SpeedServoConfig]):
         if not code:
             return  # older drives have one unit only, that of their manual
         unit = velocity_unit(code)
-        if unit is None or abs(unit / self.config.velocity_unit - 1) > _UNIT_TOLERANCE:
+        if unit is None or abs(unit / self.config.unit - 1) > _UNIT_TOLERANCE:
             found = "unknown" if unit is None else f"{unit * 60 / (2 * math.pi):g} rpm"
             raise ProtocolError(
                 f"{node} gives velocities in units of {found} (object 60A9 is 0x{code:08X}), the "
-                f"rig file has {self.config.velocity_unit * 60 / (2 * math.pi):g} rpm",
+                f"rig file has {self.config.unit * 60 / (2 * math.pi):g} rpm",
                 hint="correct `velocity_unit`, or object 60A9 with the maker's tool",
             )
 
