@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from rigd_drivers.scale import and_d, sbi, sics
+from rigd_drivers.scale import and_d, ohaus, sbi, sics
 from rigd_drivers.scale.replies import Done, Reading, Refusal
 
-DialectName = Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi"]
+DialectName = Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus"]
 
 
 @dataclass(frozen=True)
@@ -59,5 +59,10 @@ DIALECTS: Final[dict[DialectName, Dialect]] = {
     "sartorius-sbi": Dialect(
         "Sartorius SBI", b"\x1bP\r\n", b"\x1bP\r\n", b"\x1bP\r\n", sbi.parse_reading, 0.0,
         {"tare": (b"\x1bT\r\n", None), "zero": (b"\x1bV\r\n", None)},
+    ),
+    # Its automatic output is a setting of its menu too.
+    "ohaus": Dialect(
+        "Ohaus", b"IP\r\n", b"IP\r\n", b"IP\r\n", ohaus.parse_reading, 0.0,
+        {"tare": (b"T\r\n", None), "zero": (b"Z\r\n", None)},
     ),
 }  # fmt: skip

@@ -24,18 +24,15 @@ from rigd.sdk import (
     Row,
     SlowDriver,
 )
+from rigd.sdk.port import LinePort, Parity, PortConfig
 from rigd_drivers.scale import and_d, identity
 from rigd_drivers.scale.dialects import DIALECTS, DialectName
-from rigd_drivers.scale.port import TCP, LinePort, Parity
 from rigd_drivers.scale.replies import UNITS, Done, Load, Reading, Refusal, UnitName
 
 T = TypeVar("T")
 
 #: A scale answers within 0.1 s, one that filters or is busy within 0.7 s; 9600 baud needs 17 ms.
 REPLY_S: Final = 0.8
-#: How long an answer that did not come is waited for before the next question, in s: replies have
-#: no number, and it would be taken for the answer to that.
-LATE_S: Final = 0.7
 #: Without one good reading for so long the scale is given up, in s. Below ``silent_s``, so that
 #: the message contains what was received instead.
 GIVE_UP_S: Final = 2.0
@@ -72,13 +69,9 @@ _STATUS: Final = {
 }
 
 
-class ScaleConfig(DriverConfig):
+class ScaleConfig(PortConfig):
     """The serial port of the scale, its protocol, and the unit it must show."""
 
-    port: str
-    """Serial port; best its path below /dev/serial/by-id, which stays the same after
-    reconnection. Or `tcp://HOST:PORT`: a scale with a network, or a serial device server.
-    """
     dialect: DialectName
     """Protocol that is set in the menu of the scale."""
     unit: UnitName = "kg"
@@ -91,14 +84,6 @@ class ScaleConfig(DriverConfig):
     """Data bits set in the menu of the scale (A&D: 7 as delivered)."""
     interval: Annotated[float, In("s"), Ge(0.02), Le(1)] = 0.15
     """Time from one reading to the next; KERN KCP asks for more than 100 ms."""
-
-    @model_validator(mode="after")
-    def _port_is_whole(self) -> ScaleConfig:
-        if self.port.startswith(TCP):
-            host, _, port = self.port.removeprefix(TCP).rpartition(":")
-            if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-                raise ValueError(f"port '{self.port}' is not of the form tcp://HOST:PORT")
-        return self
 
     @model_validator(mode="after")
     def _interval_is_allowed(self) -> ScaleConfig:
@@ -132,19 +117,15 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
     """
 
     Config: ClassVar[type[DriverConfig]] = ScaleConfig
-    title: ClassVar[str] = "scale on a serial or TCP port (MT-SICS, KERN KCP, A&D, SBI)"
+    title: ClassVar[str] = "scale on a serial or TCP port (MT-SICS, KERN KCP, A&D, SBI, Ohaus)"
     unshared: ClassVar[tuple[str, ...]] = ("port",)
 
     def __init__(self, config: ScaleConfig, link: None) -> None:
         super().__init__(config, link)
         self._dialect = DIALECTS[config.dialect]
-        self._port = LinePort(config.port)
+        interval_s = self._dialect.min_interval_s
+        self._port = LinePort(config, self_checking=True, min_interval_s=interval_s)
         self._one_at_a_time = asyncio.Lock()  # run and act share the line
-        self._not_before = 0.0  # when the next command may be sent, in s of the loop
-        self._asked_at = 0  # bytes that had come when the last command was sent
-        self._late_until = 0.0  # an answer that was given up may come until then, in s of the loop
-        self._late = False  # one came
-        self._unusual: bytes | None = None  # last line that was no answer
         self._wrong_unit = 0  # lines in a row in another unit
 
     @classmethod
@@ -173,11 +154,11 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
 
         """
         config = self.config
-        await self._port.open(config.baud, config.parity, config.data_bits)
+        await self._port.open()
         try:
             await self._quieten()
             self.identity = await identity.ask(
-                config.dialect, self._send, lambda: self._port.line(REPLY_S)
+                config.dialect, self._port.question, lambda: self._port.line(REPLY_S)
             )
             while self._converted(await self._patient_reading()) is None:
                 pass  # a unit is wrong once it has been read twice
@@ -244,7 +225,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
     async def _quieten(self) -> None:
         """End a stream that the last session left on; the line is quiet afterwards."""
         for _ in range(2):  # the first may be taken for the rest of a line cut off
-            await self._send(self._dialect.quieten)
+            await self._port.question(self._dialect.quieten)
             if await self._port.quiet(QUIET_S, timeout_s=1.5):
                 return
         raise ProtocolError(
@@ -257,26 +238,25 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         """Return the next reading; single lines that are lost or damaged are asked for again."""
         loop = asyncio.get_running_loop()
         deadline = None
-        received = self._port.received
-        self._unusual, self._late = None, False
+        port = self._port
+        received, late, port.unusual = port.received, port.late, None
         while True:
             async with self._one_at_a_time:
                 answer: Reading | Refusal | None = await self._exchange(
                     self._dialect.read, self._dialect.parse_reading, REPLY_S
                 )
-                echoed = len(self._dialect.read)
-                if answer is None and self._port.received - self._asked_at <= echoed:
-                    self._late_until = loop.time() + LATE_S
             if isinstance(answer, Reading):
                 return answer
             if deadline is None:
                 deadline = loop.time() + GIVE_UP_S
             elif loop.time() + REPLY_S > deadline:
-                raise self._no_reading(answer, heard=self._port.received > received)
+                raise self._no_reading(
+                    answer, heard=port.received > received, late=port.late > late
+                )
             await asyncio.sleep(self.config.interval)
 
     def _no_reading(
-        self, answer: Refusal | None, *, heard: bool
+        self, answer: Refusal | None, *, heard: bool, late: bool
     ) -> LinkError | ProtocolError | DeviceError:
         port, baud = self.config.port, self.config.baud
         if answer is not None:
@@ -284,15 +264,15 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
                 f"the scale gives no weight: it answers {answer.code!r} ({answer.reason})",
                 hint="look at its display: menu open, calibration, warming up?",
             )
-        if self._late:
+        if late:
             return DeviceError(
                 f"the scale answers later than {REPLY_S:g} s: to which question is unknown",
                 hint="set a faster response or a weaker filter in its menu",
             )
-        if self._unusual is not None:
+        if self._port.unusual is not None:
             return ProtocolError(
-                f"{port} answers {self._unusual[:40]!r} to {self._dialect.read!r}, which is no "
-                f"weight in {self._dialect.title}",
+                f"{port} answers {self._port.unusual[:40]!r} to {self._dialect.read!r}, which is "
+                f"no weight in {self._dialect.title}",
                 hint=f"check that the scale is set to this protocol and to {baud} baud",
             )
         if heard:
@@ -359,38 +339,16 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
                 )
             await asyncio.sleep(self.config.interval)
 
-    async def _send(self, command: bytes) -> None:
-        """Send ``command``, not sooner after the one before than the dialect allows."""
-        loop = asyncio.get_running_loop()
-        await asyncio.sleep(max(0.0, self._not_before - loop.time()))
-        if (left := self._late_until - loop.time()) > 0:
-            self._late_until = 0.0
-            self._late |= await self._port.line(left) is not None
-        self._port.flush()
-        self._asked_at = self._port.received
-        self._port.send(command)
-        self._not_before = loop.time() + self._dialect.min_interval_s
-
     async def _exchange(
         self, command: bytes, parse: Callable[[bytes], T | None], timeout_s: float
     ) -> T | None:
         """Send ``command`` and return the first line that ``parse`` takes; None when there is none.
 
-        Other lines (an echo, an answer that comes late, damaged ones) are passed over.
+        Other lines (an echo, damaged ones) are passed over.
         """
-        await self._send(command)
-        loop = asyncio.get_running_loop()
-        deadline = loop.time() + timeout_s
-        while (left := deadline - loop.time()) > 0:
-            line = await self._port.line(left)
-            if line is None:
-                return None
-            answer = parse(line.removeprefix(and_d.ACKNOWLEDGED))
-            if answer is not None:
-                return answer
-            if line != command.rstrip():
-                self._unusual = line
-        return None
+        return await self._port.ask(
+            command, lambda line: parse(line.removeprefix(and_d.ACKNOWLEDGED)), timeout_s
+        )
 
 
 def _refused(action: str, answer: Refusal) -> DeviceError:

@@ -21,7 +21,7 @@ async def ask(dialect: DialectName, send: Send, line: Line) -> str:
 
     ``line`` returns the next line, or None after a while without a line.
     """
-    if dialect in ("and-d-indicator", "sartorius-sbi"):
+    if dialect in ("and-d-indicator", "sartorius-sbi", "ohaus"):
         return DIALECTS[dialect].title  # no question that all of them answer
     if dialect == "and-d":
         questions = {b"?TN": "type", b"?SN": "serial number"}

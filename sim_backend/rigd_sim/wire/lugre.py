@@ -115,7 +115,9 @@ class ScaleOptions(SimulationConfig):
 
     port: str = "scale"
     """Name of the port in the folder."""
-    dialect: Literal["mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi"] = "mt-sics"
+    dialect: Literal[
+        "mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus"
+    ] = "mt-sics"
     """Its protocol."""
     baud: int = 9600
     """Its baud rate."""

@@ -281,3 +281,27 @@ class Sbi(AndD):
         unit = weighing.unit if weighing.stable else ""
         sign = "-" if shown.startswith("-") else "+"
         return f"{sign} {shown.removeprefix('-'):>8} {unit:<3}".encode()
+
+
+class Ohaus(AndD):
+    """Ohaus' own commands: IP prints at once, with "?" until stable; T and Z confirm nothing."""
+
+    def answer(self, command: bytes, now_s: float) -> list[bytes]:
+        """Answer one command."""
+        match command:
+            case b"IP":
+                return [self.weight()]
+            case b"T":
+                return self._wait(now_s, self._tare, b"")
+            case b"Z":
+                return self._wait(now_s, self._zero, b"")
+        return [b"ES"]
+
+    def weight(self) -> bytes:
+        """``    123.45 kg    ?``: number in ten characters, unit in five, "?" until stable."""
+        weighing = self.weighing
+        if weighing.overload or weighing.underload:
+            return b"    Err 8.3" if weighing.overload else b"    Err 8.4"
+        moves = "" if weighing.stable else "?"
+        kind = "NET" if weighing.tare_kg else ""
+        return f"{weighing.shown():>10} {weighing.unit:<5} {moves:<1} {kind}".rstrip().encode()

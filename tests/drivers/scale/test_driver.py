@@ -20,7 +20,7 @@ from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.scale_languages import STABILITY_S, AndD
 
-DIALECTS = ("mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi")
+DIALECTS = ("mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus")
 TIMEOUT_S = 20
 
 

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from rigd_drivers.scale import and_d, identity, sbi, sics
-from rigd_drivers.scale.lines import MAX_LINE, LineBuffer
+from rigd.sdk.port import MAX_LINE, LineBuffer
+from rigd_drivers.scale import and_d, identity, ohaus, sbi, sics
 from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
 
 
@@ -139,7 +139,7 @@ def test_an_answer_of_several_lines_is_put_together() -> None:
 
 @pytest.mark.parametrize("end", [b"\r\n", b"\r", b"\n"])
 def test_lines_end_however_the_scale_ends_them(end: bytes) -> None:
-    buffer = LineBuffer()
+    buffer = LineBuffer(drop_nul=True)
     stream = b"S S   1 g" + end + b"ES" + end + b"\0\0S\0 I" + end + b"S "
     found = [line for byte in stream for line in buffer.feed(bytes([byte]))]
     assert found == [b"S S   1 g", b"ES", b"S I"]
@@ -184,3 +184,33 @@ def test_sbi_error_is_a_refusal() -> None:
     found = sbi.parse_reading(b"   Err 054    ")
     assert isinstance(found, Refusal)
     assert found.code == "Err 054"
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        (b"    123.45 g", Reading(Load.STABLE, 123.45, "g")),
+        (b"    123.45 g       G", Reading(Load.STABLE, 123.45, "g")),
+        (b"    -12.30 kg    ? NET", Reading(Load.DYNAMIC, -12.3, "kg")),
+        (b"     123.45 lb    ?", Reading(Load.DYNAMIC, 123.45, "lb")),
+        (b"    Err 8.3", Reading(Load.OVERLOAD)),
+        (b"   123.45 g", None),  # a character is missing
+        (b"    123.4\x005 g", None),
+        (b"    123.45", None),
+        (b"    12 3.45 g", None),
+        (b"IP", None),
+    ],
+)
+def test_ohaus_lines_parse_to_readings(line: bytes, expected: Reading | None) -> None:
+    found = ohaus.parse_reading(line)
+    if expected is not None and math.isnan(expected.value):
+        assert isinstance(found, Reading)
+        assert (found.load, math.isnan(found.value)) == (expected.load, True)
+    else:
+        assert found == expected
+
+
+def test_ohaus_error_is_a_refusal() -> None:
+    found = ohaus.parse_reading(b"ES")
+    assert isinstance(found, Refusal)
+    assert found.code == "ES"
