@@ -167,6 +167,16 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
             self._rest()
             self.link.put_out()
 
+    def confirm_safe(self) -> None:
+        """Check that the card has taken what make_safe put out; no input shows the enable line.
+
+        Raises:
+            LinkError: the card does not answer.
+
+        """
+        if self._owns_outputs:
+            self.link.confirm_outputs()
+
     def rescue(self) -> None:
         """Bring all outputs of the card to rest, over a connection of its own."""
         self.link.rescue()

@@ -96,6 +96,17 @@ class Card(Link):
         """
 
     @abstractmethod
+    def confirm_outputs(self) -> None:
+        """Wait until what was put out has reached the card.
+
+        Silent on a card that is not open.
+
+        Raises:
+            LinkError: the card does not answer.
+
+        """
+
+    @abstractmethod
     def prove_one_shot(self) -> float:
         """Raise the one-shot, stop retriggering it, and return after how many s it dropped.
 

@@ -15,14 +15,14 @@ from support.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLin
 from support.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Declaration, Driver, LinkError, Row
-from rigd.sdk.check import Peer, check_driver, examine_driver
+from rigd.sdk.check import Peer, actuated, check_driver, examine_driver
 from rigd.sdk.check.cycled import RULES
 
 
 def test_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, {"speed_range": "1 m/s"}, peer=motor)
     assert report.findings == ()
-    assert report.skipped == {}
+    assert report.skipped.keys() == {rule.name for rule in actuated.RULES}
     assert len(report.checked) > 20
 
 
@@ -247,6 +247,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("dead", BadWords, "a cycle raises OSError"),
     ("dead", Stubborn, "close raises OSError"),
     ("silent", Inventive, "still gives rows"),
+    ("frozen", Inventive, "still gives rows"),
     ("late", WaitsForLate, "read waits"),
     ("silent at open", Startled, "UnicodeDecodeError"),
     ("garbled at open", Startled, "UnicodeDecodeError"),

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rigd.sdk.check import Peer, background_loop
+from rigd.sdk.check import Observed, Peer, background_loop
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.hub import CanHub
+
+#: Travel of the belt per turn of the motor, in m.
+TRAVEL = 0.1
 
 
 class Shaft:
@@ -27,13 +31,35 @@ class Shaft:
         self.demand = demand
 
 
+class CountingDrive(Cia402Drive):
+    """A drive whose observer counts how often it lost its connection."""
+
+    trips = 0
+
+    def connection_lost(self, t_ns: int, error: int) -> None:
+        self.trips += bool(error)
+        super().connection_lost(t_ns, error)
+
+    def observed(self) -> Observed:
+        """Return what the motor gets: A; or m/s at 100 mm per turn, and the engaged clutch."""
+        state = self.state()
+        driven: tuple[float, ...] = (float(state["current"]),) if "current" in state else ()
+        if not driven:
+            engaged = not state["released"]
+            driven = (float(state["speed"]) * TRAVEL / (2 * math.pi), float(engaged))
+        watched_ms = self.dictionary.find(0x1016, 1).value & 0xFFFF
+        return Observed(
+            driven, bool(state["enabled"]), watched_ms * 1e-3 if watched_ms else None, self.trips
+        )
+
+
 def _node(kind: str, hub: CanHub) -> Cia402Drive | Cia406Encoder:
     shaft = Shaft()
     motor = Motor(shaft.sense, shaft.command)
     if kind == "current":
-        return Cia402Drive("wheel", hub, 1, motor, Ratings(Mode.CST, 1.5, 2.0, 0.0295, 4096))
+        return CountingDrive("wheel", hub, 1, motor, Ratings(Mode.CST, 1.5, 2.0, 0.0295, 4096))
     if kind == "speed":
-        return Cia402Drive("belt", hub, 2, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
+        return CountingDrive("belt", hub, 2, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
     return Cia406Encoder("encoder", hub, 11, lambda t_ns: 0.0, Scale(4096, 4096))
 
 
@@ -65,7 +91,9 @@ def can_peer(kind: str) -> Iterator[Peer]:
                     "silent": lambda: run(inject("silent")),
                     "late": lambda: run(inject("slow", delay_s=1.0)),
                     "garbled": lambda: run(inject("tpdo_short")),
+                    "unguarded": lambda: run(inject("watchdog_dead")),
                 },
+                observed=node.observed if isinstance(node, CountingDrive) else Observed,
             )
         finally:
             run(stop())

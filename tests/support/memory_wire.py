@@ -8,7 +8,10 @@ from typing import Any
 
 import pytest
 
-from rigd.sdk.check import FAULTS, Peer, Report
+from rigd.sdk.check import Peer, Report
+
+#: Those of the line: what is in memory has no actuator of its own.
+FAULTS = ("dead", "silent", "late", "garbled", "frozen", "lossy")
 
 
 class Wire:

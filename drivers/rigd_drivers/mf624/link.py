@@ -293,6 +293,11 @@ class Mf624(Card):
             io.w32(mf.GPIOC, mf.GPIOC_BASE | mf.DACEN)
         io.w16(mf.DOUT, self._dout)
 
+    def confirm_outputs(self) -> None:
+        """Read a register, which a write cannot be later than; see :class:`Card`."""
+        if self._io is not None:
+            _check_present(self._io.r32(mf.GPIOC))
+
     def prove_one_shot(self) -> float:
         """Raise the one-shot, let it drop; see :class:`Card`.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from rigd.sdk import (
     LinkError,
     ProtocolError,
     Row,
+    accepted,
 )
 from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.client import Client
@@ -208,16 +208,13 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         return self._armed and not self._steps and self._enabled
 
     def write(self, setpoints: Sequence[float]) -> None:
-        """Take the speed; it is sent with the next row, the newest at that time.
+        """Take the speed, clipped to its range; the newest is sent with the next row.
 
         Raises:
-            DeviceError: it is not a number.
+            DeviceError: it is NaN; the one before it holds.
 
         """
-        (speed,) = setpoints
-        if not math.isfinite(speed):
-            raise DeviceError(f"the speed setpoint is {speed}, not a number; the last one holds")
-        self._setpoint = speed
+        self._setpoint = accepted(self.declaration.setpoints[0], setpoints[0])
 
     def read(self, t_ns: int) -> SpeedRow | None:
         """Return speed, counts and status once all of a row has come, else None.

@@ -14,7 +14,7 @@ see :class:`Peer`. The author of a plant does the same::
                     truth="truth")
 """
 
-from rigd.sdk.check.peer import FAULTS, Peer, background_loop
+from rigd.sdk.check.peer import FAULTS, Observed, Peer, background_loop
 from rigd.sdk.check.plant_suite import check_plant, examine_plant
 from rigd.sdk.check.report import Finding, NonConforming, Report
 from rigd.sdk.check.suite import check_driver, examine_driver
@@ -23,6 +23,7 @@ __all__ = [
     "FAULTS",
     "Finding",
     "NonConforming",
+    "Observed",
     "Peer",
     "Report",
     "background_loop",

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.peer import Peer
+from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
@@ -34,6 +34,25 @@ class Bench:
         self._caller = caller
         self.reads: list[float] = []  # how long each took, in s
         self.writes: list[float] = []
+        #: What the device did before it was opened.
+        self.fresh = self.look()
+
+    def look(self) -> Observed:
+        """Return what the device does now; nothing, if the peer does not show it.
+
+        Raises:
+            UnfitSubject: the peer does not show an actuator for each setpoint.
+
+        """
+        if self.peer.observed is None:
+            return Observed()
+        seen = self.peer.observed()
+        expected = len(self.driver.declaration.setpoints)
+        if len(seen.driven) != expected:
+            raise UnfitSubject(
+                f"the peer shows {len(seen.driven)} driven values for {expected} setpoints"
+            )
+        return seen
 
     def begin(self, fault: str) -> None:
         """Have the device show ``fault`` from now on."""
@@ -66,7 +85,10 @@ class Bench:
         return closed
 
     def cycle(self, setpoints: Sequence[float] | None = None) -> CallOutcome:
-        """Go through one cycle and return how its read ended; the first error ends it."""
+        """Go through one cycle and return how its read ended; the first error ends it.
+
+        The setpoints are at rest by default; with () there is no write.
+        """
         t_ns = time.monotonic_ns()
         link, driver = self.link, self.driver
         if isinstance(link, Plant):
@@ -77,8 +99,8 @@ class Bench:
                 return begun
         row = self.call(lambda: driver.read(t_ns))
         self.reads.append(row.took_s)
-        if row.error is None and driver.declaration.setpoints:
-            wanted = rest(driver) if setpoints is None else setpoints
+        wanted = rest(driver) if setpoints is None else setpoints
+        if row.error is None and wanted:
             written = self.call(lambda: driver.write(wanted))
             self.writes.append(written.took_s)
             if written.error is not None:

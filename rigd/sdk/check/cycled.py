@@ -181,13 +181,14 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
     return check
 
 
-def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of a device with unusable answers: bounded time, a plain error."""
+def _bad_answers(fault: str, *, rows: bool) -> Callable[[Subject], Iterator[str]]:
+    """Return the check of a device with bad answers: bounded time, a plain error, maybe no rows."""
 
     def check(subject: Subject) -> Iterator[str]:
         with bench(subject) as found:
             found.arm()
             found.begin(fault)
+            began = time.monotonic()
             found.reads.clear()
             found.writes.clear()
             problems: set[str] = set()
@@ -198,6 +199,8 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
                     problems.update(
                         row_problems(found.driver.declaration, outcome.value, in_range=False)
                     )
+                    if not rows and time.monotonic() > began + TAIL_S:
+                        problems.add(f"read() gives rows though what the device sends is {fault}")
             for name, took in (("read", found.reads), ("write", found.writes)):
                 if took and statistics.median(took) > CALL_S:
                     problems.add(f"{name} waits {statistics.median(took) * 1e3:.0f} ms")
@@ -309,14 +312,20 @@ RULES: Final = (
     Rule(
         "late",
         "an answer that is late costs rows, not time: read() never waits for it",
-        _bad_answers("late"),
+        _bad_answers("late", rows=True),
         "late",
     ),
     Rule(
         "garbled",
         "damaged answers are thrown away or raise a ProtocolError; they never become rows",
-        _bad_answers("garbled"),
+        _bad_answers("garbled", rows=False),
         "garbled",
+    ),
+    Rule(
+        "frozen",
+        "a frame that was seen before is no new row: compare the counter that it carries",
+        _lost("frozen"),
+        "frozen",
     ),
     Rule(
         "not there",

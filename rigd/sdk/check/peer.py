@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeVar
@@ -16,13 +16,43 @@ FAULTS: Final[Mapping[str, str]] = {
     "dead": "the connection is gone, as by a pulled plug",
     "silent": "it is connected and sends nothing",
     "late": "it answers, but a second or so too late",
-    "garbled": "what it sends is damaged",
+    "garbled": "all that it sends is damaged",
+    "frozen": "it sends the same frame again and again; for a protocol that counts its frames",
+    "lossy": "a part of what it sends is lost, once; for a device that sends blocks",
+    "stuck": "it answers, and its actuator stays energised, like a relay that is welded",
+    "locked": "it answers, and does not enable its actuator: its enable input is open",
+    "unguarded": "its watchdog never acts",
 }
 
 
 @dataclass(frozen=True)
+class Observed:
+    """What an observer at the bench sees of a simulated device now; it never goes over the link.
+
+    The suite compares with it what the driver sets and reports. What a device does not have stays
+    as it is here.
+    """
+
+    #: What the actuator of each setpoint is driven with, in the order and the units of the
+    #: declaration; while it is safe, what safe means (0 for a drive that is switched off).
+    driven: Sequence[float] = ()
+    #: Whether an actuator is in another state than the safe one.
+    energised: bool = False
+    #: The time that is set at its watchdog, in s; None: it has none.
+    watchdog_s: float | None = None
+    #: How often its watchdog has acted since it was started; None: it does not count.
+    trips: int | None = None
+    #: What it measures, by channel, in the unit of the channel. What changes is not compared.
+    measured: Mapping[str, float] = field(default_factory=dict)
+    #: How many readings it has sent; None: it does not count.
+    sent: int | None = None
+    #: The actions that it has done, in their order.
+    acted: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
 class Peer:
-    """A running simulated device: the address for the driver, and the ways to make it fail.
+    """A running simulated device: its address, the ways to make it fail, and what it does.
 
     The author of a driver gives the suite a function, used as a context manager, that starts a
     fresh one::
@@ -31,7 +61,11 @@ class Peer:
         def simulated_acme() -> Iterator[Peer]:
             device = FakeAcme()
             try:
-                yield Peer(options={"port": device.port}, faults={"dead": device.unplug})
+                yield Peer(
+                    options={"port": device.port},
+                    faults={"dead": device.unplug},
+                    observed=lambda: Observed(driven=(device.speed,), energised=device.enabled),
+                )
             finally:
                 device.close()
     """
@@ -42,6 +76,8 @@ class Peer:
     link: Callable[[], Any] = lambda: None
     #: Functions that begin each of :data:`FAULTS`, without those that it cannot show.
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
+    #: Returns what the device does now, from any thread, whatever its fault is.
+    observed: Callable[[], Observed] | None = None
 
 
 class RunOnLoop(Protocol):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from rigd.model.channels import Channel
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
 STATUS_LIMIT = 1 << 31
+#: A value may differ from what the device measures by this part of it: its noise, its resolution.
+TRUE_PART = 0.02
 
 
 def row_problems(declared: Declaration, row: object, *, in_range: bool = True) -> Iterator[str]:
@@ -47,3 +49,14 @@ def beyond_range(channel: Channel, value: float) -> str:
         f"{channel.name} is {value:g} {channel.unit}, beyond its range of "
         f"{channel.low:g} to {channel.high:g}"
     )
+
+
+def untrue(declared: Declaration, row: Sequence[float], measured: Mapping[str, float]) -> list[str]:
+    """Return the problems of a row whose device measures ``measured``, by channel in its unit."""
+    return [
+        f"{channel.name} is {value:g} {channel.unit}, and the device measures "
+        f"{measured[channel.name]:g} {channel.unit}"
+        for channel, value in zip(declared.channels, row, strict=False)
+        if channel.name in measured
+        and not abs(value - measured[channel.name]) <= TRUE_PART * abs(measured[channel.name])
+    ]

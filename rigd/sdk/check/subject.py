@@ -28,6 +28,8 @@ class Subject:
     #: As a rig file gives them, or read already.
     options: Mapping[str, Any] | DriverConfig
     peer: Callable[[], AbstractContextManager[Peer]] | None
+    #: Whether the peer shows what the device does.
+    observes: bool = False
 
     def config(self, more: Mapping[str, Any]) -> DriverConfig:
         """Return the options with ``more`` among them.
@@ -73,11 +75,13 @@ class Rule(NamedRule):
     """A rule for drivers.
 
     ``check`` yields a sentence for every breach. ``fault`` is the fault that the peer must be able
-    to show; "" if a healthy peer is enough, None if no peer is needed.
+    to show; "" if a healthy peer is enough, None if no peer is needed. ``observes`` is true if the
+    peer must show what the device does.
     """
 
     check: Callable[[Subject], Iterator[str]]
     fault: str | None = None
+    observes: bool = False
 
 
 def described(error: BaseException) -> str:

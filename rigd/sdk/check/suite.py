@@ -9,6 +9,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from rigd.sdk.check import declared
+from rigd.sdk.check.actuated import RULES as ACTUATOR_RULES
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
@@ -19,7 +20,7 @@ from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDr
 
 #: The rules of each kind of driver that need a device.
 RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
-    Driver: CYCLE_RULES,
+    Driver: CYCLE_RULES + ACTUATOR_RULES,
     BlockDriver: BLOCK_RULES,
     SlowDriver: SLOW_RULES,
 }
@@ -80,18 +81,20 @@ def examine_driver(
         driver_class.__name__,
         stages,
         lambda rule: rule.check(subject),
-        lambda rule: _missing(rule, faults),
+        lambda rule: _missing(rule, faults, observes=subject.observes),
         gates=GATES,
         only=only,
     )
 
 
-def _missing(rule: Rule, faults: frozenset[str] | None) -> str:
+def _missing(rule: Rule, faults: frozenset[str] | None, *, observes: bool) -> str:
     if rule.fault is None:
         return ""
     if faults is None:
         return "no peer was given"
-    return "" if rule.fault in {"", *faults} else f"the peer has no fault {rule.fault!r}"
+    if rule.fault not in {"", *faults}:
+        return f"the peer has no fault {rule.fault!r}"
+    return "" if observes or not rule.observes else "the peer does not show what the device does"
 
 
 def _subject(
@@ -102,11 +105,13 @@ def _subject(
     """Return the examined driver and the faults of its peer, None without a peer."""
     subject = Subject(driver_class, options, peer)
     faults = None
+    observes = False
     more: Mapping[str, Any] = {}
     if peer is not None:
         with peer() as first:
             more = first.options
             faults = frozenset(first.faults)
+            observes = first.observed is not None
         if unknown := faults - FAULTS.keys():
             raise ValueError(
                 f"the peer has the fault {', '.join(sorted(unknown))}; "
@@ -117,8 +122,8 @@ def _subject(
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     if not isinstance(options, DriverConfig):  # the rules without a peer need all options
-        subject = Subject(driver_class, {**options, **more}, peer)
-    return subject, faults
+        options = {**options, **more}
+    return Subject(driver_class, options, peer, observes=observes), faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:

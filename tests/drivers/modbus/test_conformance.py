@@ -9,7 +9,7 @@ from pathlib import Path
 from support.modbus_bench import Bench, Physics
 from support.served import served
 
-from rigd.sdk.check import Peer, check_driver
+from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.modbus.servo import ModbusServo
 from rigd_drivers.modbus.transmitter import ModbusTransmitter
 from rigd_sim.wire.modbus.line import Line, SerialLine, TcpLine
@@ -26,9 +26,30 @@ def cell(line: Line) -> Part:
     return SimModbusTransmitter("cell", line, force)
 
 
-def drive(line: Line) -> Part:
+def drive(line: Line) -> SimModbusServo:
     physics = Physics()
     return SimModbusServo("drive", line, command=physics.command, speed=lambda: physics.speed)
+
+
+def observed(part: Part) -> Observed:
+    """Return what the motor of a drive does; a transmitter has none."""
+    state = part.state()
+    if not isinstance(part, SimModbusServo):
+        return Observed()
+    watchdog_s = float(state["watchdog_s"])
+    return Observed(
+        driven=(float(state["speed"]),),
+        energised=bool(state["enabled"]),
+        watchdog_s=watchdog_s or None,
+        trips=int(state["trips"]),
+    )
+
+
+def own_faults(bench: Bench) -> dict[str, Callable[[], None]]:
+    """Return the faults that only a drive can show."""
+    if not isinstance(bench.part, SimModbusServo):
+        return {}
+    return {"unguarded": lambda: bench.fault("watchdog_dead")}
 
 
 def peer_of(
@@ -49,7 +70,9 @@ def peer_of(
                     "silent": lambda: bench.fault("silent"),
                     "late": lambda: bench.fault("late", delay_s=1.0),
                     "garbled": lambda: bench.fault(damage),
+                    **own_faults(bench),
                 },
+                observed=lambda: observed(part),
             )
 
     return peer

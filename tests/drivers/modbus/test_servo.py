@@ -272,7 +272,7 @@ def test_rescue_without_drive_raises_link_error(servo: ServoBench) -> None:
 
 def test_a_setpoint_that_is_no_number_is_refused(servo: ServoBench) -> None:
     driver = armed(servo)
-    with pytest.raises(DeviceError, match="not a number"):
+    with pytest.raises(DeviceError, match="setpoint 'speed' is NaN"):
         driver.write([math.nan])
 
 

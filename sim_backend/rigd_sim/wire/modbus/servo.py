@@ -43,6 +43,7 @@ class Drive(ABC):
         self.fault_code = 0
         self.last_code = 0
         self.setpoint = 0.0
+        self.trips = 0  #: how often its watchdog has acted
         self.watchdog_s = 0.0  #: 0: off
         self.watches = True  #: False: the watchdog is broken
         self.keeps = True  #: False: what is written to the watchdog is not kept
@@ -62,6 +63,7 @@ class Drive(ABC):
         if self._heard is None or self.fault_code or not self.watches:
             return
         if 0 < self.watchdog_s < self._now() - self._heard:
+            self.trips += 1
             self.trip(self.silence_code)
 
     def trip(self, code: int) -> None:
@@ -306,6 +308,7 @@ class SimModbusServo(ModbusPart):
             "setpoint": drive.setpoint,
             "speed": drive.speed(),
             "watchdog_s": drive.watchdog_s,
+            "trips": drive.trips,
             "asked": self.asked,
         }
 

@@ -1,0 +1,69 @@
+"""Puts mistakes into the drivers that `rigd new driver` writes, and counts those that are found.
+
+Each mutant is the package as written, with one replacement of text (`tests/support/mutants`). It is
+caught if check_driver finds it by the rule that it names. The driver as written must pass them all.
+
+    python benchmarks/conformance.py                 all mutants of all kinds
+    python benchmarks/conformance.py fast "trip swallowed"
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from figures import at_least, at_most
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.mutants import Mutant, made
+from support.mutants.kinds import KINDS
+
+
+def rules_of(kind: str, mutant: Mutant | None, only: tuple[str, ...] = ()) -> list[str]:
+    """Return the rules that a mutant breaks, each once, in the order of the suite."""
+    with tempfile.TemporaryDirectory() as folder, made(kind, mutant, Path(folder)) as package:
+        report = package.examine(only)
+    return list(dict.fromkeys(finding.rule for finding in report.findings))
+
+
+def main() -> int:
+    """Examine the mutants and print which rules find each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("kind", nargs="?", choices=tuple(KINDS), help="of one kind only")
+    parser.add_argument("name", nargs="*", help="mutants of this name only")
+    parser.add_argument("--own-rule", action="store_true", help="apply only the rule it names")
+    args = parser.parse_args()
+    sums = []
+    missed, unfit = 0, 0
+    for kind in [args.kind] if args.kind else KINDS:
+        began = time.monotonic()
+        if broken := rules_of(kind, None):
+            unfit += 1
+            print(f"{kind}, as written: breaks {', '.join(broken)}", flush=True)
+        caught = 0
+        mutants = [each for each in KINDS[kind] if not args.name or each.name in args.name]
+        for mutant in mutants:
+            broken = rules_of(kind, mutant, (mutant.rule,) if args.own_rule else ())
+            found = mutant.rule in broken
+            caught += found
+            others = ", ".join(rule for rule in broken if rule != mutant.rule)
+            verdict = mutant.rule if found else f"NOT by {mutant.rule}"
+            print(f"{kind:<6} {mutant.name:<34} {verdict:<28} {others}", flush=True)
+        missed += len(mutants) - caught
+        sums.append((kind, caught, len(mutants), time.monotonic() - began))
+    print(f"\n{'kind':<6} {'caught':>7} {'of':>4} {'s':>6}")
+    for kind, caught, count, took_s in sums:
+        print(f"{kind:<6} {caught:>7} {count:>4} {took_s:>6.0f}")
+    total = sum(count for _, _, count, _ in sums)
+    if total:
+        share = 100 * (total - missed) / total
+        at_least("conformance, mutants caught by the rule they break", share, 95, "%")
+    at_most("conformance, drivers as written that break a rule", unfit, 0, "drivers")
+    return int(bool(unfit) or missed > 0.05 * total)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

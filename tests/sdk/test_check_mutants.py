@@ -1,0 +1,57 @@
+"""The suite finds mistakes by what the device does; ``benchmarks/conformance.py`` makes all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.cases import some
+from support.memory_motor import Good, motor
+from support.mutants import Mutant, made
+from support.mutants.kinds import KINDS
+
+from rigd.sdk.check import Observed, Peer, actuated, examine_driver
+
+MUTANTS = [(kind, mutant) for kind, mutants in KINDS.items() for mutant in mutants]
+
+
+@pytest.mark.parametrize(
+    ("kind", "mutant"),
+    [pytest.param(kind, mutant, id=f"{kind}, {mutant.name}") for kind, mutant in some(MUTANTS, 7)],
+)
+def test_mutant_is_found_by_its_rule(kind: str, mutant: Mutant, tmp_path: Path) -> None:
+    with made(kind, mutant, tmp_path) as package:
+        report = package.examine([mutant.rule])
+    assert {finding.rule for finding in report.findings} == {mutant.rule}
+
+
+def test_every_rule_of_the_actuator_has_a_mutant() -> None:
+    broken = {mutant.rule for mutant in KINDS["fast"]}
+    assert {rule.name for rule in actuated.RULES} - broken == {"safe while silent"}
+
+
+def test_rules_skipped_without_an_observer_are_reported() -> None:
+    report = examine_driver(Good, peer=motor, only=["limits hold"])
+    assert report.skipped == {"limits hold": "the peer does not show what the device does"}
+
+
+def test_peer_must_show_an_actuator_per_setpoint() -> None:
+    @contextmanager
+    def empty() -> Iterator[Peer]:
+        with motor() as peer:
+            yield replace(peer, observed=Observed)
+
+    (finding,) = examine_driver(Good, peer=empty, only=["limits hold"]).findings
+    assert finding.problem == "the peer shows 0 driven values for 1 setpoints"
+
+
+def test_text_that_is_not_there_is_no_mutant(tmp_path: Path) -> None:
+    mutant = Mutant("of nothing", "rows", "no such text", "")
+    with (
+        pytest.raises(ValueError, match="does not contain 'no such text'"),
+        made("fast", mutant, tmp_path),
+    ):
+        pass
