@@ -13,6 +13,7 @@ from rigd_sim.wire.can.drive import Cia402Drive
 from rigd_sim.wire.can.encoder import Cia406Encoder
 from rigd_sim.wire.can.misbehaviour import FAULTS
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.lines import SimLines
 from rigd_sim.wire.modbus.part import LINE_FAULTS
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
@@ -35,6 +36,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "NI card": SimNi.faults,
     "Relay": SimRelay.faults,
     "Scale": SimScale.faults,
+    "Device that sends lines": SimLines.faults,
     "Modbus line": LINE_FAULTS,
     "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),
     "Modbus servo": beyond(SimModbusServo.faults, LINE_FAULTS),

@@ -285,6 +285,13 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "another fault, signal or kill of a rig in real time": {
+        "drivers/lines/test_driver.py": (
+            "test_damaged_line_never_becomes_a_number[garbage-False]",
+            "test_damaged_line_never_becomes_a_number[merged",
+            "test_damaged_line_never_becomes_a_number[nul",
+            "test_lasting_fault_ends_with_its_cause[comma",
+            "test_lasting_fault_ends_with_its_cause[unplug",
+        ),
         "drivers/test_card_conformance.py": (
             "test_it_conforms[lateral_belt]",
             "test_it_conforms[wheel_encoder]",

@@ -92,7 +92,7 @@ class Shipped:
     file: str
     name: str
     folder: str
-    plant: str
+    plant: str  #: "" for a rig without
     ports: tuple[str, ...]  #: texts that hold a port, at their end
 
 
@@ -104,6 +104,7 @@ ANGLE = Shipped(
     "wire_approach_angle.yaml", "angle-wire-1", "/tmp/rigd-wire-angle", "approach_angle.yaml",
     ("127.0.0.1:31764",),
 )  # fmt: skip
+LINES = Shipped("wire_lines.yaml", "lines-1", "/tmp/rigd-wire-lines", "", ())
 
 
 def free_ports(count: int) -> list[int]:
@@ -128,14 +129,15 @@ def write_rig(
     text = (ROOT / "configs" / shipped.file).read_text()
     served = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp"))  # names of sockets are short
     ports = zip(shipped.ports, free_ports(len(shipped.ports)), strict=True)
-    parameters = "parameters: plants/"
     known = {
         shipped.folder: str(served),
         f"rig: {shipped.name}": f"rig: {name}",
         "$schema=../": f"$schema={ROOT}/",
-        parameters + shipped.plant: f"parameters: {ROOT}/configs/plants/{shipped.plant}",
         **{old: f"{old.rstrip('0123456789')}{port}" for old, port in ports},
     }
+    if shipped.plant:
+        plant = f"{ROOT}/configs/plants/{shipped.plant}"
+        known[f"parameters: plants/{shipped.plant}"] = f"parameters: {plant}"
     for old, new in {**known, **(replaced or {})}.items():
         assert old in text, old
         text = text.replace(old, new)

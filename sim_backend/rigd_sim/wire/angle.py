@@ -23,7 +23,7 @@ from rigd_sim.wire.ni_lines import Lines
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
-from rigd_sim.wire.service import PLANT_PERIOD_NS, WireConfig, WireSimulation, World
+from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation, World
 
 #: Samples that the card converts at a time: as many as are due within a step of its part.
 CONVERTED: Final = 8
@@ -98,7 +98,7 @@ class ScaleOptions(SimulationConfig):
     """Its baud rate."""
 
 
-class WireAngleConfig(WireConfig):
+class WireAngleConfig(WirePlantConfig):
     """The addresses of the simulated devices, their plant, and the options of each device."""
 
     plant: AngleConfig = AngleConfig()
@@ -111,7 +111,7 @@ class WireAngleConfig(WireConfig):
     """The scale."""
 
 
-class WireAngle(WireSimulation):
+class WireAngle(WirePlantSimulation):
     """Serves the devices of the approach-angle rig, and a control socket beside them."""
 
     Config: ClassVar[type[SimulationConfig]] = WireAngleConfig

@@ -13,11 +13,11 @@ from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts
 from rigd_sim.wire.part import Part
-from rigd_sim.wire.service import PLANT_PERIOD_NS, WireConfig, WireSimulation
+from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation
 from rigd_sim.wire.world import World
 
 
-class WireLugreConfig(WireConfig, DeviceOptions):
+class WireLugreConfig(WirePlantConfig, DeviceOptions):
     """The addresses of the simulated devices, their plant, and the options of each device."""
 
     plant: LugreConfig = LugreConfig()
@@ -36,7 +36,7 @@ class WireLugreConfig(WireConfig, DeviceOptions):
         return self
 
 
-class WireLugre(WireSimulation):
+class WireLugre(WirePlantSimulation):
     """Serves the devices of the LuGre rig, and a control socket beside them."""
 
     Config: ClassVar[type[SimulationConfig]] = WireLugreConfig

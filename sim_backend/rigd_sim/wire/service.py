@@ -51,8 +51,6 @@ class World(Protocol):
 class WireConfig(SimulationConfig):
     """The folder of the simulated devices' sockets and ports, and their faults."""
 
-    plant: PlantConfig
-    """The physics."""
     folder: Path
     """Where their sockets and serial ports stand; short, since names of sockets are."""
     seed: int = 1
@@ -61,20 +59,17 @@ class WireConfig(SimulationConfig):
     """Faults that the devices show from the start, as in a fault file."""
 
 
+class WirePlantConfig(WireConfig):
+    """The options of devices that share a plant."""
+
+    plant: PlantConfig
+    """The physics."""
+
+
 class WireSimulation(Simulation):
     """Serves the devices of one rig, and a control socket beside them."""
 
     config: WireConfig
-
-    @classmethod
-    def files(cls, config: WireConfig) -> Mapping[Path, str]:
-        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
-        return config.plant.files()
-
-    @classmethod
-    def settings(cls, config: WireConfig) -> Mapping[str, Setting]:
-        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
-        return config.plant.settings()
 
     @abstractmethod
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
@@ -112,6 +107,20 @@ def precise_loop() -> asyncio.AbstractEventLoop:
     epoll rounds a time-out up to the next millisecond, select does not.
     """
     return asyncio.SelectorEventLoop(selectors.SelectSelector())
+
+
+class WirePlantSimulation(WireSimulation):
+    """Serves devices that stand on one plant."""
+
+    @classmethod
+    def files(cls, config: WirePlantConfig) -> Mapping[Path, str]:
+        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
+        return config.plant.files()
+
+    @classmethod
+    def settings(cls, config: WirePlantConfig) -> Mapping[str, Setting]:
+        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
+        return config.plant.settings()
 
 
 class _Service:

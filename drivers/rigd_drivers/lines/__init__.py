@@ -1,0 +1,1 @@
+"""Reads any device that sends lines of numbers, as the rig file describes them."""

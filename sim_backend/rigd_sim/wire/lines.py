@@ -1,0 +1,211 @@
+"""Serves devices that send lines of numbers, each on a serial port; their values are data."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+from annotated_types import Gt, Le, MinLen
+from pydantic import model_validator
+
+from rigd.sdk import In, SimulationConfig
+from rigd_sim.wire.folder import Folder
+from rigd_sim.wire.part import Part, State
+from rigd_sim.wire.serial_part import PORT_FAULTS, WIRE_FAULTS, SerialPart
+from rigd_sim.wire.service import WireConfig, WireSimulation, World
+
+
+class SimLines(SerialPart):
+    """A device that answers ``ask`` with ``answer``, or sends it every ``interval_s``.
+
+    ``answer`` has the names of the values in braces: ``{force:+.3f} N``. ``identity`` answers
+    ``*IDN?``; any other command has no answer.
+    """
+
+    faults: ClassVar[Mapping[str, str]] = {
+        **WIRE_FAULTS,
+        "comma": "numbers have a decimal comma",
+        "short": "the last column is missing",
+        "word": "a word stands in place of the first number (word=OL)",
+        "endless": "sends without an end of line",
+        **PORT_FAULTS,
+    }
+    fault_options: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        **SerialPart.fault_options,
+        "word": {"word": "OL"},
+    }
+
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        values: Callable[[], Mapping[str, float]],
+        answer: str,
+        *,
+        ask: str | None = None,
+        interval_s: float = 0.1,
+        identity: str = "",
+        baud: int = 9600,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(name, path, baud=baud, seed=seed, end=b"\r\n")
+        self._values = values
+        self._answer = answer
+        self._ask = None if ask is None else ask.encode()
+        self._interval_s = interval_s
+        self._identity = identity
+        self._sending: asyncio.TimerHandle | None = None
+        self.sent = 0  #: lines
+        self.commands: list[bytes] = []  #: those that came and were no question
+
+    async def start(self) -> str:
+        """Open the pty; see :meth:`Part.start`."""
+        self.plug_in()
+        if self._ask is None:
+            self._tick()
+        return f"{self.name}: lines at {self.path}"
+
+    async def stop(self) -> None:
+        """Close the pty."""
+        if self._sending is not None:
+            self._sending.cancel()
+            self._sending = None
+        await super().stop()
+
+    def state(self) -> State:
+        """What it measures and how much it has sent."""
+        return {**self._values(), "sent": self.sent, "plugged_in": self.plugged_in}
+
+    def on_command(self, command: bytes) -> None:
+        """Answer the question."""
+        if command == self._ask:
+            self._send_values()
+        elif command == b"*IDN?":
+            self.reply(self._identity.encode())
+        else:
+            self.commands.append(command)
+
+    def line(self) -> bytes:
+        """Return a line of this moment, as the faults of the device have it."""
+        text = self._answer.format_map(self._values())
+        if self.shown("comma") is not None:
+            text = re.sub(r"(\d)\.(\d)", r"\1,\2", text)
+        if self.shown("short") is not None:
+            text = re.sub(r"[ ,;\t]+[^ ,;\t]*$", "", text)
+        if (options := self.shown("word")) is not None:
+            text = re.sub(r"[-+]?\d+\.?\d*", str(options["word"]), text, count=1)
+        return text.encode()
+
+    def _send_values(self) -> None:
+        self.sent += 1
+        if self.shown("endless") is not None:
+            self.send(self.line())
+        else:
+            self.reply(self.line())
+
+    def _tick(self) -> None:
+        self._send_values()
+        loop = asyncio.get_running_loop()
+        self._sending = loop.call_later(self._interval_s, self._tick)
+
+
+class LineOptions(SimulationConfig):
+    """One device that sends lines."""
+
+    answer: Annotated[str, MinLen(1)]
+    """Its line, with the values by name: `{force:+.3f} N`."""
+    values: dict[str, float]
+    """What it measures, in the unit of the line."""
+    noise: Mapping[str, float] = {}
+    """Standard deviation of the noise of values, in their unit."""
+    ask: str | None = None
+    """Question that it answers, without its end; none: it sends by itself."""
+    rate: Annotated[float, In("Hz"), Gt(0), Le(100)] = 10.0
+    """Lines per second of a device that sends by itself."""
+    identity: str = "rigd,simulated lines,1,1.0"
+    """Its answer to *IDN?."""
+    baud: int = 9600
+    """Its baud rate."""
+
+    @model_validator(mode="after")
+    def _answer_has_values(self) -> Self:
+        if unknown := set(self.noise) - set(self.values):
+            raise ValueError(f"`noise` has {min(unknown)!r}, which `values` has not")
+        try:
+            self.answer.format_map(self.values)
+        except (KeyError, ValueError, IndexError) as error:
+            raise ValueError(f"{self.answer!r} cannot be filled in: {error}") from error
+        return self
+
+
+class WireLinesConfig(WireConfig):
+    """The devices that send lines; the port of each is its name in the folder."""
+
+    devices: dict[str, LineOptions]
+    """Devices by the name of their port."""
+
+
+class Values:
+    """The values of all devices, which a person may change: ``gauge.force``."""
+
+    def __init__(self, config: WireLinesConfig) -> None:
+        self._random = random.Random(config.seed)
+        self._devices = config.devices
+        self.now = {name: dict(item.values) for name, item in config.devices.items()}
+
+    def of(self, device: str) -> Mapping[str, float]:
+        """Return the values of ``device`` with their noise."""
+        noise = self._devices[device].noise
+        return {
+            name: value + self._random.gauss(0.0, noise.get(name, 0.0))
+            for name, value in self.now[device].items()
+        }
+
+    def state(self) -> State:
+        """Return all values without noise, as ``device_value``."""
+        return {
+            f"{device}_{name}": value
+            for device, values in self.now.items()
+            for name, value in values.items()
+        }
+
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change a value: ``gauge.force``.
+
+        Raises:
+            ValueError: there is no such value, or it is no number.
+
+        """
+        device, _, name = quantity.partition(".")
+        if name not in self.now.get(device, {}):
+            known = ", ".join(f"{key}.{item}" for key, items in self.now.items() for item in items)
+            raise ValueError(f"there is no {quantity!r}; there are {known}")
+        if isinstance(value, str):
+            raise ValueError(f"{quantity} is a number, not {value!r}")
+        self.now[device][name] = value
+
+
+class WireLines(WireSimulation):
+    """Serves devices that send lines, and a control socket beside them."""
+
+    Config: ClassVar[type[SimulationConfig]] = WireLinesConfig
+    title: ClassVar[str] = "devices that send lines of numbers, each on a serial port"
+    config: WireLinesConfig
+
+    def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
+        """Return the values and every device; see :class:`WireSimulation`."""
+        values = Values(self.config)
+        parts = [
+            SimLines(
+                name, folder.socket(name), partial(values.of, name), item.answer,
+                ask=item.ask, interval_s=1.0 / item.rate, identity=item.identity,
+                baud=item.baud, seed=self.config.seed,
+            )
+            for name, item in self.config.devices.items()
+        ]  # fmt: skip
+        return values, parts
