@@ -30,9 +30,8 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.altered import Content
 from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
-from support.random_rigs import FLOORS, RandomRig, random_rig
+from support.random_rigs import FLOORS, RandomRig, measured, random_rig
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
@@ -46,8 +45,6 @@ SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
 PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
 #: What the paper's tests leave open on these floors; if it is quoted it must be right.
 OFTEN_OPEN: Final = ("V_s", "mu_c", "mu_s")
-#: Sent through the generator of the constants beside the number of a rig.
-_CONSTANTS: Final = 11
 Row = dict[str, Any]
 
 
@@ -68,21 +65,6 @@ def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method
         _report(floor, [row for row in rows if row["floor"] == floor and row["number"] <= rigs])
 
 
-def _measured(path: Path, number: int, floor: str) -> Path:
-    """Return a copy of the recording whose constants are as far off as their uncertainties.
-
-    Each floor has draws of its own: with the same gravity on all three, their misses would be one.
-    """
-    random = np.random.default_rng((_CONSTANTS, number, FLOORS.index(floor)))
-    content = Content.of(path)
-    constants = content.plan("constants")
-    for name, stated in sorted(content.plan("uncertainties").items()):
-        scale = abs(constants[name]) if stated["is_share"] else 1.0
-        constants[name] += stated["size"] * scale * random.standard_normal()
-    content.set_plan("constants", constants)
-    return content.write(path.with_name("measured.mcap"))
-
-
 def _experiment(floor: str, number: int, method: str) -> Row:
     """Return relative estimates and intervals by quantity, or what went wrong."""
     row: Row = {"floor": floor, "number": number, "found": {}, "refused": "", "crashed": ""}
@@ -94,7 +76,7 @@ def _experiment(floor: str, number: int, method: str) -> Row:
             return {**row, "refused": f"the run was {ended.ending}: {ended.reason}"}
         try:
             if method == OUTPUT_ERROR:
-                path = _measured(path, number, floor)
+                path = measured(path, number, floor)
             evaluation = evaluate([path], Options(method=method))
             assert isinstance(evaluation, ParameterEvaluation)
             evaluation.report()

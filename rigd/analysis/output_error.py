@@ -48,6 +48,7 @@ HOPELESS = 30.0  #: of the cost: an optimum that is so much worse does not come 
 #: Standard errors of each parameter that an estimate may have left to go: where slip turns its sign
 #: the cost has kinks, and 0.4 was seen at a point from which no step leads down.
 CONVERGED = 0.5
+BETTER = 0.5  #: of the cost: a gain that is worth another fit
 SETTLED = 0.1  #: and beyond which it is continued
 MORE_FITS = 3
 GROSS = 10.0  #: mean square of innovations beyond which no fit is continued
@@ -157,6 +158,24 @@ def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputError
     """Return the fit continued from ``theta`` (p,), a better point than the end of ``found``."""
     ended = _settled(found.model, _fit(found.model, theta, ROUGH), block)
     return replace(ended, others=(*found.others, found.fit.theta))
+
+
+def retried(found: OutputErrorFit, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
+    """Return ``found``, or the fit from the best of ``starts``, (p,), natural, if that is better.
+
+    Along a bent ridge a fit may come to an end that is not the best of the ridge.
+    """
+    best = found.fit
+    for start in starts:
+        try:
+            ended = _fit(found.model, start, ROUGH, NEAR, OTHER_ITERATIONS, ridges=True)
+        except Diverged:
+            continue
+        best = min(best, ended, key=lambda item: item.cost)
+    if best.cost > found.fit.cost - BETTER:
+        return found
+    again = improve(found, best.theta, block)
+    return again if again.converged or not found.converged else found
 
 
 def _settled(model: OutputErrorModel, found: Fit, block: int) -> OutputErrorFit:

@@ -33,6 +33,7 @@ FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
 TINY_STEP = 1e-9  #: in scaled coordinates
 LEAST_VARIANCE = 1e-24
 UNDETERMINED_SD = 0.05  #: to begin with, if the information has no value
+CLEAR = 5.0  #: times an interval: no effect is that far from what was found
 FAR_OUT = 20.0  #: root of the statistic that counts at most
 
 
@@ -125,6 +126,7 @@ def follow(
     *,
     others: Sequence[FloatArray] = (),
     confidence: float = 0.95,
+    none: float | None = None,
 ) -> ProfileScan:
     """Return the profile of ``direction @ scaled`` to the crossing of the threshold, in few refits.
 
@@ -135,6 +137,8 @@ def follow(
     a secant on the root follows. An end stays None when the statistic does not
     cross within ``limits``, or when a refit beyond the threshold does not converge. ``others`` are
     other optima (natural parameters (p,)): if one is accepted too, the interval reaches around it.
+    ``none`` is a value that stands for no effect: it has a refit too, unless it is further from the
+    best than ``CLEAR`` times the end on its side.
     """
     threshold = float(chi2.ppf(confidence, 1))
     path = _Path(model, best, direction, inverse, limits, threshold)
@@ -151,6 +155,12 @@ def follow(
             point = path.refit(value, start)
             if point.statistic <= threshold:
                 ends[side > 0] = path.end(point, side)
+    if none is not None and path.better is None:
+        end = ends[none > begin.value]
+        near = end is None or abs(none - begin.value) < CLEAR * abs(end - begin.value)
+        if near and none not in [point.value for point in path.points]:
+            closest = min(path.points, key=lambda point: abs(point.value - none))
+            path.refit(none, closest.scaled + (none - closest.value) * closest.along)
     points = sorted(path.points, key=lambda point: point.value)
     return ProfileScan(
         np.array([point.value for point in points]),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 HELP = "choose the tests that make the intervals of a model narrow, as a procedure ready to run"
 EXAMPLES = """\
 examples:
-  rigd identify identified.mcap --method output-error --json > oe.json
+  rigd identify identified.mcap --json > oe.json
   rigd design --model oe.json --minutes 5 --rig lugre-1
   rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml
 
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
         "--model", type=Path, required=True, metavar="MODEL",
-        help="JSON of `rigd identify --method output-error`",
+        help="JSON of `rigd identify`",
     )  # fmt: skip
     parser.add_argument(
         "--minutes", type=float, required=True, metavar="N", help="rig time of all tests"

@@ -20,9 +20,9 @@ examples:
   rigd identify FILE --json                        for a program
   rigd identify before.mcap after.mcap --group-by recording
   rigd identify runs/*approach_angles*.mcap        one campaign from several files
-  rigd identify FILE --method output-error         simulate the rig; reports a misfit
-  rigd identify FILE --method output-error --joint    floors and masses in one fit
-  rigd identify FILE --method output-error --posterior    credible intervals, two minutes
+  rigd identify FILE --joint                       floors and masses in one fit
+  rigd identify FILE --posterior                   credible intervals, two minutes
+  rigd identify FILE --method slip-force           without simulating the rig
   rigd identify FILE --compare                     which friction law the data support
   rigd identify FILE --law lugre-4                 the parameters of another law
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
@@ -61,22 +61,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=["slip-force", "output-error"],
         default="",
         help=(
-            "estimation method: slip in, traction out (default); or simulate the rig and "
-            "compare its outputs"
+            "estimation method: simulate the rig and compare its outputs (default, if the "
+            "constants of the drive are known); or slip in, traction out"
         ),
     )
     parser.add_argument(
         "--joint",
         action="store_true",
-        help=(
-            "with output error: groups share the constants of the rig, and masses on one floor "
-            "their friction"
-        ),
+        help=("groups share the constants of the rig, and masses on one floor their friction"),
     )
     parser.add_argument(
         "--posterior",
         action="store_true",
-        help="with output error: sample the posterior, and give credible intervals besides",
+        help="sample the posterior, and give credible intervals besides",
     )
     parser.add_argument(
         "--law",

@@ -64,6 +64,22 @@ def test_accepted_points_of_few_refits_reach_the_ends(decay: Callable[..., Model
     assert reached.max() - centre > (1.0 - AGREES) * (found.high - centre)
 
 
+@pytest.mark.parametrize(("end_sds", "asked"), [(4.0, True), (40.0, False)])
+def test_value_of_no_effect_is_refitted_unless_far(
+    end_sds: float, asked: bool, line: Callable[..., Model]
+) -> None:
+    noise = 0.3 * np.random.default_rng(10).standard_normal(len(T))
+    model = line(1.0 + 2.0 * T + noise, T)
+    best = fit(model)
+    inverse = covariance(model, best, 30).white
+    value = float(best.theta[1] - end_sds * np.sqrt(inverse[1, 1]))
+    found = follow(model, best, axis(2, 1), inverse, (-1e3, 1e3), none=value)
+    at = found.statistic[found.values == value]
+    assert len(at) == asked
+    if asked:
+        assert at[0] == pytest.approx(end_sds**2, rel=0.1)
+
+
 def test_open_end_of_profile_is_none(decay: Callable[..., Model]) -> None:
     t = np.linspace(0.0, 1.0, 300)
     flat = decay(1.0 + 0.01 * np.random.default_rng(12).standard_normal(300), t)

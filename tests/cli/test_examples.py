@@ -184,12 +184,12 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     "cli/test_design.py": (
         "rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml",
     ),
-    "analyses/lugre/test_posterior.py": ("rigd identify FILE --method output-error --posterior",),
-    "analyses/lugre/test_together.py": ("rigd identify FILE --method output-error --joint",),
+    "analyses/lugre/test_posterior.py": ("rigd identify FILE --posterior",),
+    "analyses/lugre/test_together.py": ("rigd identify FILE --joint",),
     "../docs/identification.md": (
         "rigd run constant_current --rig lugre-1 --set floor=pvc",
-        "rigd identify FILE --method output-error",
-        "rigd identify identified.mcap --method output-error --json > oe.json",
+        "rigd identify FILE --method slip-force",
+        "rigd identify identified.mcap --json > oe.json",
         "rigd design --model oe.json --minutes 5 --rig lugre-1",
         "rigd identify FILE --plan constant_current",
     ),

@@ -96,8 +96,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_several_recordings_make_one_report_grouped_by_floor",
             "test_the_json_has_the_promised_shape[paperboard]",
             "test_the_json_has_the_promised_shape[stone]",
-            "test_unidentifiable_parameters_are_marked[paperboard]",
-            "test_unidentifiable_parameters_are_marked[stone]",
+            "test_identifiable_parameters_hold_truth_others_are_marked[paperboard]",
+            "test_identifiable_parameters_hold_truth_others_are_marked[stone]",
         ),
         "system/test_identify_lateral.py": (),
         "system/test_panel.py": (),
@@ -159,6 +159,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_measuring_wheel_out_of_centre_is_named",
             "test_rig_with_correct_constants_fits",
         ),
+        "analyses/lugre/test_hidden_rigs.py": (),
         "analyses/lugre/test_identify.py": (
             "test_accuracy_on_the_papers_procedure[1-paperboard",
             "test_accuracy_on_the_papers_procedure[1-stone",

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
+from support.altered import Content
 
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
@@ -30,6 +31,7 @@ PROCEDURE: Final = "constant_current"
 PAPER_CURRENTS: Final = "{from: 0.15 A, to: 1.5 A, step: 0.15 A}"
 #: Sent through the generator beside the number, so that a rig is not the seed of anything else.
 _RIGS: Final = 7
+_CONSTANTS: Final = 11  #: the same, for what a person measured of the constants
 #: How far one rig lies from the next, as the standard deviation of the logarithm of each value.
 #: Friction: surfaces of one kind, at other temperatures, loads and ages. The rest: tolerances, and
 #: the weights that a person puts on. Drive: 5 % is what data sheets of motors and gears allow.
@@ -127,6 +129,21 @@ def random_rig(
     (folder / "rig.yaml").write_text(_rig_text(shipped, plant, number), "utf-8")
     (folder / "procedure.yaml").write_text(_procedure_text(surface, currents), "utf-8")
     return RandomRig(number, floor, folder / "rig.yaml", folder / "procedure.yaml", truth)
+
+
+def measured(path: Path, number: int, floor: str) -> Path:
+    """Return a copy of the recording whose constants are as far off as their uncertainties.
+
+    Each floor has draws of its own: with the same gravity on all three, their misses would be one.
+    """
+    random = np.random.default_rng((_CONSTANTS, number, FLOORS.index(floor)))
+    content = Content.of(path)
+    constants = content.plan("constants")
+    for name, stated in sorted(content.plan("uncertainties").items()):
+        scale = abs(constants[name]) if stated["is_share"] else 1.0
+        constants[name] += stated["size"] * scale * random.standard_normal()
+    content.set_plan("constants", constants)
+    return content.write(path.with_name("measured.mcap"))
 
 
 def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:

@@ -26,9 +26,11 @@ OUT_OF_REACH = {
     "that moves the carriage, or slow current ramps.",
     "mu_s-mu_c": "It needs the same test both far below and far above V_s; with the slip visited "
     "here the four-parameter model with mu_s = mu_c is all the data support.",
-    "sigma_1": "The bias comes with the smoothing, not with the tests: no recording evaluated by "
-    "this method removes it.",
 }
+SMOOTHED = (
+    "The bias comes with the smoothing, not with the tests: no recording evaluated by this method "
+    "removes it."
+)
 
 
 def candidates(trials: Sequence[SlipForce], visited_m_s: float) -> tuple[Candidate, ...]:

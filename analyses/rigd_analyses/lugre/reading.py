@@ -22,6 +22,7 @@ MASS = "mass"
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
 OUTPUT_ERROR = "output-error"
+SLIP_FORCE = "slip-force"
 #: What the simulation of the rig takes besides; relative u of one that states none.
 DRIVE = (
     *("torque_constant", "gear_ratio", "gear_efficiency", "no_load_torque", "no_load_viscous"),
@@ -49,6 +50,8 @@ def identify(
 ) -> IdentificationResult:
     """Return the LuGre parameters of trials recorded under the same conditions.
 
+    By output error, if no method is given and the plan has the constants of the drive.
+
     Raises:
         ConfigError: the method does not take an option that is given.
         DataError: a signal or constant is missing, constants differ between recordings, or the
@@ -56,22 +59,12 @@ def identify(
     """
     loss = Loss.HUBER if options.robust else Loss.SQUARES
     settings = Settings(starts=options.starts, seed=options.seed, loss=loss)
-    if options.posterior and options.method != OUTPUT_ERROR:
-        raise ConfigError(
-            "--posterior: output error alone has a likelihood of all that is not known",
-            hint="add `--method output-error`",
-        )
+    _check(options)
     usable, unusable = sort_out(trials)
     found, constants = arrays(usable)
     if options.law not in ("", LUGRE):
-        if options.method == OUTPUT_ERROR:
-            raise ConfigError(
-                f"--law {options.law}: output error simulates the rig with the law {LUGRE} only",
-                hint="leave out --method",
-            )
         result = identify_by_law(found, constants, settings, options)
-    elif options.method == OUTPUT_ERROR:
-        _check_output_error(options)
+    elif _simulated(options, usable):
         rig = rig_constants(usable, constants)
         result = identify_output_error(found, constants, rig, settings, options.posterior)
     else:
@@ -97,7 +90,7 @@ def _by_slip_force(
         DataError: the data cannot answer the question, or the rig cannot be simulated.
     """
     result = identify_lugre(found, constants, settings)
-    missing = [name for name in DRIVE if name not in usable[0][0].plan.constants]
+    missing = _missing(usable)
     if settings.loss is not Loss.SQUARES:
         why = "output error, which would do so, has no robust loss"
     elif missing:
@@ -107,6 +100,18 @@ def _by_slip_force(
         return checked(result, fit_group(found, constants, rig, settings))
     warning = f"Not tested is whether the model fits the motion of the rig: {why}."
     return replace(result, warnings=(warning, *result.warnings))
+
+
+def _simulated(options: Options, trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
+    """Whether output error evaluates ``trials``: it is asked for, or nothing is against it."""
+    if options.method or options.posterior:
+        return options.method != SLIP_FORCE
+    return not options.robust and not _missing(trials)
+
+
+def _missing(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> list[str]:
+    """Return the constants of the drive that the plan does not give."""
+    return [name for name in DRIVE if name not in trials[0][0].plan.constants]
 
 
 def first_fit(
@@ -119,22 +124,33 @@ def first_fit(
     Raises:
         ConfigError, DataError: as :func:`identify`.
     """
-    _check_output_error(options)
     usable, unusable = sort_out(trials)
     found, constants = loaded(usable)
     rig = rig_constants(usable, constants)
     return fit_group(found, constants, rig, Settings(options.starts, options.seed)), unusable
 
 
-def _check_output_error(options: Options) -> None:
-    """Refuse what output error does not take.
+def _check(options: Options) -> None:
+    """Refuse options that no method takes together.
 
     Raises:
-        ConfigError: it is given.
+        ConfigError: two of them, or one and the method, do not go together.
     """
-    if options.robust:
+    if options.method == SLIP_FORCE and options.posterior:
         raise ConfigError(
-            "--robust: output error has no robust loss", hint="leave it out, or --method"
+            "--posterior: output error alone has a likelihood of all that is not known",
+            hint="leave out `--method slip-force`",
+        )
+    needs = "--method output-error" if options.method == OUTPUT_ERROR else ""
+    needs = "--posterior" if options.posterior else needs
+    if needs and options.law not in ("", LUGRE):
+        raise ConfigError(
+            f"--law {options.law}: output error simulates the rig with the law {LUGRE} only",
+            hint=f"leave out {needs}",
+        )
+    if needs and options.robust:
+        raise ConfigError(
+            "--robust: output error has no robust loss", hint=f"leave it out, or {needs}"
         )
 
 
@@ -299,7 +315,7 @@ def rig_constants(
         DataError: a constant of the drive is missing, or differs between trials.
     """
     sweep, trial = trials[0]
-    if missing := [name for name in DRIVE if name not in sweep.plan.constants]:
+    if missing := _missing(trials):
         raise DataError(
             f"{sweep.path}: output error simulates the drive and needs {', '.join(missing)}",
             hint="give them with `--set NAME=VALUE`, or under `identify: constants:` in the "

@@ -15,6 +15,7 @@ from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.parameters import Group
 from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd_analyses.lugre.by_law import LUGRE
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC
 from rigd_analyses.lugre.reading import (
@@ -22,7 +23,7 @@ from rigd_analyses.lugre.reading import (
     DRIVE,
     FRICTION_MASS,
     MASS,
-    OUTPUT_ERROR,
+    SLIP_FORCE,
 )
 from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
@@ -37,10 +38,14 @@ def check_joint(sweeps: Sequence[RecordedSweep], options: Options) -> None:
         ConfigError: another method, or an option that needs one.
         DataError: the recordings are from different rigs, or state its constants differently.
     """
-    if options.method != OUTPUT_ERROR or options.compare:
+    other = [f"--method {SLIP_FORCE}"] if options.method == SLIP_FORCE else []
+    other += ["--compare"] if options.compare else []
+    other += ["--robust"] if options.robust else []
+    other += [f"--law {options.law}"] if options.law not in ("", LUGRE) else []
+    if other:
         raise ConfigError(
             "--joint: output error alone fits the constants of the rig",
-            hint="add `--method output-error`, and leave out --compare",
+            hint=f"leave out {' and '.join(other)}",
         )
     rigs = dict.fromkeys(sweep.info.rig for sweep in sweeps)
     if len(rigs) > 1:

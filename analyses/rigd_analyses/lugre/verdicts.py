@@ -24,7 +24,7 @@ from rigd.analysis.identifiability import (
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import FloatArray, ParameterEstimate, Verdict
 from rigd.analysis.uncertainty import Covariance
-from rigd_analyses.lugre.advice import OUT_OF_REACH, candidates
+from rigd_analyses.lugre.advice import OUT_OF_REACH, SMOOTHED, candidates
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
 from rigd_analyses.lugre.profiles import Scans, speed_on_bound
 from rigd_analyses.lugre.quantities import (
@@ -101,7 +101,7 @@ def _advice(judged: _Judged, computed: Advice | None) -> str:
         if remaining <= min(UNIDENTIFIABLE_LOG_SD, judged.log_sd / WORTHWHILE_SHRINK):
             shrink = judged.log_sd / remaining
             return f"{computed.sentence}: predicted to shrink its interval {shrink:.1f} times."
-    return OUT_OF_REACH.get(entry.name, "")
+    return SMOOTHED if entry.verdict is Verdict.BIASED else OUT_OF_REACH.get(entry.name, "")
 
 
 def derived(

@@ -67,8 +67,8 @@ def test_credible_intervals_are_those_of_profiles(result: IdentificationResult) 
 
 def test_posterior_needs_output_error() -> None:
     with pytest.raises(ConfigError, match="output error alone") as refused:
-        identify([], Options(posterior=True))
-    assert "--method output-error" in str(refused.value.hint)
+        identify([], Options(method="slip-force", posterior=True))
+    assert "--method slip-force" in str(refused.value.hint)
 
 
 def test_model_that_does_not_fit_has_no_posterior(begun: FirstFit) -> None:

@@ -27,7 +27,7 @@ from rigd_analyses.lugre.together import check_joint
 
 Bench = Callable[..., Any]
 CURRENTS_A = (0.3, 0.7, 1.2)
-TOGETHER = Options(method="output-error", joint=True)
+TOGETHER = Options(joint=True)
 
 
 def first_fit(bench: Bench, floor: str, *, current_gain: float = 1.0) -> FirstFit:
@@ -101,7 +101,7 @@ def test_masses_on_one_floor_share_friction(recorded: Path) -> None:
 
 def test_another_method_fits_nothing_jointly(recorded: Path) -> None:
     with pytest.raises(ConfigError, match="--joint: output error alone"):
-        evaluate([recorded], Options(joint=True))
+        evaluate([recorded], Options(method="slip-force", joint=True))
 
 
 @pytest.mark.parametrize("change", ["rig", "torque_constant"])

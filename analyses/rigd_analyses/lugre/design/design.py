@@ -97,7 +97,7 @@ def _title(count: int) -> str:
 def _doc(seconds: float) -> str:
     return (
         "Shapes: a current that is held; one that changes, or turns to brake; a ramp; swings to\n"
-        "and fro. Evaluate it with `rigd identify FILE --method output-error`.\n"
+        "and fro. Evaluate it with `rigd identify FILE`.\n"
         f"It takes {seconds:.0f} s of rig time, as predicted.\n"
     )
 
@@ -144,7 +144,7 @@ def subject_of(ground: Ground) -> Subject:
             f"{saved.name} does not say what noise the sensors have: it was not identified by "
             "output error, or by an earlier version of rigd",
             SETTINGS,
-            hint="rigd identify FILE --method output-error --json > model.json",
+            hint="rigd identify FILE --json > model.json",
         )
     if missing := [name for name in (*CONSTANTS, *DRIVE) if name not in ground.constants]:
         raise saved.error(f"the base procedure gives no constant {', '.join(missing)}", ())

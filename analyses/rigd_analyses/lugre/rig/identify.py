@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.stats import chi2
 
 from rigd.analysis import DataError
 from rigd.analysis.diagnosis import diagnose
@@ -22,6 +24,7 @@ from rigd.analysis.output_error import (
     OutputErrorFit,
     estimate,
     improve,
+    retried,
 )
 from rigd.analysis.profile import ProfileScan, axis, follow
 from rigd.analysis.result import (
@@ -63,6 +66,10 @@ SCORES_S = 0.05
 OTHER_WINDOWS_S = (0.013, 0.041)  #: by how much the choice moves a parameter
 MOST_BETTER = 3  #: times that profiles may find a better fit
 SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
+SHOWN = 0.999  #: level at which the data show a Stribeck effect
+RIDGE_M_S = (5e-3, 5e-2, 0.5)  #: V_s of starts along the ridge of V_s, mu_c and mu_s
+KEPT_M_S = (5e-3, 0.1)  #: slips whose friction they keep
+KNOWN_SD = 0.1  #: standard deviation of ln V_s below which there is no ridge
 OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
 BASINS = 3  #: optima of method A that output error starts from
 OTHER_BASIN = 0.3  #: in scaled coordinates
@@ -127,6 +134,7 @@ def fit_group(
     points = [*points, *_other_radius(first, points[-1])]
     try:
         whole = estimate(first, points, block)
+        whole = retried(whole, along_ridge(whole), block)
     except Diverged as error:
         raise Diverged(error.trial, _described(used[error.trial])) from error
     alike = homogeneity(whole, MU_C, "friction", _parts(used, rig))
@@ -310,6 +318,33 @@ def _other_radius(system: RigSystem, point: FloatArray) -> list[FloatArray]:
     return [other]
 
 
+def along_ridge(whole: OutputErrorFit) -> list[FloatArray]:
+    """Return points (p,) with another V_s each, and the same friction at two slips.
+
+    None, if the data determine V_s by itself.
+    """
+    theta = whole.fit.theta
+    sd = math.sqrt(max(float(whole.covariance[V_S, V_S]), 0.0))
+    if sd < KNOWN_SD and KEPT_M_S[0] / 5.0 < theta[V_S] < KEPT_M_S[1]:
+        return []
+    kept = friction(theta[:FRICTION], np.array(KEPT_M_S))
+    return [with_speed(theta, speed, kept) for speed in RIDGE_M_S]
+
+
+def with_speed(theta: FloatArray, speed: float, kept: FloatArray) -> FloatArray:
+    """Return ``theta`` (p,) with V_s = ``speed`` in m/s and the friction ``kept`` at KEPT_M_S.
+
+    If that takes mu_s below mu_c, or no mu_c, the friction at the first slip is kept (Eq. 6).
+    """
+    low, high = (math.exp(-math.sqrt(slip / speed)) for slip in KEPT_M_S)
+    least = PARAMETERS[MU_C].low
+    coulomb = max((kept[1] * low - kept[0] * high) / (low - high), least)
+    static = max((kept[0] - coulomb * (1.0 - low)) / low, coulomb)
+    out = theta.copy()
+    out[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
+    return out
+
+
 def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
     """Return the profiles that are needed, in scaled coordinates.
 
@@ -329,10 +364,24 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
         scans[name] = follow(
             whole.model, whole.fit, direction, whole.inverse,
             (float(low[index]), float(high[index])), others=whole.others,
+            none=0.0 if name == "ratio" else None,
         )  # fmt: skip
         if scans[name].better is not None:
-            break
+            return scans
+    if not effect_shown(scans["ratio"]):
+        scans["ratio"] = replace(scans["ratio"], low=None)
+        scans["V_s"] = replace(scans["V_s"], low=None, high=None)
     return scans
+
+
+def effect_shown(ratio: ProfileScan) -> bool:
+    """Whether mu_s = mu_c fits worse than chance makes it: only then there is a V_s.
+
+    The V_s that fits chance best is chosen from all, so that the statistic of no effect has no
+    distribution of one degree of freedom (Davies, Biometrika 64, 1977); and a wrong V_s is far off.
+    """
+    none = ratio.statistic[ratio.values == 0.0]
+    return ratio.low is not None and bool(np.all(none > chi2.ppf(SHOWN, 2)))
 
 
 def visited_slip(
