@@ -19,6 +19,8 @@ examples:
                             my_faults.yaml lists which device fails, how and when:
                               faults:
                                 - {part: wheel_servo, fault: silent, at: 10 s, for: 1 s}
+  rigd sim wire-1 --profile wheel_servo=maxon-epos4
+                            the wheel's drive has the identity, objects and units of that make
 
   The command serves until Ctrl-C. In another terminal: rigd run procedures/quick.yaml --rig wire-1
 """
@@ -28,6 +30,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("rig", metavar="RIG", help="rig file, or the name in it (wire-1)")
     parser.add_argument("--faults", type=Path, metavar="FILE", help="file of faults to simulate")
+    parser.add_argument(
+        "--profile",
+        action="append",
+        default=[],
+        metavar="[DEVICE=]MAKE",
+        help="make of a simulated drive, or of all (elmo-gold, maxon-epos4); may be repeated",
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -43,6 +52,15 @@ def execute(args: argparse.Namespace) -> int:
             hint="configs/wire_lugre.yaml has a simulation at the wire, under `simulation:`; "
             "a rig with a `plant:` is simulated in process and needs no `rigd sim`",
         )
+    setup = rig.simulation
+    makes = {name: make for name, _, make in (item.rpartition("=") for item in args.profile)}
+    try:
+        config = setup.simulation_class.of_makes(setup.config, makes) if makes else setup.config
+    except ValueError as error:
+        raise ConfigError(
+            f"--profile: {error}",
+            hint="`--profile DEVICE=MAKE` is for one device, `--profile MAKE` for every drive",
+        ) from error
     stopped = False
 
     def stop(*_: object) -> None:
@@ -59,6 +77,6 @@ def execute(args: argparse.Namespace) -> int:
         signal.signal(number, stop)
     # Before any thread starts, so that threads inherit it.
     RealTime().schedule(SIMULATED_PRIORITY)
-    simulation = rig.simulation.simulation_class(rig.simulation.config)
+    simulation = setup.simulation_class(config)
     simulation.serve(started, lambda: stopped, args.faults)
     return int(Exit.OK)

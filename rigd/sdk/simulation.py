@@ -61,6 +61,16 @@ class Simulation(ABC):
         """
 
     @classmethod
+    def of_makes(cls, config: Any, makes: Mapping[str, str]) -> Any:
+        """Return ``config`` with simulated devices of these makes, by device; "" is every one.
+
+        Raises:
+            ValueError: there is no such make or device; the message lists those there are.
+
+        """
+        raise ValueError(f"the devices of {cls.title or cls.__name__} are of no make")
+
+    @classmethod
     def files(cls, config: Any) -> Mapping[Path, str]:
         """Return path and text of the files that it is made from; see :meth:`PlantConfig.files`."""
         return {}

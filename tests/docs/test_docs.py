@@ -71,7 +71,7 @@ UNCHECKED = {
     "analyses.md": 0,
     "friction_laws.md": 1,
     "plants.md": 3,
-    "simulation.md": 6,
+    "simulation.md": 7,
     "devices.md": 7,
     "faults.md": 1,
     "calibration.md": 0,

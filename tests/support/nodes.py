@@ -12,6 +12,7 @@ from support.can import Client
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.node import CanopenNode
+from rigd_sim.wire.can.traits import read_make
 from rigd_sim.wire.hub import CanHub
 
 SERVO, ENCODER = 1, 11
@@ -34,13 +35,18 @@ class Physics:
 
 @asynccontextmanager
 async def drive(
-    folder: Path, ratings: Ratings = CURRENT_DRIVE, *, rpdo_timer: bool = False
+    folder: Path,
+    ratings: Ratings = CURRENT_DRIVE,
+    *,
+    rpdo_timer: bool = False,
+    make: str | None = None,
 ) -> AsyncIterator[tuple[Cia402Drive, Client, Physics]]:
     physics = Physics()
     hub = CanHub("bus", folder / "bus")
     node = Cia402Drive(
-        "servo", hub, SERVO, physics.motor(), ratings, serial=0x1234, rpdo_timer=rpdo_timer
-    )
+        "servo", hub, SERVO, physics.motor(), ratings, serial=0x1234, rpdo_timer=rpdo_timer,
+        traits=None if make is None else read_make(make),
+    )  # fmt: skip
     async with _on(hub, folder, node) as client:
         yield node, client, physics
 
@@ -120,7 +126,7 @@ SYNC = (0x080, "")
 
 async def operational(client: Client, *setup: str, mode: str = "0a") -> None:
     """Map the PDOs of the servo, set its mode, and start it."""
-    command = TORQUE_COMMAND if mode == "0a" else SPEED_COMMAND
+    command = TORQUE_COMMAND if mode in ("0a", "04") else SPEED_COMMAND
     await written(
         client,
         SERVO,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -11,7 +11,7 @@ from rigd.sdk import SimulationConfig
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
-from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts
+from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts, with_makes
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation
 from rigd_sim.wire.world import World
@@ -42,6 +42,11 @@ class WireLugre(WirePlantSimulation):
     Config: ClassVar[type[SimulationConfig]] = WireLugreConfig
     title: ClassVar[str] = "the LuGre rig at the wire: CAN servos and encoders in real time"
     config: WireLugreConfig
+
+    @classmethod
+    def of_makes(cls, config: WireLugreConfig, makes: Mapping[str, str]) -> WireLugreConfig:
+        """Return ``config`` with drives of these makes; see :meth:`Simulation.of_makes`."""
+        return config.model_copy(update=with_makes(config, makes))
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the plant in real time and every device; see :class:`WireSimulation`."""

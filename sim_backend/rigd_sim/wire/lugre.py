@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal, Self
 
 from annotated_types import Ge, Gt, Le
-from pydantic import model_validator
+from pydantic import BeforeValidator, model_validator
 
 from rigd.sdk import In, SimulationConfig
 from rigd_sim.cards.lugre import ONE_SHOT_S, LugreWiring
@@ -16,6 +16,7 @@ from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.plants.lugre import layout
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.mf624 import SimMf624
@@ -52,6 +53,9 @@ class ServoOptions(NodeOptions):
 
     rpdo_timer: bool = False
     """Whether it watches the time between RPDOs (objects 1400:5 ...); the EPOS4 does not."""
+    profile: Annotated[DriveTraits, BeforeValidator(as_make)] | None = None
+    """Make of the drive, by name (elmo-gold, kollmorgen-akd, maxon-epos4, nanotec), or what it is
+    like; none: as CiA 402 has it."""
 
 
 class BeltOptions(ServoOptions):
@@ -166,7 +170,7 @@ def _wheel_servo(name: str, options: ServoOptions, bench: Bench) -> Part:
     )  # fmt: skip
     return Cia402Drive(
         name, bench.buses[options.bus], options.node, Motor(sense, command), ratings,
-        serial=options.serial, rpdo_timer=options.rpdo_timer,
+        serial=options.serial, rpdo_timer=options.rpdo_timer, traits=options.profile,
     )  # fmt: skip
 
 
@@ -191,7 +195,7 @@ def _belt(commands: int, readings: int, force_limit: Callable[[World], float]) -
         )  # fmt: skip
         return Cia402Drive(
             name, bench.buses[options.bus], options.node, Motor(sense, command), ratings,
-            serial=options.serial, rpdo_timer=options.rpdo_timer,
+            serial=options.serial, rpdo_timer=options.rpdo_timer, traits=options.profile,
         )  # fmt: skip
 
     return build
@@ -315,3 +319,28 @@ def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:
         for name, build in BUILDERS.items()
         if (found := getattr(options, name)) is not None
     ]
+
+
+def with_makes(config: DeviceOptions, makes: Mapping[str, str]) -> dict[str, ServoOptions]:
+    """Return the options of the drives of ``config`` that become of the makes named.
+
+    ``makes`` has the make of each device by its name; the key "" stands for every drive.
+
+    Raises:
+        ValueError: no such make, or no such drive.
+
+    """
+    drives = {
+        name: options
+        for name in DeviceOptions.model_fields
+        if isinstance(options := getattr(config, name), ServoOptions)
+    }
+    unknown = sorted(set(makes) - {"", *drives})
+    if unknown:
+        raise ValueError(f"no drive is called {unknown[0]!r}; there are {', '.join(drives)}")
+    chosen = {name: makes.get(name, makes.get("")) for name in drives}
+    return {
+        name: drives[name].model_copy(update={"profile": read_make(make)})
+        for name, make in chosen.items()
+        if make is not None
+    }

@@ -360,6 +360,22 @@ def test_the_command_serves_and_ends_with_a_signal(tmp_path: Path) -> None:
     assert [path.name for path in rig.folder.iterdir()] == ["lock"]
 
 
+def test_drive_is_of_the_make_named(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "sim-make")
+    running = start(["sim", rig.rig, "--profile", "wheel_servo=maxon-epos4"], tmp_path)
+    assert running.process.stdout is not None
+    said = [running.process.stdout.readline()]
+    while said[-1] and "Ctrl-C" not in said[-1]:
+        said.append(running.process.stdout.readline())
+    assert "wheel_servo: EPOS4, node 1 on servo_bus\n" in said
+    assert any(line.startswith("lateral_belt: rigd simulated servo") for line in said)
+    running.signal(signal.SIGTERM)
+    assert running.end().code == 0
+    refused = rigd("sim", rig.rig, "--profile", "carriage=maxon-epos4", cwd=tmp_path)
+    assert refused.code == 2
+    assert "--profile: no drive is called 'carriage'; there are wheel_servo" in refused.err
+
+
 def test_killed_simulation_does_not_block_the_next(tmp_path: Path) -> None:
     with wire_rig(tmp_path, "sim-killed") as rig:
         assert rig.process is not None

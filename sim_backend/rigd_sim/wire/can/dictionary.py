@@ -132,6 +132,11 @@ class Dictionary:
         self._indices.add(entry.index)
         return entry
 
+    def remove(self, index: int, sub: int) -> None:
+        """Take an entry away, if there is one."""
+        self._entries.pop((index, sub), None)
+        self._indices = {known for known, _ in self._entries}
+
     def array(self, index: int, entries: Iterable[Entry]) -> list[Entry]:
         """Add the sub-objects of ``index`` with the count of them at sub-index 0."""
         added = [self.add(entry) for entry in entries]

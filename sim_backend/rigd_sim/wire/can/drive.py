@@ -1,12 +1,15 @@
 """Simulates a CiA 402 servo drive in cyclic torque (CST) or cyclic velocity mode (CSV).
 
-Units are those of CiA 402-2: torque in thousandths of the rated torque (object 6076, in mN m),
-current in thousandths of the rated current (6075, in mA), velocity as object 60A9 has it (here in
-thousandths of a turn per minute of the motor), position in counts of the encoder on the motor.
+As the standard has it, torque is in thousandths of the rated torque (object 6076, in mN m), current
+in thousandths of the rated current (6075, in mA), velocity as object 60A9 has it (here in
+thousandths of a turn per minute of the motor), position in counts of the encoder on the motor. A
+make of drive (``traits``) has other units, objects and modes, and looks at its commands once per
+scan.
 """
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from collections.abc import Callable
@@ -17,7 +20,7 @@ from typing import Any, ClassVar, Final, Self
 from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
 from rigd_sim.wire.can.heartbeat import Watch
-from rigd_sim.wire.can.ids import Identity
+from rigd_sim.wire.can.ids import Identity, Manners
 from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.states402 import (
     FOLLOWS,
@@ -27,6 +30,7 @@ from rigd_sim.wire.can.states402 import (
     DriveState,
     StateMachine,
 )
+from rigd_sim.wire.can.traits import DriveTraits
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.part import State
 
@@ -46,6 +50,8 @@ class Mode(IntEnum):
     """Modes of operation, object 6060."""
 
     NONE = 0
+    PV = 3
+    PT = 4
     CSV = 9
     CST = 10
 
@@ -116,12 +122,21 @@ class Cia402Drive(CanopenNode):
         *,
         serial: int = 1,
         rpdo_timer: bool = False,
+        traits: DriveTraits | None = None,
     ) -> None:
-        identity = Identity(DEVICE_TYPE, "rigd simulated servo", product=0x402, serial=serial)
-        super().__init__(name, hub, node, identity, rpdo_timer=rpdo_timer)
+        identity, manners = _identity(traits, serial), Manners()
+        if traits is not None:
+            manners = Manners(traits.boots_twice, traits.boot_emergencies, traits.segmented)
+        super().__init__(name, hub, node, identity, rpdo_timer=rpdo_timer, manners=manners)
         self._motor = motor
         self._ratings = ratings
         self._rpdo_timer = rpdo_timer
+        self._traits = traits
+        self._scan: asyncio.TimerHandle | None = None  #: its next look at what was commanded
+        self._modes: tuple[int, ...] = (ratings.mode,) if traits is None else traits.modes
+        self._velocity_units = MILLI_RPM_PER_RAD_S  #: in 1 rad/s
+        if traits is not None:
+            self._velocity_units = traits.velocity_per_rad_s(ratings.counts_per_turn)
         self._machine = StateMachine()
         self._demand = Demand()
         self._given_since_ns = self._safe_since_ns = time.monotonic_ns()
@@ -154,18 +169,27 @@ class Cia402Drive(CanopenNode):
         add(0x6076, 0, Kind.U32, round(self._rated_torque * 1e3))
         self._torque = add(0x6077, 0, Kind.I16, **measured)
         self._current = add(0x6078, 0, Kind.I16, **measured)
-        add(0x60A9, 0, Kind.U32, MILLI_RPM)
+        code = MILLI_RPM if self._traits is None else self._traits.velocity_code
+        add(0x60A9, 0, Kind.U32, code or 0)
         self._target_velocity = add(0x60FF, 0, Kind.I32, **commanded)
-        add(0x6502, 0, Kind.U32, 1 << ratings.mode - 1)
+        add(0x6502, 0, Kind.U32, sum(1 << mode - 1 for mode in self._modes))
         outputs = Entry(0x60FE, 1, Kind.U32, 0, writable=True, mappable=True)
         (self._outputs,) = self.dictionary.array(0x60FE, [outputs])
         turn = (ratings.counts_per_turn, 1)
         self.dictionary.array(
             0x608F, [Entry(0x608F, sub, Kind.U32, n) for sub, n in enumerate(turn, start=1)]
         )
+        if self._traits is not None:
+            motor = {
+                "nominal_current": ratings.nominal_current,
+                "current_limit": ratings.current_limit,
+                "torque_constant": ratings.torque_constant,
+                "rated_torque": self._rated_torque,
+            }
+            self._traits.change(self.dictionary, motor)
 
     def _check_mode(self, mode: int) -> None:
-        if mode not in (Mode.NONE, self._ratings.mode):
+        if mode not in (Mode.NONE, *self._modes):
             raise Abort(AbortCode.VALUE_RANGE)
 
     def twin(self) -> Self:
@@ -173,7 +197,7 @@ class Cia402Drive(CanopenNode):
         at_rest = Motor(lambda _: Sensed(0, 0.0, 0.0), lambda _t, _d: None)
         return type(self)(
             f"{self.name} (twin)", self._hub, self.node, at_rest, self._ratings,
-            serial=self.identity.serial ^ 1, rpdo_timer=self._rpdo_timer,
+            serial=self.identity.serial ^ 1, rpdo_timer=self._rpdo_timer, traits=self._traits,
         )  # fmt: skip
 
     def state(self) -> State:
@@ -215,13 +239,26 @@ class Cia402Drive(CanopenNode):
         """Measure, and bring statusword and actual values up to date."""
         sensed = self._motor.sense(t_ns)
         self._position.value = _wrapped(sensed.counts)
-        self._velocity.value = _clipped(sensed.speed * MILLI_RPM_PER_RAD_S, 31)
+        self._velocity.value = _clipped(sensed.speed * self._velocity_units, 31)
         self._torque.value = _clipped(sensed.torque / self._rated_torque * 1e3, 15)
         self._current.value = self._torque.value  # one motor: both are of its rating
         self._show_status()
 
     def apply(self, t_ns: int) -> None:
-        """Follow the controlword and the setpoint."""
+        """Follow the controlword and the setpoint, at once or with the next scan."""
+        scan_s = 0.0 if self._traits is None else self._traits.scan
+        if not scan_s:
+            self._follow(t_ns)
+        elif self._scan is None:
+            self._scan = asyncio.get_running_loop().call_later(scan_s, self._look)
+
+    def _look(self) -> None:
+        self._scan = None
+        t_ns = time.monotonic_ns()
+        self._follow(t_ns)
+        self._send_changed(t_ns)
+
+    def _follow(self, t_ns: int) -> None:
         if self._machine.control(self._control.value) and self._error_code.value:
             self._error_code.value = 0
             self.recovered()
@@ -252,6 +289,9 @@ class Cia402Drive(CanopenNode):
 
     def power_off(self, t_ns: int) -> None:
         """Start again without torque; the clutch, spring-applied, engages."""
+        if self._scan is not None:
+            self._scan.cancel()
+            self._scan = None
         self._machine.power_on()
         self._actuate(t_ns)
 
@@ -280,10 +320,11 @@ class Cia402Drive(CanopenNode):
     def _setpoint(self) -> float:
         """Return the demanded current in A, or speed of the shaft in rad/s."""
         ratings = self._ratings
-        if "setpoint_ignored" in self._bad.shown or self._mode.value != ratings.mode:
+        moving = (Mode.CSV, Mode.PV) if ratings.mode is Mode.CSV else (Mode.CST, Mode.PT)
+        if "setpoint_ignored" in self._bad.shown or self._mode.value not in moving:
             return 0.0
         if ratings.mode is Mode.CSV:
-            return self._target_velocity.value / MILLI_RPM_PER_RAD_S
+            return self._target_velocity.value / self._velocity_units
         current = self._target_torque.value * 1e-3 * ratings.nominal_current
         return min(max(current, -ratings.current_limit), ratings.current_limit)
 
@@ -291,13 +332,19 @@ class Cia402Drive(CanopenNode):
         word = self._machine.state | VOLTAGE_ENABLED
         if "setpoint_ignored" not in self._bad.shown:
             word |= REMOTE
-            if self._machine.state is DriveState.OPERATION_ENABLED:
+            if self._machine.state is DriveState.OPERATION_ENABLED and self._shows_bit_12():
                 word |= FOLLOWS
         if abs(self._demand.value) >= self._ratings.current_limit and (
             self._ratings.mode is Mode.CST
         ):
             word |= LIMITED
         self._status.value = word
+
+    def _shows_bit_12(self) -> bool:
+        """Return bit 12: it follows in the cyclic modes, it stands in PV, and 0 in PT."""
+        if self._mode.value == Mode.PV:
+            return self._velocity.value == 0
+        return bool(self._mode.value != Mode.PT)
 
     def _look_whether_it_stands(self) -> None:
         if self._machine.state is not DriveState.QUICK_STOP_ACTIVE:
@@ -312,6 +359,14 @@ class Cia402Drive(CanopenNode):
             return  # it stays in quick stop, braked, until the controlword commands otherwise
         self._fault_follows = False if stands else self._fault_follows
         self._actuate(t_ns)
+
+
+def _identity(traits: DriveTraits | None, serial: int) -> Identity:
+    if traits is None:
+        return Identity(DEVICE_TYPE, "rigd simulated servo", product=0x402, serial=serial)
+    return Identity(
+        DEVICE_TYPE, traits.name, traits.product, serial, traits.vendor, traits.revision
+    )
 
 
 def _wrapped(counts: int) -> int:

@@ -51,3 +51,12 @@ class Identity:
     serial: int
     vendor: int = 0x52494744  #: no vendor has this number: a simulation never passes for a product
     revision: int = 0x00010000
+
+
+@dataclass(frozen=True)
+class Manners:
+    """What a node may do by CiA 301 beside what every node does."""
+
+    boots_twice: bool = False  #: sends its boot-up message twice
+    boot_emergencies: tuple[int, ...] = ()  #: codes that it sends after boot-up
+    segmented: bool = False  #: answers short SDO uploads in segments, too

@@ -32,6 +32,7 @@ from rigd_sim.wire.can.ids import (
     TO_STOPPED,
     TPDO1,
     Identity,
+    Manners,
     Nmt,
 )
 from rigd_sim.wire.can.misbehaviour import Misbehaviour
@@ -50,11 +51,19 @@ class CanopenNode(Part):
     faults: ClassVar = misbehaviour.FAULTS
 
     def __init__(
-        self, name: str, hub: CanHub, node: int, identity: Identity, *, rpdo_timer: bool = False
+        self,
+        name: str,
+        hub: CanHub,
+        node: int,
+        identity: Identity,
+        *,
+        rpdo_timer: bool = False,
+        manners: Manners | None = None,
     ) -> None:
         self.name = name
         self.node = node
         self.identity = identity
+        self._manners = manners = manners or Manners()
         self._hub = hub
         self._port: Port | None = None
         self._nmt = Nmt.BOOT
@@ -69,7 +78,7 @@ class CanopenNode(Part):
         self.dictionary = Dictionary()
         self._describe(identity)
         self._errors = Errors(self.dictionary)
-        self._sdo = SdoServer(self.dictionary)
+        self._sdo = SdoServer(self.dictionary, segmented=manners.segmented)
         self._producer = Producer(self.dictionary, self._beat)
         self._consumer = Consumer(self.dictionary, self._heartbeat_lost, self._listen)
 
@@ -235,9 +244,13 @@ class CanopenNode(Part):
         for pdo in (*self._tpdos, *self._rpdos):
             pdo.refresh()
         self._consumer.refresh()
-        self._send(HEARTBEAT + self.node, bytes([Nmt.BOOT]))
+        for _ in range(1 + self._manners.boots_twice):
+            self._send(HEARTBEAT + self.node, bytes([Nmt.BOOT]))
         self._nmt = Nmt.PRE_OPERATIONAL
         self._listen()
+        for code in self._manners.boot_emergencies:
+            report = self._errors.over() if code == NO_ERROR else self._errors.report(code)
+            self._emergency(report)
         self._producer.start()
         if self._boot_is_over is not None:
             self._boot_is_over.set()

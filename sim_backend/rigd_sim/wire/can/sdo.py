@@ -55,8 +55,9 @@ def is_download(request: bytes) -> bool:
 class SdoServer:
     """Answers one request after the other; free of I/O."""
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    def __init__(self, dictionary: Dictionary, *, segmented: bool = False) -> None:
         self._dictionary = dictionary
+        self._segmented = segmented  #: answers short uploads in segments, too
         self._transfer: _Transfer | None = None
 
     def reset(self) -> None:
@@ -122,7 +123,7 @@ class SdoServer:
         entry = self._dictionary.find(index, sub)
         data = entry.pack()
         head = index.to_bytes(2, "little") + bytes([sub])
-        if 0 < len(data) <= 4:
+        if 0 < len(data) <= 4 and not self._segmented:
             return bytes([0x43 | (4 - len(data)) << 2]) + head + data.ljust(4, b"\0")
         self._transfer = _Transfer(entry, True, bytearray(data))
         return b"\x41" + head + len(data).to_bytes(4, "little")
