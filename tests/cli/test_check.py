@@ -22,19 +22,22 @@ def check(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, st
     return code, told.out, told.err
 
 
-@pytest.mark.parametrize(
-    ("rig", "missing"),
-    [
-        ("lugre-1", "daq, relay, scale"),
-        (
-            "angle-1",
-            "accelerometer, carriage, lateral_belt, longitudinal_belt, wheel_encoder, wheel_servo",
-        ),
-    ],
-)
+#: The devices that the procedures of each rig name.
+DEVICES = {
+    "lugre-1": {
+        "accelerometer", "carriage", "lateral_belt", "longitudinal_belt", "wheel_encoder",
+        "wheel_servo",
+    },
+    "angle-1": {"daq", "relay", "scale"},
+    "articulated-1": {"left_motor", "right_motor"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rig", DEVICES)
 def test_procedure_for_another_rig_takes_a_line(
-    rig: str, missing: str, capsys: pytest.CaptureFixture[str]
+    rig: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    missing = ", ".join(sorted(set().union(*DEVICES.values()) - DEVICES[rig]))
     code, out, err = check(*ALL, "--rig", rig, capsys=capsys)
     assert (code, err) == (0, "")
     *lines, summary = out.splitlines()

@@ -89,7 +89,7 @@ SHOWN: dict[str, Shows] = {
     "rigd run --resume runs/<run>.mcap": Shows("2 of 2 trials", {"<run>": "interrupted"}),
     "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
     "rigd check procedures/*.yaml --rig lugre-1": Shows(
-        "5 right, 5 for another rig (no daq, relay, scale)"
+        "5 right, 7 for another rig (no daq, left_motor, relay, right_motor, scale)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
     "rigd check my_procedure.yaml": Shows("right keys"),
@@ -243,6 +243,10 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd remote lease seize",
         "rigd remote report RUN",
         "rigd remote report RUN --make",
+    ),
+    "system/test_articulated.py": (
+        "rigd run straight_speeds --rig articulated-1",  # 14 runs, and 5 circles
+        "rigd run circles --rig articulated-1",
     ),
     "../scripts/demo": (
         "rigd run approach_angles --rig angle-1",  # 200 runs

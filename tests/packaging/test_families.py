@@ -9,7 +9,9 @@ from pathlib import Path
 
 RIGD = Path(__file__).parents[2] / "rigd"
 #: Words that only a family has.
-WORDS = re.compile(r"lugre|\bomni.?wheel|gauge|\brails?\b|rail_|\broller|approach.?angle", re.I)
+WORDS = re.compile(
+    r"lugre|\bomni.?wheel|gauge|\brails?\b|rail_|\broller|approach.?angle|articulated", re.I
+)
 #: Names of shipped rigs, which examples and hints use.
 RIGS = re.compile(r"lugre-\d|(sim|wire)_lugre")
 SUFFIXES = {".py", ".jinja", ".html", ".css", ".js", ".service"}

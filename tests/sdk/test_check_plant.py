@@ -19,10 +19,13 @@ from rigd.sdk.noise import normal_pair
 from rigd_sim.devices.angle_daq import AngleDaq
 from rigd_sim.devices.angle_relay import AngleRelay
 from rigd_sim.devices.angle_sensors import AngleScale, AngleTruth
+from rigd_sim.devices.articulated_drive import ArticulatedDrive
+from rigd_sim.devices.articulated_sensors import ArticulatedTracker, ArticulatedTruth
 from rigd_sim.devices.lugre_amplifier import LugreAmplifier
 from rigd_sim.devices.lugre_belt import LugreBelt
 from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
 from rigd_sim.plants.angle.plant import AnglePlant
+from rigd_sim.plants.articulated.plant import ArticulatedPlant
 from rigd_sim.plants.lugre.plant import LugrePlant
 
 LUGRE: dict[str, Device] = {
@@ -39,6 +42,12 @@ ANGLE: dict[str, Device] = {
     "relay": (AngleRelay, {}),
     "scale": (AngleScale, {}),
     "truth": (AngleTruth, {}),
+}
+ARTICULATED: dict[str, Device] = {
+    "right_motor": (ArticulatedDrive, {"module": "front", "wheel": "front_right"}),
+    "left_motor": (ArticulatedDrive, {"module": "front", "wheel": "rear_left"}),
+    "marker": (ArticulatedTracker, {"module": "rear"}),
+    "truth": (ArticulatedTruth, {"module": "front"}),
 }
 
 
@@ -329,3 +338,17 @@ def test_angle_plant_keeps_every_rule() -> None:
 def test_angle_plant_balances_energy_as_set_up(options: Mapping[str, object]) -> None:
     report = check_plant(AnglePlant, options, devices=ANGLE, accuracy=1e-3, only=ENERGY)
     assert set(report.checked) == ENERGY
+
+
+@pytest.mark.parametrize("law", ["paper", "smooth", "linear"])
+def test_articulated_plant_keeps_every_rule(law: str) -> None:
+    report = check_plant(ArticulatedPlant, {"law": law}, devices=ARTICULATED, truth="truth")
+    assert report.skipped == {}
+
+
+@pytest.mark.parametrize("loads", ["transfer", "vertical"])
+def test_robot_on_its_suspension_keeps_its_energy(loads: str) -> None:
+    check_plant(
+        ArticulatedPlant, {"loads": loads}, devices=ARTICULATED, accuracy=1e-5,
+        only={*ENERGY, "passive", "finite", "time divided"},
+    )  # fmt: skip

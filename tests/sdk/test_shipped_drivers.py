@@ -13,9 +13,12 @@ from rigd.config.loader import load_rig
 from rigd.config.rig import DeviceConfig
 from rigd.sdk.check import FAULTS, Observed, Peer, check_driver
 from rigd.sdk.shipped import shipped_folder
+from rigd_sim.devices.articulated_drive import ArticulatedDrive
+from rigd_sim.devices.articulated_sensors import ArticulatedTracker, ArticulatedTruth
 from rigd_sim.devices.lugre_amplifier import LugreAmplifier
 from rigd_sim.devices.lugre_belt import LugreBelt
 from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
+from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
@@ -58,18 +61,29 @@ def test_no_driver_is_left_out() -> None:
     assert shipped <= {device.values[0].driver for device in devices()} | OPTIONS.keys()
 
 
-class PlantPeer:
-    """Starts the plant of the LuGre rig for one device, and looks at what the device commands."""
+def lugre() -> LugrePlant:
+    return LugrePlant(LugreConfig(), period_ns=1_000_000, seed=1)
 
-    def __init__(self, actuated: Callable[[Sequence[float]], Observed]) -> None:
+
+def robot() -> ArticulatedPlant:
+    return ArticulatedPlant(ArticulatedConfig(), period_ns=1_000_000, seed=1)
+
+
+class PlantPeer:
+    """Makes a plant for one device, and looks at what the device commands."""
+
+    def __init__(
+        self, make: Callable[[], Any], actuated: Callable[[Sequence[Any]], Observed]
+    ) -> None:
+        self._make = make
         self._actuated = actuated
 
     @contextmanager
     def __call__(self) -> Iterator[Peer]:
-        made: list[LugrePlant] = []
+        made: list[Any] = []
 
-        def link() -> LugrePlant:
-            made.append(LugrePlant(LugreConfig(), period_ns=1_000_000, seed=1))
+        def link() -> Any:
+            made.append(self._make())
             return made[-1]
 
         yield Peer(link=link, observed=lambda: self._actuated(made[-1].commands.tolist()))
@@ -94,27 +108,36 @@ def across(commands: Sequence[float]) -> Observed:
     return belt(commands, layout.LATERAL_COMMANDS)
 
 
-def sensor(commands: Sequence[float]) -> Observed:
+def motor(commands: Sequence[Sequence[float]]) -> Observed:
+    target, enabled = commands[0]
+    return Observed((target if enabled else 0.0,), bool(enabled))
+
+
+def sensor(commands: Sequence[Any]) -> Observed:
     return Observed()
 
 
 @pytest.mark.parametrize(
-    ("driver", "options", "observed"),
+    ("driver", "options", "make", "observed"),
     [
-        (LugreAmplifier, {}, wheel),
-        (LugreBelt, {"axis": "longitudinal"}, along),
-        (LugreBelt, {"axis": "lateral"}, across),
-        (LugreEncoder, {"axis": "wheel"}, sensor),
-        (LugreAccelerometer, {}, sensor),
-        (LugreTruth, {}, sensor),
+        (LugreAmplifier, {}, lugre, wheel),
+        (LugreBelt, {"axis": "longitudinal"}, lugre, along),
+        (LugreBelt, {"axis": "lateral"}, lugre, across),
+        (LugreEncoder, {"axis": "wheel"}, lugre, sensor),
+        (LugreAccelerometer, {}, lugre, sensor),
+        (LugreTruth, {}, lugre, sensor),
+        (ArticulatedDrive, {"module": "front", "wheel": "front_right"}, robot, motor),
+        (ArticulatedTracker, {"module": "rear"}, robot, sensor),
+        (ArticulatedTruth, {"module": "front"}, robot, sensor),
     ],
 )
 def test_devices_in_process_work_as_drivers_do(
     driver: type[Any],
     options: dict[str, Any],
-    observed: Callable[[Sequence[float]], Observed],
+    make: Callable[[], Any],
+    observed: Callable[[Sequence[Any]], Observed],
 ) -> None:
-    report = check_driver(driver, options, peer=PlantPeer(observed))
+    report = check_driver(driver, options, peer=PlantPeer(make, observed))
     assert set(report.skipped.values()) == {
         f"the peer has no fault '{fault}'" for fault in FAULTS if fault != "lossy"
     }

@@ -67,6 +67,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_scale_never_at_rest_leaves_run_undriven",
             "test_the_same_seed_gives_the_same_bytes",
         ),
+        "system/test_articulated.py": (
+            "test_circles_have_the_radius_of_the_paper",
+            "test_dry_run_and_report_know_the_robot",
+        ),
         "system/test_calibrate.py": (
             "test_a_recording_that_calibrates_nothing_is_refused",
             "test_a_run_records_which_calibration_it_had",

@@ -22,6 +22,7 @@ WHOLE = {
     "calibrate_rise": "system/test_calibrate.py",
     "calibrate_scale": "system/test_calibrate.py",
     "calibrate_torque": "system/test_calibrate.py",
+    "circles": "system/test_articulated.py",
 }
 
 
@@ -32,8 +33,8 @@ def shipped() -> list[Pair]:
 
 
 def test_each_rig_and_procedure_is_in_some_pair(shipped: list[Pair]) -> None:
-    assert {pair.rig.name for pair in shipped} == {"lugre-1", "angle-1"}
-    assert len({pair.procedure for pair in shipped}) == 10
+    assert {pair.rig.name for pair in shipped} == {"lugre-1", "angle-1", "articulated-1"}
+    assert len({pair.procedure for pair in shipped}) == 12
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
@@ -48,7 +49,7 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
         for pair in shipped
         if pair.procedure.stem not in WHOLE
     }
-    assert ended == {"approach_angles on angle-1": ""}
+    assert ended == {"approach_angles on angle-1": "", "straight_speeds on articulated-1": ""}
 
 
 @pytest.mark.parametrize("seed", some((230, 835, 991, 1186, 2713, 4396, 6099), 2))

@@ -1,0 +1,1 @@
+"""Simulates an articulated robot with slip: modules, wheels, drives, hinges, camera tracker."""
