@@ -2,8 +2,8 @@
 
 The candidates are everything that a family of rigs defines (:mod:`rigd.analysis.structure`), and
 each constant with an uncertainty, which is then left to the data. The tests need no fit; only the
-best candidate is fitted. The selection ends if no candidate is significant, or after ``MOST``
-candidates.
+best candidate is fitted. The selection ends if no candidate is significant, after ``MOST``
+candidates, or if one leaves a large misfit nearly as it was: a refusal is not to take long.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ NAMED = 0.7  #: share of the best gain from which a thing with a name is preferr
 AS_GOOD = 0.9  #: share from which another explanation is worth a word
 MOST_OTHERS = 2
 DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
+HOPELESS = 1e4  #: mean square of an output beyond which nothing is fitted: its size would be chance
+NEAR = 1.5  #: mean square of all outputs up to which the optimum is taken for the right one
+LITTLE = 0.5  #: share of the misfit that something must take away, if it leaves more than ``NEAR``
 NO_SIZE = 2.0  #: standard errors below which what was fitted is none
 FAR = 1e3  #: standard errors that bound an added value
 
@@ -97,14 +100,15 @@ def diagnose(
 ) -> Diagnosis:  # fmt: skip
     """Return what would explain the misfit of ``found``; nothing if all is well.
 
-    A misfit may have led to a wrong optimum: each fit with something more begins from ``starts``
-    (p,), the shared parameters of the first one, too. ``block`` is the longest correlation of the
-    scores that is heeded, in samples of ``period_s``.
+    A large misfit may have led to a wrong optimum: then a fit with something more begins from
+    ``starts`` (p,), the shared parameters of the first one, too. ``block`` is the longest
+    correlation of the scores that is heeded, in samples of ``period_s``.
     """
     system = found.model.system
     chosen: list[Tested] = []
     as_good: dict[str, list[Tested]] = {}
     vanished: set[str] = set()
+    hopeless = False
     while True:
         scores = Scores(found, block)
         known = _constants(found, scores.step)
@@ -117,9 +121,10 @@ def diagnose(
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
         most = len(chosen) >= MOST or len(vanished) >= MOST
-        if not wrong or best.worth < WORTH or most or done:
+        hopeless = hopeless or max(state.levels) > HOPELESS
+        if not wrong or best.worth < WORTH or most or done or hopeless:
             break
-        last = _refined(scores, best)
+        last, before = _refined(scores, best), _mean_square(found)
         as_good[last.name] = _as_good(new, best)
         try:
             with np.errstate(over="raise", invalid="raise"):
@@ -128,6 +133,7 @@ def diagnose(
             left = [best, *(item for item in left if item is not best)]
             break
         vanished |= {best.name if item is last else item.name for item in gone}
+        hopeless = not gone and _mean_square(found) > max(NEAR, LITTLE * before)
     explained = tuple(
         _explanation(found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
@@ -148,6 +154,11 @@ def diagnose(
         state.jump,
         tuple(doubts),
     )
+
+
+def _mean_square(found: OutputErrorFit) -> float:
+    """Return the mean square of whitened residuals, 1 if model and noise are right."""
+    return 2.0 * found.fit.cost / len(found.model.mask)
 
 
 @dataclass(frozen=True)
@@ -277,7 +288,7 @@ def _refitted(
     Raises:
         DataError: with the fitted motion one of them has more or fewer values than before.
     """
-    others = list(starts)
+    others = [] if _mean_square(found) < NEAR else list(starts)
     base = own_parameters(found)
     released = frozenset(item.place for item in chosen if item.candidate is None)
     own = len(system.shared)

@@ -82,8 +82,8 @@ class Fit:
     iterations: int
     evaluations: int
     converged: bool
+    information: FloatArray  #: (p, p), scaled, at the begin of the last step
     weights: FloatArray | None = None
-    information: FloatArray | None = None  #: (p, p), scaled, at the begin of the last step
 
 
 def fit(
@@ -199,7 +199,7 @@ def fit(
     scaled = affine.offset + affine.basis @ w
     return Fit(
         to_natural(parameters, scaled), scaled, theta0, now.cost, iterations, evaluations,
-        converged, weights, whole,
+        converged, whole, weights,
     )  # fmt: skip
 
 
@@ -251,8 +251,11 @@ def multi_start(
     seed: int,
     weights: FloatArray | None = None,
     spread: float = 0.35,
+    relative_decrease: float = RELATIVE_DECREASE,
 ) -> tuple[Fit, ...]:
     """Return ``starts`` fits, best first: the model's own start, then seeded draws from the box.
+
+    ``relative_decrease`` is that of the cost below which each ends.
 
     Draws are normal around the model's start in scaled coordinates with a standard deviation of
     ``spread`` times the width of the box, clipped to it.
@@ -266,7 +269,10 @@ def multi_start(
         np.clip(centre + spread * (high - low) * rng.standard_normal(len(centre)), low, high)
         for _ in range(starts - 1)
     ]
-    fits = [fit(model, to_natural(parameters, p), weights=weights) for p in points]
+    fits = [
+        fit(model, to_natural(parameters, p), weights=weights, relative_decrease=relative_decrease)
+        for p in points
+    ]
     return tuple(sorted(fits, key=lambda f: f.cost))
 
 

@@ -38,7 +38,7 @@ ENOUGH = 1e-7  #: relative decrease of the cost below which a fit ends
 ROUGH = 1e-5  #: and below which one ends that is repeated with a better filter of the noise
 NEAR = 1e-8  #: first damping near an optimum
 MAX_ITERATIONS = 40
-OTHER_ITERATIONS = 12  #: of a second optimum, until it is known to be near as good
+OTHER_ITERATIONS = 12  #: of a second optimum, and of a model that is far off
 RANKING_TRIALS = 3  #: from the first to the last; the starts are ranked by these
 RANKING_ITERATIONS = 8
 RANKING_DECREASE = 1e-2
@@ -163,9 +163,10 @@ def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputError
 def retried(found: OutputErrorFit, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
     """Return ``found``, or the fit from the best of ``starts``, (p,), natural, if that is better.
 
-    Along a bent ridge a fit may come to an end that is not the best of the ridge.
+    Along a bent ridge a fit may come to an end that is not the best of the ridge. Of a model that
+    is far off, no other end is better.
     """
-    best = found.fit
+    best, starts = found.fit, [] if _gross(found.model, found.fit) else starts
     for start in starts:
         try:
             ended = _fit(found.model, start, ROUGH, NEAR, OTHER_ITERATIONS, ridges=True)
@@ -202,6 +203,8 @@ def by_cost(branches: Sequence[Branch]) -> list[tuple[float, Branch]]:
     Under noise of its own, an optimum that takes much for noise would win.
     """
     best = branches[0]
+    if len(branches) == 1:
+        return [(best[1].cost, best)]
     costs: list[float] = []
     for _ in branches:
         model, found = best
@@ -275,9 +278,11 @@ def _reweighted(model: OutputErrorModel, found: Fit, enough: float) -> Branch:
 
     If that noise leaves the numbers, as far from the optimum, both stay.
     """
-    other = replace(model, noise=noise_at(model.system, found.theta))
+    other, gross = replace(model, noise=noise_at(model.system, found.theta)), _gross(model, found)
+    iterations = OTHER_ITERATIONS if gross else MAX_ITERATIONS
     try:
-        return other, _fit(other, found.theta, enough, ridges=not _gross(model, found))
+        fitted = _fit(other, found.theta, enough, iterations=iterations, ridges=not gross)
+        return other, fitted
     except Diverged:
         return model, found
 
@@ -347,15 +352,6 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
         pulls=pulls,
         errors=tuple(model.errors(best.theta)),
     )
-
-
-def inverse_at(model: OutputErrorModel, theta: FloatArray) -> FloatArray:
-    """Return the inverse (p, p) of the information at ``theta`` (p,), in scaled coordinates.
-
-    Parameters on their bounds are taken as free.
-    """
-    scale = slopes(model.parameters, theta)
-    return _inverted(model.normal_equations(theta).information * np.outer(scale, scale))[0]
 
 
 def _inverted(information: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:

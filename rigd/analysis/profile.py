@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import chi2
@@ -41,6 +41,8 @@ FAR_OUT = 20.0  #: root of the statistic that counts at most
 class ProfileScan:
     """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``.
 
+    ``inverses`` (n, p, p) are those of the information at each point, all parameters free; of a
+    profile over a grid there are none.
     ``better`` (p,) are natural parameters that fit better than what was taken for the best.
     ``slack`` is the factor on the threshold up to which a point stands for the end next to it.
     """
@@ -53,6 +55,7 @@ class ProfileScan:
     high: float | None
     better: FloatArray | None = None
     slack: float = 1.0
+    inverses: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @property
     def accepted(self) -> FloatArray:
@@ -167,6 +170,7 @@ def follow(
         np.array([point.statistic for point in points]),
         np.array([to_natural(model.parameters, point.scaled) for point in points]),
         threshold, ends[0], ends[1], path.better, (1.0 + AGREES) ** 2,
+        np.array([point.inverse for point in points]),
     )  # fmt: skip
 
 
@@ -176,6 +180,7 @@ class _Point:
     statistic: float
     scaled: FloatArray
     along: FloatArray  #: d(scaled)/d(value) of the linearised model
+    inverse: FloatArray  #: of the information, all parameters free
     converged: bool = True  #: else the statistic may be too large
 
     @property
@@ -205,7 +210,7 @@ class _Path:
         self.sd = float(np.sqrt(variance)) if variance > LEAST_VARIANCE else UNDETERMINED_SD
         self.better: FloatArray | None = None
         value = float(direction @ best.scaled)
-        self.points = [_Point(value, 0.0, best.scaled, self._along(inverse))]
+        self.points = [_Point(value, 0.0, best.scaled, self._along(inverse), inverse)]
 
     def _along(self, inverse: FloatArray) -> FloatArray:
         """Return how the linearised model moves all parameters with the one that is held."""
@@ -264,17 +269,18 @@ class _Path:
                 if found.converged:
                     break
         except DataError:  # the model has no finite cost there: the point is not accepted
-            return _Point(value, np.inf, start, self._direction)
+            return _Point(value, np.inf, start, self._direction, np.zeros((0, 0)))
         ratio = found.cost / max(self._best.cost, np.finfo(float).tiny)
         statistic = self._samples * float(np.log(ratio))
         if statistic < -BETTER:
             self.better = found.theta
-        inverse = np.zeros((len(start), len(start)))
-        if found.information is not None:
-            free = np.flatnonzero((found.scaled > low) & (found.scaled < high))
+        whole = scaled_pinv(found.information)
+        inverse, free = whole, np.flatnonzero((found.scaled > low) & (found.scaled < high))
+        if free.size < len(start):
+            inverse = np.zeros_like(whole)
             inverse[np.ix_(free, free)] = scaled_pinv(found.information[np.ix_(free, free)])
         point = _Point(
-            value, max(statistic, 0.0), found.scaled, self._along(inverse), found.converged
+            value, max(statistic, 0.0), found.scaled, self._along(inverse), whole, found.converged
         )
         self.points.append(point)
         return point

@@ -154,16 +154,16 @@ def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
 
 def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
     """Return a profile of V_s from ``low``: the optimum, and a point with a statistic of 5."""
-    best = begun.whole.fit.theta
+    best, inverse = begun.whole.fit.theta, begun.whole.inverse
     return ProfileScan(
-        np.log(best[:1] * [1.0, 2.0]), np.array([0.0, 5.0]), np.stack([best, best]), 3.84, low, 1.0
-    )
+        np.log(best[:1] * [1.0, 2.0]), np.array([0.0, 5.0]), np.stack([best, best]), 3.84, low, 1.0,
+        inverses=np.stack([inverse, inverse]),
+    )  # fmt: skip
 
 
 def test_open_stribeck_speed_widens_the_region(begun: FirstFit) -> None:
     closed, free = (
-        [item.reach for item in beside(begun.whole, {"V_s": scan_of(begun, low)})]
-        for low in (-9.0, None)
+        [item.reach for item in beside({"V_s": scan_of(begun, low)})] for low in (-9.0, None)
     )
     assert closed == pytest.approx([1.96], abs=1e-3)
     assert free == pytest.approx([np.sqrt(5.991), np.sqrt(5.991 - 5.0)], abs=1e-3)

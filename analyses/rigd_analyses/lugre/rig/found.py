@@ -13,7 +13,7 @@ from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95
 from rigd.analysis.left_out import jackknife_sd
 from rigd.analysis.model import slopes
-from rigd.analysis.output_error import OutputErrorFit, inverse_at
+from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.owed import owed_to_constants
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import (
@@ -166,7 +166,7 @@ class Found:
         return gradient
 
 
-def beside(whole: OutputErrorFit, scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
+def beside(scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
     """Return the points that ``scans`` accept, with the information at each.
 
     A ratio of mu_s to mu_c that data without a Stribeck effect allow by chance comes with a V_s of
@@ -178,11 +178,11 @@ def beside(whole: OutputErrorFit, scans: Mapping[str, ProfileScan]) -> tuple[Bes
     threshold = float(chi2.ppf(0.95, 2 if is_open else 1))
     found = []
     for line in scans.values():
-        for theta, statistic in zip(line.thetas, line.statistic, strict=True):
+        points = zip(line.thetas, line.statistic, line.inverses, strict=True)
+        for theta, statistic, inverse in points:
             if statistic <= max(threshold, line.slack * line.threshold):
-                inverse = inverse_at(whole.model, theta)[:FRICTION, :FRICTION]
                 reach = math.sqrt(max(threshold - statistic, 0.0))
-                found.append(Beside(theta[:FRICTION], inverse, reach))
+                found.append(Beside(theta[:FRICTION], inverse[:FRICTION, :FRICTION], reach))
     return tuple(found)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +21,7 @@ from rigd.analysis.model import scaled_bounds
 from rigd.analysis.output_error import (
     ENOUGH,
     NEAR,
+    ROUGH,
     OutputErrorFit,
     estimate,
     improve,
@@ -200,7 +201,7 @@ def with_intervals(
             text = f"No number is given: {left}. More trials, or --starts, may help."
             gate = Gate(FitOutcome.MISFIT, text, (text, *gate.findings), gate.explanations)
     others = []
-    for window_s in OTHER_WINDOWS_S:
+    for window_s in OTHER_WINDOWS_S if gate.outcome is not FitOutcome.MISFIT else ():
         model = replace(whole.model, system=same_with(whole, system(window_s)))
         again = fit(
             model, whole.fit.theta, max_iterations=OTHER_ITERATIONS, relative_decrease=ENOUGH,
@@ -210,7 +211,7 @@ def with_intervals(
     gravity = first.constants.gravity
     found = Found(
         whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
-        gravity.u / gravity.value, shifts, beside=beside(whole, scans),
+        gravity.u / gravity.value, shifts, beside=beside(scans),
     )  # fmt: skip
     if gate.outcome is FitOutcome.CORRECTED:
         return replace(found, without=without_each_trial(whole))
@@ -292,11 +293,18 @@ def _starts(
     except DataError:
         return spread  # method A needs more than this one
     model = LugreModel([trial.samples for trial in sweep.trials])
+    rough = multi_start(model, starts=settings.starts, seed=settings.seed, relative_decrease=ROUGH)
+    found = _apart(fit(model, end.theta) for end in _apart(rough)[:BASINS])
+    return [*(end.theta for end in found), *spread]
+
+
+def _apart(ends: Iterable[Fit]) -> list[Fit]:
+    """Return ``ends``, of those in one basin the first."""
     found: list[Fit] = []
-    for end in multi_start(model, starts=settings.starts, seed=settings.seed):
+    for end in ends:
         if all(np.max(np.abs(end.scaled - other.scaled)) > OTHER_BASIN for other in found):
             found.append(end)
-    return [*(end.theta for end in found[:BASINS]), *spread]
+    return found
 
 
 def _other_radius(system: RigSystem, point: FloatArray) -> list[FloatArray]:

@@ -145,11 +145,11 @@ def rates(
 
 @kernel
 def advance_derivatives(s: FloatArray, h: float, by_state: FloatArray, by_q: FloatArray) -> None:
-    """Advance the derivatives ``s`` (5, 20) of position, angle, v, w, z by one step of ``h`` s."""
+    """Advance the derivatives ``s`` (5, q) of position, angle, v, w, z by one step of ``h`` s."""
     a, b, c, d = by_state[0], by_state[1], by_state[2], by_state[3]
     a_q, b_q, c_q, d_q = by_q[0], by_q[1], by_q[2], by_q[3]
     half, sixth = 0.5 * h, h / 6.0
-    for j in range(COUNT):
+    for j in range(s.shape[1]):
         v, w, z = s[2, j], s[3, j], s[4, j]
         a_v = a_q[0, j] + a[0, 0] * v + a[0, 1] * w + a[0, 2] * z
         a_w = a_q[1, j] + a[1, 0] * v + a[1, 1] * w + a[1, 2] * z
