@@ -70,6 +70,10 @@ class PdoChoice(Documented):
     """Its identifier, less the node id: 0x180 is that of TPDO1 by CiA 301."""
 
 
+#: TPDO1 as CiA 301 has it.
+FIRST_TPDO: Final = PdoChoice(number=1, cob_id=0x180)
+
+
 class NodeProfile(DeviceFile):
     """What rigd must know of a make of CANopen device beyond the standard."""
 
@@ -134,6 +138,13 @@ class NodeProfile(DeviceFile):
     def writes(self) -> Iterator[tuple[Entry, int]]:
         """Yield what :meth:`prepare` writes."""
         yield from (each.pair() for each in self.setup)
+
+
+class EncoderProfile(NodeProfile):
+    """What rigd must know of a make of CiA 406 encoder beyond the standard."""
+
+    pdo: PdoChoice = FIRST_TPDO
+    """The TPDO that carries the position at every SYNC."""
 
 
 def distinct(pdos: Sequence[PdoChoice], what: str) -> None:

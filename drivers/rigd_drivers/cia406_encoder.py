@@ -22,8 +22,9 @@ from rigd.sdk import (
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
 from rigd_drivers.can_pdo import configure, switch_off_rest
+from rigd_drivers.can_profile import FIRST_TPDO, EncoderProfile, PdoChoice
 from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
-from rigd_drivers.canopen import frames, objects, pdo
+from rigd_drivers.canopen import objects, pdo
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
 from rigd_drivers.canopen.objects import Entry
@@ -33,6 +34,7 @@ from rigd_drivers.cia406_resolution import (
     check_step,
     read_resolution,
 )
+from rigd_drivers.device_file import FromFile
 from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Low word of 1000h.
@@ -47,6 +49,9 @@ _OPTIONS: Final = {
 class EncoderConfig(NodeConfig):
     """Which encoder it is, and how its counts become an angle or a position."""
 
+    profile: Annotated[EncoderProfile, FromFile("cia406")] | None = None
+    """What is known of this make of encoder: a file of your own beside the rig file, such as
+    my_encoder.yaml, or a profile written here. None: it is as CiA 406 has it."""
     kind: Literal["rotary", "linear"]
     """Whether it gives an angle or a position."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)] | None = None
@@ -63,6 +68,11 @@ class EncoderConfig(NodeConfig):
     """Whether counting up is the rig's negative direction."""
     zero: Annotated[float, In("count")] | None = None
     """Count at zero, of an absolute encoder; none: that at opening, as for incremental."""
+
+    @property
+    def pdo(self) -> PdoChoice:
+        """The TPDO that carries the position."""
+        return FIRST_TPDO if self.profile is None else self.profile.pdo
 
     @model_validator(mode="after")
     def _only_options_of_the_kind(self) -> Self:
@@ -85,7 +95,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
     def __init__(self, config: EncoderConfig, link: CanBus) -> None:
         super().__init__(config, link)
         self._is_angle = config.kind == "rotary"
-        self._tpdo = _position_pdo(config.node, objects.ENCODER_POSITION)
+        self._tpdo = _position_pdo(config, objects.ENCODER_POSITION)
         self._inbox = Inbox(self._tpdo, config.node)
         self._unwrap = Unwrap(WHOLE_OBJECT)
         self._zero = 0.0
@@ -111,7 +121,11 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         position, sheet = objects.ENCODER_POSITION, config.sheet()
         if sheet is not None and config.kind == "linear" and sheet.find(position.index) is None:
             position = objects.LINEAR_POSITION
-        plan = Plan(_PROFILE, [position], writes, [_position_pdo(config.node, position)])
+        reads = [position]
+        if config.profile is not None:
+            writes += config.profile.writes()
+            reads += config.profile.reads()
+        plan = Plan(_PROFILE, reads, writes, [_position_pdo(config, position)])
         return contradictions(config, link, plan)
 
     def reserve(self) -> None:
@@ -132,8 +146,12 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         node = self._node = Node(link, config.node, config.sheet())
         node.open(self.title, _PROFILE, config.serial)
         self.identity = node.identity
+        if config.profile is not None:
+            config.profile.confirm(node)
+            config.profile.prepare(node)
+            self.identity += f", {config.profile}"
         position = self._position_object(node)
-        self._tpdo = _position_pdo(config.node, position)
+        self._tpdo = _position_pdo(config, position)
         resolution = read_resolution(node)
         if position is objects.LINEAR_POSITION:
             resolution = Resolution()
@@ -211,5 +229,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         return objects.ENCODER_POSITION
 
 
-def _position_pdo(node: int, position: Entry) -> pdo.Pdo:
-    return pdo.Pdo(1, True, frames.TPDO[0] + node, pdo.SYNCHRONOUS, (position,))
+def _position_pdo(config: EncoderConfig, position: Entry) -> pdo.Pdo:
+    carrier = config.pdo
+    identifier = carrier.cob_id + config.node
+    return pdo.Pdo(carrier.number, True, identifier, pdo.SYNCHRONOUS, (position,))

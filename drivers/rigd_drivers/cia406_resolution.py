@@ -1,7 +1,8 @@
 """Reads from a CiA 406 encoder what its counts are, and after how many they begin again.
 
 A rotary encoder gives its position in its own steps (6501h, for 6502h revolutions), or scaled: bit
-2 of 6000h is set, and the position has 6001h units per revolution and begins again after 6002h.
+2 of 6000h or 6500h is set, and the position has 6001h units per revolution and begins again after
+6002h.
 """
 
 from __future__ import annotations
@@ -97,10 +98,10 @@ def read_resolution(node: Node) -> Resolution:
         LinkError, ProtocolError: it does not answer, or refuses.
 
     """
-    flags = node.read_optional(objects.OPERATING_PARAMETERS)
-    if flags is None:
-        flags = node.read_optional(objects.OPERATING_STATUS)
-    if (flags or 0) & _SCALED:
+    # TR-Electronic's CEH-110 has no such bit in 6000h, and shows in 6500h alone that it is scaled
+    # (its manual TR-ECE-BA-DGB-0080-05, pages 144 and 162); others have it in 6000h alone.
+    switches = (objects.OPERATING_PARAMETERS, objects.OPERATING_STATUS)
+    if any((node.read_optional(each) or 0) & _SCALED for each in switches):
         steps = node.read_optional(objects.UNITS_PER_REVOLUTION)
         span = node.read_optional(objects.MEASURING_RANGE)
         by = f"{span} units (object 6002)"

@@ -69,7 +69,7 @@ class FromFile:
         folder = (info.context or {}).get("folder")
         path = find(value, self.kind, Path.cwd() if folder is None else Path(folder))
         try:
-            return read(path, model, shipped(self.kind)[0])
+            return read(path, model, next(iter(shipped(self.kind)), path))
         except ConfigError as error:
             raise ValueError(str(error)) from error
 

@@ -52,6 +52,9 @@ def values(driver: Cia406Encoder, port: ScriptedBus, *counts: int) -> list[float
         (SCALED, 8192, 8192 * 4096),
         (SCALED | {(0x6000, 0): 0}, 65536, 65536 * 4096),
         (SCALED | {(0x6000, 0): None, (0x6500, 0): 4}, 8192, 8192 * 4096),
+        # TR-ECE-BA-DGB-0080-05: 6000 has the counting direction alone, 6500 bit 2 the scaling.
+        (SCALED | {(0x6000, 0): 0, (0x6500, 0): 4}, 8192, 8192 * 4096),
+        (SCALED | {(0x6000, 0): 0, (0x6500, 0): 0}, 65536, 65536 * 4096),
         ({(0x6001, 0): 360, (0x6002, 0): 3600, (0x6000, 0): 5}, 360, 3600),
         ({(0x6502, 0): None}, 4096, 4096),  # a single turn
         ({(0x6502, 0): 1}, 4096, 4096),

@@ -1,4 +1,4 @@
-"""Profiles of drives: what they check, write and choose, against scripted nodes."""
+"""Profiles of drives and encoders: what they check, write and choose, against scripted nodes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from support.can_bench import (
     belt,
     belt_config,
     cycle,
+    encoder,
     feedback,
     wheel,
     wheel_config,
 )
+from support.can_script import encoder as scripted_encoder
 from support.can_script import number, pdo, servo
 
 from rigd.sdk import ProtocolError
@@ -238,3 +240,52 @@ def test_belt_is_commanded_in_unit_of_profile(connect: Connect) -> None:
     port.say(0x282, number(0, 4))
     # 0.1 m/s at 100 mm a revolution is one a second: 4096 counts per second.
     assert cycle(driver, port, 0.1)[0] == (0x202, "0f 00 00 10 00 00")
+
+
+ENCODER: dict[str, Any] = {
+    **ABOUT,
+    "vendor": 0xFB,
+    "setup": [{"object": "6000:00", "type": "uint16", "value": 4, "name": "scaling on"}],
+    "expect": [{"object": "6501:00", "type": "uint32", "value": 4096, "name": "steps"}],
+    "pdo": {"number": 2, "cob_id": 0x280},
+}
+
+
+def test_encoder_is_set_up_by_its_profile(connect: Connect) -> None:
+    node = scripted_encoder()
+    node.objects |= {
+        (0x6000, 0): number(0, 2),
+        (0x6001, 0): number(360, 4),
+        (0x6002, 0): number(3600, 4),
+    }
+    bus, port = connect(node)
+    driver = encoder(bus, profile=ENCODER)
+    driver.open()
+    assert node.objects[0x6000, 0] == number(4, 2)
+    assert node.objects[0x1801, 1] == number(0x4000_028B, 4)
+    assert node.objects[0x1800, 1][3] & 0x80
+    assert "profile Test drive (from the manual" in driver.identity
+    port.say(0x28B, number(190, 4))
+    bus.begin(0)
+    row = driver.read(0)
+    bus.end(0)
+    assert row is not None
+    assert row[0] == pytest.approx(math.pi / 2)  # 90 of the 360 units that 6001 has
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"vendor": 0x1}, "vendor id 0xFB .* expects 0x1"),
+        (
+            {"expect": [{"object": "6501:00", "type": "uint32", "value": 8192, "name": "steps"}]},
+            r"6501:00 \(steps\) is 4096, the profile of the Test drive expects 8192",
+        ),
+    ],
+)
+def test_encoder_that_contradicts_its_profile_is_refused(
+    connect: Connect, changed: dict[str, Any], said: str
+) -> None:
+    bus, _ = connect(scripted_encoder())
+    with pytest.raises(ProtocolError, match=said):
+        encoder(bus, profile={**ENCODER, **changed}).open()
