@@ -13,6 +13,8 @@ examples:
   rigd new driver acme-scale --kind slow     a device that is asked now and then
   rigd new driver acme-servo --kind fast     one that is exchanged with in every cycle
   rigd new driver acme-daq --kind block      a card whose library hands over many rows at once
+  rigd new driver acme-gauge --kind serial   slow, on a serial port or TCP
+  rigd new driver acme-supply --kind scpi    fast, with a setpoint, in SCPI
   pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale
 
   rigd new plant acme-sled                   physics, simulated devices, a rig and a procedure
@@ -24,7 +26,16 @@ examples:
   adapt it.
 """
 
-KINDS: Final = ("fast", "slow", "block")
+#: Kinds of drivers, each with the folders of its templates: a later one has files in place of
+#: those before.
+_DRIVERS: Final = {
+    "fast": ("common", "fast"),
+    "slow": ("common", "slow"),
+    "block": ("common", "block"),
+    "serial": ("common", "slow", "serial"),
+    "scpi": ("common", "scpi"),
+}
+KINDS: Final = tuple(_DRIVERS)
 _ARTICLES: Final = {"driver": "a", "plant": "a", "analysis": "an", "friction-law": "a"}
 #: Kinds of plug-ins, each with the name of its entry points.
 _PLURALS: Final = {
@@ -43,10 +54,21 @@ _LISTS: Final = {
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 #: Longest name, in characters: folders, modules and classes are named by it.
 _MAX_NAME: Final = 40
-#: The additional keys of the rig file in the README of a fast driver.
-_LIMITS: Final = """
+#: The options of the rig file in the README of a driver, if they are no TCP port alone.
+_OPTIONS: Final = {
+    "serial": "{port: /dev/ttyUSB0}",
+    "scpi": "{port: 'tcp://192.168.1.30:5025'}",
+}
+#: Its additional keys, of drivers with setpoints.
+_LIMITS: Final = {
+    "fast": """
     limits:
-      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}"""
+      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}""",
+    "scpi": """
+    limits:
+      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}
+    waiver: {by: A. Person, reason: The emergency stop cuts the mains of the supply}""",
+}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -149,11 +171,12 @@ def rendered(name: str, kind: str) -> Mapping[str, str]:
         "module": module,
         "cls": "".join(word.capitalize() for word in name.split("-")),
         "kind": kind,
-        "limits": _LIMITS if kind == "fast" else "",
+        "options": _OPTIONS.get(kind, "{port: 7000}"),
+        "limits": _LIMITS.get(kind, ""),
     }
     files = {}
     drivers = _TEMPLATES / "driver"
-    folders = (drivers / "common", drivers / kind) if kind in KINDS else (_TEMPLATES / kind,)
+    folders = [drivers / name for name in _DRIVERS.get(kind, ())] or [_TEMPLATES / kind]
     for folder in folders:
         for path in sorted(folder.rglob("*.jinja")):
             path_out = path.relative_to(folder).with_suffix("").as_posix()

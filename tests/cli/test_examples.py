@@ -144,6 +144,8 @@ SHOWN: dict[str, Shows] = {
     "rigd new driver acme-scale --kind slow": Shows("acme-scale"),
     "rigd new driver acme-servo --kind fast": Shows("acme-servo"),
     "rigd new driver acme-daq --kind block": Shows("acme-daq"),
+    "rigd new driver acme-gauge --kind serial": Shows("acme-gauge"),
+    "rigd new driver acme-supply --kind scpi": Shows("acme-supply"),
     "rigd new plant acme-sled": Shows("acme-sled"),
     "rigd schema procedure": Shows("rigd procedure file"),
     "rigd completion bash": Shows("_shtab_rigd"),

@@ -24,12 +24,15 @@ cycle: 1 kHz
 devices:
   mine:
     driver: {name}
-    options: {{port: 7000}}
+    options: {options}
 {limits}
 interlocks: []
 constants: {{}}
 """
-LIMITS = "    limits:\n      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}\n"
+LIMITS = {
+    "fast": "    limits:\n      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}\n",
+    "scpi": "    limits:\n      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}\n",
+}
 
 
 def run(*command: str | Path, cwd: Path, site: Path | None = None) -> str:
@@ -88,8 +91,9 @@ def test_new_package_installs_and_passes_its_own_tests(kind: str, tmp_path: Path
     shown = run("rigd", "drivers", name, cwd=elsewhere, site=site)
     assert f"driver of {name} 0.1.0" in shown
     assert "port" in shown
-    limits = LIMITS if kind == "fast" else ""
-    (elsewhere / "rig.yaml").write_text(RIG.format(name=name, limits=limits))
+    options = "{port: tcp://supply:5025}" if kind in ("serial", "scpi") else "{port: 7000}"
+    limits = LIMITS.get(kind, "")
+    (elsewhere / "rig.yaml").write_text(RIG.format(name=name, options=options, limits=limits))
     assert "1 devices" in run("rigd", "check", "rig.yaml", cwd=elsewhere, site=site)
 
 

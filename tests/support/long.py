@@ -239,6 +239,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_plant_installs_passes_its_tests_and_runs",
             "test_an_analysis_that_is_made_passes_its_tests",
             "test_new_package_installs_and_passes_its_own_tests[block]",
+            "test_new_package_installs_and_passes_its_own_tests[scpi]",
+            "test_new_package_installs_and_passes_its_own_tests[serial]",
             "test_new_package_installs_and_passes_its_own_tests[slow]",
             "test_new_package_is_typed_and_formatted_like_rigd",
         ),
