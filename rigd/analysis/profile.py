@@ -8,7 +8,7 @@ the statistic n/t ln(S/S_min) with the chi-square quantile of one degree of free
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,6 +35,10 @@ LEAST_VARIANCE = 1e-24
 UNDETERMINED_SD = 0.05  #: to begin with, if the information has no value
 CLEAR = 5.0  #: times an interval: no effect is that far from what was found
 FAR_OUT = 20.0  #: root of the statistic that counts at most
+
+
+#: Returns natural parameters (p,) near a ridge, of a point on it and of another value (scaled).
+Bend = Callable[[FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +134,7 @@ def follow(
     others: Sequence[FloatArray] = (),
     confidence: float = 0.95,
     none: float | None = None,
+    bend: Bend | None = None,
 ) -> ProfileScan:
     """Return the profile of ``direction @ scaled`` to the crossing of the threshold, in few refits.
 
@@ -141,10 +146,11 @@ def follow(
     cross within ``limits``, or when a refit beyond the threshold does not converge. ``others`` are
     other optima (natural parameters (p,)): if one is accepted too, the interval reaches around it.
     ``none`` is a value that stands for no effect: it has a refit too, unless it is further from the
-    best than ``CLEAR`` times the end on its side.
+    best than ``CLEAR`` times the end on its side. ``bend`` gives the begin of each refit along a
+    ridge that is known not to be straight.
     """
     threshold = float(chi2.ppf(confidence, 1))
-    path = _Path(model, best, direction, inverse, limits, threshold)
+    path = _Path(model, best, direction, inverse, limits, threshold, bend)
     begin = path.points[0]
     ends = [path.end(begin, side) for side in (-1, 1)]
     for other in others:
@@ -163,7 +169,7 @@ def follow(
         near = end is None or abs(none - begin.value) < CLEAR * abs(end - begin.value)
         if near and none not in [point.value for point in path.points]:
             closest = min(path.points, key=lambda point: abs(point.value - none))
-            path.refit(none, closest.scaled + (none - closest.value) * closest.along)
+            path.refit(none, path.predicted(closest, none))
     points = sorted(path.points, key=lambda point: point.value)
     return ProfileScan(
         np.array([point.value for point in points]),
@@ -200,7 +206,9 @@ class _Path:
         inverse: FloatArray,
         limits: tuple[float, float],
         threshold: float,
+        bend: Bend | None,
     ) -> None:
+        self._bend = bend
         self._model, self._best, self._direction = model, best, direction
         self._limits, self._root = limits, float(np.sqrt(threshold))
         self._samples = float(np.count_nonzero(model.mask))
@@ -219,6 +227,13 @@ class _Path:
             moved, variance = self._direction, self._direction @ self._direction
         return np.asarray(moved / variance)
 
+    def predicted(self, inside: _Point, value: float) -> FloatArray:
+        """Return the scaled parameters at which a refit at ``value`` begins."""
+        if self._bend is None:
+            return np.asarray(inside.scaled + (value - inside.value) * inside.along)
+        parameters = self._model.parameters
+        return to_scaled(parameters, self._bend(to_natural(parameters, inside.scaled), value))
+
     def end(self, begin: _Point, side: int) -> float | None:
         """Return the crossing of the threshold on ``side`` (-1, 1) of ``begin``."""
         limit = self._limits[0] if side < 0 else self._limits[1]
@@ -231,7 +246,7 @@ class _Path:
             moved = target - inside.value
             if abs(moved) < TINY_STEP:
                 return None
-            point = self.refit(target, inside.scaled + moved * inside.along)
+            point = self.refit(target, self.predicted(inside, target))
             if not point.converged and point.root > (1.0 - AGREES) * self._root:
                 return None  # what a refit that has not converged excludes is not excluded
             share = self._share(inside, point)

@@ -332,18 +332,21 @@ def along_ridge(whole: OutputErrorFit) -> list[FloatArray]:
     None, if the data determine V_s by itself.
     """
     theta = whole.fit.theta
+    return [with_speed(theta, speed) for speed in RIDGE_M_S] if _on_ridge(whole) else []
+
+
+def _on_ridge(whole: OutputErrorFit) -> bool:
+    """Whether the data may not tell V_s from other ways to have the same friction."""
     sd = math.sqrt(max(float(whole.covariance[V_S, V_S]), 0.0))
-    if sd < KNOWN_SD and KEPT_M_S[0] / 5.0 < theta[V_S] < KEPT_M_S[1]:
-        return []
-    kept = friction(theta[:FRICTION], np.array(KEPT_M_S))
-    return [with_speed(theta, speed, kept) for speed in RIDGE_M_S]
+    return not (sd < KNOWN_SD and KEPT_M_S[0] / 5.0 < whole.fit.theta[V_S] < KEPT_M_S[1])
 
 
-def with_speed(theta: FloatArray, speed: float, kept: FloatArray) -> FloatArray:
-    """Return ``theta`` (p,) with V_s = ``speed`` in m/s and the friction ``kept`` at KEPT_M_S.
+def with_speed(theta: FloatArray, speed: float) -> FloatArray:
+    """Return ``theta`` (p,) with V_s = ``speed`` in m/s and the same friction at two slips.
 
-    If that takes mu_s below mu_c, or no mu_c, the friction at the first slip is kept (Eq. 6).
+    That is at the first alone if both would take mu_s below mu_c, or no mu_c (Eq. 6).
     """
+    kept = friction(theta[:FRICTION], np.array(KEPT_M_S))
     low, high = (math.exp(-math.sqrt(slip / speed)) for slip in KEPT_M_S)
     least = PARAMETERS[MU_C].low
     coulomb = max((kept[1] * low - kept[0] * high) / (low - high), least)
@@ -351,6 +354,10 @@ def with_speed(theta: FloatArray, speed: float, kept: FloatArray) -> FloatArray:
     out = theta.copy()
     out[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
     return out
+
+
+def _bent(theta: FloatArray, value: float) -> FloatArray:
+    return with_speed(theta, math.exp(value))
 
 
 def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
@@ -373,6 +380,7 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
             whole.model, whole.fit, direction, whole.inverse,
             (float(low[index]), float(high[index])), others=whole.others,
             none=0.0 if name == "ratio" else None,
+            bend=_bent if name == "V_s" and _on_ridge(whole) else None,
         )  # fmt: skip
         if scans[name].better is not None:
             return scans
