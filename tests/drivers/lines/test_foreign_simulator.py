@@ -1,0 +1,127 @@
+"""The driver reads the instruments that pyvisa-sim simulates, over a serial port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import select
+import threading
+import tty
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import pytest
+
+from rigd.sdk import ProtocolError
+from rigd_drivers.lines.config import LinesConfig
+from rigd_drivers.lines.driver import Lines
+
+pyvisa = pytest.importorskip("pyvisa")
+pytest.importorskip("pyvisa_sim")
+
+TIMEOUT_S = 30
+#: How long the bridge waits for an answer of the simulator, in ms: it answers at once, or never.
+ANSWER_MS = 50
+
+
+class Bridge:
+    """Hands what comes to a pty to an instrument of pyvisa-sim, and its answers back."""
+
+    def __init__(self, resource: str) -> None:
+        self._manager = pyvisa.ResourceManager("@sim")
+        self._instrument = self._manager.open_resource(resource, timeout=ANSWER_MS)
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.port = os.ttyname(self._theirs)
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="bridge")
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ends.set()
+        self._thread.join()
+        self._manager.close()
+        os.close(self._ours)
+        os.close(self._theirs)
+
+    def _serve(self) -> None:
+        received = b""
+        while not self._ends.is_set():
+            if not select.select([self._ours], [], [], 0.01)[0]:
+                continue
+            *commands, received = (received + os.read(self._ours, 4096)).split(b"\n")
+            for command in commands:
+                self._instrument.write_raw(command + b"\n")
+                with contextlib.suppress(pyvisa.errors.VisaIOError):  # it has no answer
+                    os.write(self._ours, self._instrument.read_raw())
+
+
+@contextlib.contextmanager
+def bridged(resource: str, **options: Any) -> Iterator[Lines]:
+    bridge = Bridge(resource)
+    given = {"port": bridge.port, "period": "0.05 s", "silence": "1 s", **options}
+    try:
+        yield Lines(LinesConfig.model_validate(given), None)
+    finally:
+        bridge.close()
+
+
+async def first_rows(driver: Lines, count: int) -> list[Sequence[float]]:
+    rows: list[Sequence[float]] = []
+    enough = asyncio.Event()
+
+    def emit(row: Sequence[float]) -> None:
+        rows.append(row)
+        if len(rows) >= count:
+            enough.set()
+
+    await driver.open()
+    task = asyncio.create_task(driver.run(emit))
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            await enough.wait()
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+        await driver.close()
+    return rows
+
+
+def test_line_device_of_another_author_is_read() -> None:
+    with bridged(
+        "ASRL1::INSTR",
+        identify=r"?IDN\r\n",
+        start=r"!FREQ 250.25\r\n",
+        ask=r"?FREQ\r\n",
+        pattern=r"(?P<frequency>\d+\.\d\d)",
+        channels={"frequency": "Hz"},
+    ) as driver:
+        rows = asyncio.run(first_rows(driver, 5))
+    assert driver.identity == "LSG Serial #1234"
+    assert rows == [(250.25, 0)] * 5
+
+
+def test_scpi_device_of_another_author_is_read() -> None:
+    with bridged(
+        "ASRL2::INSTR",
+        identify=r"*IDN?\r\n",
+        start=r":VOLT:IMM:AMPL 3.500\r\n",
+        ask=r":VOLT:IMM:AMPL?\r\n",
+        pattern=r"(?P<voltage>[-+]\d\.\d{8}E[-+]\d\d)",
+        channels={"voltage": {"unit": "mV", "low": "0 V", "high": "6 V"}},
+    ) as driver:
+        rows = asyncio.run(first_rows(driver, 5))
+    assert driver.identity == "SCPI,MOCK,VERSION_1.0"
+    assert [row[0] for row in rows] == pytest.approx([0.0035] * 5)
+
+
+def test_refusal_of_another_author_is_shown() -> None:
+    with (
+        bridged(
+            "ASRL1::INSTR", ask=r"?TEMP\r\n", columns=["temperature"], channels={"temperature": "K"}
+        ) as driver,
+        pytest.raises(ProtocolError) as caught,
+    ):
+        asyncio.run(first_rows(driver, 1))
+    assert r"the last is b'ERROR': column 1 ('temperature') is 'ERROR'" in caught.value.message
