@@ -24,6 +24,7 @@ BENCHES = (
     "startup",
     "check",
     "plant",
+    "articulated",
     "simulated_run",
     "simulated_bus",
     "can_cycle",

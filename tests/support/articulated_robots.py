@@ -126,13 +126,17 @@ class Driven:
         from rigd_sim.plants.articulated import layout
 
         shown = np.zeros(len(layout.TRUTH))
-        kernel.show(self.robot, self.state, self.slides, module, shown)
+        arrays = (self.commands, self.state, self.slides, self.scratch)
+        kernel.show(self.robot, *arrays, module, shown)
         return shown
 
     def torques(self) -> Array:
         """Return the torques of the driven motors in N m."""
         readings = np.zeros((self.m, 2))
-        kernel.sense(self.robot, self.commands, self.state, readings, 0, 0)
+        kernel.advance(
+            self.robot, self.commands, self.state, self.slides, self.scratch, self.track,
+            self.steps, self.step_s, 0, readings, 0, 0,
+        )  # fmt: skip
         return np.asarray(readings[self.driven, 1])
 
     def rates(self) -> Array:
@@ -144,10 +148,11 @@ class Driven:
         )
         work = np.zeros((self.n, records.WORK + self.n))
         kernel.refer(work, self.state, self.n, True)
-        arrays = (rates, self.slides, excess, torques, work)
-        kernel.evaluate(self.robot, self.commands, self.state, *arrays)
+        robot = self.robot
+        parts = (robot.constants[0], *robot[1:], self.commands, self.state, rates)
+        kernel.evaluate(*parts, self.slides, excess, torques, work, None)
         kernel.sort_branches(self.slides, excess, 0.0)
-        kernel.evaluate(self.robot, self.commands, self.state, *arrays)
+        kernel.evaluate(*parts, self.slides, excess, torques, work, None)
         return rates
 
 

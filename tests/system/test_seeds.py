@@ -34,7 +34,7 @@ def shipped() -> list[Pair]:
 
 def test_each_rig_and_procedure_is_in_some_pair(shipped: list[Pair]) -> None:
     assert {pair.rig.name for pair in shipped} == {"lugre-1", "angle-1", "articulated-1"}
-    assert len({pair.procedure for pair in shipped}) == 12
+    assert len({pair.procedure for pair in shipped}) == 13
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
@@ -49,7 +49,11 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
         for pair in shipped
         if pair.procedure.stem not in WHOLE
     }
-    assert ended == {"approach_angles on angle-1": "", "straight_speeds on articulated-1": ""}
+    assert ended == {
+        "approach_angles on angle-1": "",
+        "robot_manoeuvres on articulated-1": "",
+        "straight_speeds on articulated-1": "",
+    }
 
 
 @pytest.mark.parametrize("seed", some((230, 835, 991, 1186, 2713, 4396, 6099), 2))

@@ -28,8 +28,10 @@ from rigd.model.kernel import kernel
 from rigd.sdk.noise import normal_pair
 from rigd_sim.plants.articulated.records import Robot
 
-#: One row of what records.py lays out.
+#: One row of what records.py lays out, and the array that holds it.
 Row = Any
+Rows = NDArray[np.void]
+Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -39,6 +41,9 @@ TRANSFER, VERTICAL = 2.0, 3.0
 #: Columns of a module in ``work`` (records.WORK), and its states on the suspension (records.LEGS).
 COS, SIN, FX, FY, MOMENT, AT, AT_COS, AT_SIN, ROW = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LEGS = 6
+#: Bits of a number of modules or spins: with it the compiler knows that none is negative, and that
+#: no index counts from the end.
+COUNT = 0xFFFF
 #: How far (squared force over squared limit, less 1) a contact must be beyond its branch.
 BEYOND = 1e-9
 #: How near to its branch's end a contact changes together with another.
@@ -76,7 +81,7 @@ def turn(work: Floats, i: int, heading: float) -> None:
 
 
 @kernel
-def share(c: Row, square: float, load: float, slides: bool) -> float:
+def saturated(c: Row, square: float, load: float, slides: bool) -> float:
     """Return the contact force over its trial force: Eq. 20, read as in articulated.md 1.3.
 
     ``square`` is the squared trial force, ``slides`` the branch of the paper's law. The smooth law
@@ -139,50 +144,6 @@ def wheel_load(c: Row, module: Row, y: Floats, legs: int, front: float, left: fl
 
 
 @kernel
-def contact(
-    c: Row, module: Row, y: Floats, legs: int, front: float, left: float,
-    slip: float, eta: float, slides: bool,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Return normal force, f_lon and f_lat of a wheel in N, and how far it is beyond mu_s f_n.
-
-    ``slip`` is r phi' - rho', ``eta`` the lateral speed, both in m/s. The last value is the squared
-    trial force over the square of mu_s f_n, less 1.
-    """
-    load, k_lon, k_lat = module.load, module.k_lon, module.k_lat
-    if c.loads >= TRANSFER:  # coefficients in proportion to the load: without, nothing changes
-        load = wheel_load(c, module, y, legs, front, left)
-        k_lon *= load / module.load
-        k_lat *= load / module.load
-    f_lon, f_lat = k_lon * slip, -k_lat * eta
-    square = f_lon * f_lon + f_lat * f_lat
-    limit = c.mu_s * load
-    excess = square / (limit * limit) - 1.0 if limit > 0.0 else -1.0
-    if slides or c.law == SMOOTH:
-        scale = share(c, square, load, slides)
-        f_lon *= scale
-        f_lat *= scale
-    return load, f_lon, f_lat, excess
-
-
-@kernel
-def body_speeds(
-    c: Row, module: Row, beta: Floats, work: Floats, y: Floats, i: int, n: int, legs: int
-) -> tuple[float, float]:
-    """Return the speeds in m/s, forward and to the left, with which a module moves its wheels."""
-    vx, vy = y[n + 2], y[n + 3]
-    for j in range(n):
-        rim = beta[i, j] * y[n + 4 + j]
-        vx -= rim * work[j, SIN]
-        vy += rim * work[j, COS]
-    forward = work[i, COS] * vx + work[i, SIN] * vy
-    aside = work[i, COS] * vy - work[i, SIN] * vx
-    if c.loads == VERTICAL:
-        forward -= module.lever * y[legs + 5]
-        aside += module.height * y[legs + 4]
-    return forward, aside
-
-
-@kernel
 def stop_moment(c: Row, angle: float, rate: float) -> tuple[float, float]:
     """Return the moment in N m on the module ahead, and its part that is spring, at a hinge."""
     if angle > c.stop:
@@ -233,17 +194,19 @@ def legs_rates(
 
 @kernel
 def evaluate(
-    robot: Robot, commands: Floats, y: Floats, dy: Floats, slides: Flags, excess: Floats,
-    torques: Floats, work: Floats,
+    c: Row, modules: Rows, spins: Rows, beta: Floats, gram: Floats, wheel_spin: Integers,
+    commands: Floats, y: Floats, dy: Floats, slides: Flags, excess: Floats, torques: Floats,
+    work: Floats, shown: Floats | None,
 ) -> None:  # fmt: skip
     """Set ``dy``, the rates of the state ``y`` (records.Robot.size has the order).
 
-    ``excess`` gets for each wheel how far it is beyond mu_s f_n (see :func:`contact`); ``torques``
-    the torque of each motor in N m, then the regularised sign of each spin's speed.
+    ``excess`` gets for each wheel the squared trial force over the square of mu_s f_n, less 1;
+    ``torques`` the torque of each motor in N m, then the regularised sign of each spin's speed. If
+    ``shown`` is given, shape (4 n, 5), it gets longitudinal and lateral slip in m/s, f_lon, f_lat
+    and normal force in N. Arrays are passed one by one: a slice, or a field of a tuple, would be
+    counted as a reference, which costs as much as a wheel.
     """
-    c, modules, spins = robot.constants[0], robot.modules, robot.spins
-    beta, gram = robot.beta, robot.gram
-    n, m = modules.size, spins.size
+    n, m = modules.size & COUNT, spins.size & COUNT
     moving, turning = n + 2, 2 * n + 4
     sums, angles, energy = turning + m, turning + 2 * m, turning + 3 * m
     supplied, lost = 0.0, 0.0
@@ -267,20 +230,41 @@ def evaluate(
         module = modules[i]
         cosine, sine, omega = work[i, COS], work[i, SIN], y[moving + 2 + i]
         legs = energy + 2 + LEGS * i
-        forward, aside = body_speeds(c, module, beta, work, y, i, n, legs)
+        vx, vy = y[moving], y[moving + 1]
+        for j in range(n):
+            rim = beta[i, j] * y[moving + 2 + j]
+            vx -= rim * work[j, SIN]
+            vy += rim * work[j, COS]
+        forward, aside = cosine * vx + sine * vy, cosine * vy - sine * vx
         swings = c.loads == VERTICAL
+        if swings:
+            forward -= module.lever * y[legs + 5]
+            aside += module.height * y[legs + 4]
+        k_lon, k_lat, load, limit = module.k_lon, module.k_lat, module.load, c.mu_s * module.load
+        bend = (1.0 - c.width) * (1.0 - c.width) - 1.0  # where the smooth law leaves the line
         along, across, moment = 0.0, 0.0, 0.0
         lift, roll, pitch = 0.0, 0.0, 0.0
         for k in range(4):
             front = 1.0 if k < 2 else -1.0
             left = 1.0 if k & 1 else -1.0
-            j = robot.wheel_spin[i, k]
+            j = wheel_spin[i, k]
             spin = y[turning + j]
             slip = module.r * spin - forward + left * module.b * omega
             eta = aside + front * module.d * omega
-            load, f_lon, f_lat, excess[4 * i + k] = contact(
-                c, module, y, legs, front, left, slip, eta, slides[4 * i + k]
-            )
+            if c.loads >= TRANSFER:  # coefficients in proportion to the load
+                load = wheel_load(c, module, y, legs, front, left)
+                share = load / module.load
+                k_lon, k_lat, limit = share * module.k_lon, share * module.k_lat, c.mu_s * load
+            f_lon, f_lat = k_lon * slip, -k_lat * eta
+            square = f_lon * f_lon + f_lat * f_lat
+            excess[4 * i + k] = square / (limit * limit) - 1.0 if limit > 0.0 else -1.0
+            if slides[4 * i + k] or (c.law == SMOOTH and excess[4 * i + k] > bend):
+                scale = saturated(c, square, load, slides[4 * i + k])
+                f_lon *= scale
+                f_lat *= scale
+            if shown is not None:
+                shown[4 * i + k, 0], shown[4 * i + k, 1] = slip, eta
+                shown[4 * i + k, 2], shown[4 * i + k, 3], shown[4 * i + k, 4] = f_lon, f_lat, load
             along += f_lon
             across += f_lat
             moment += front * module.d * f_lat - left * module.b * f_lon
@@ -370,31 +354,6 @@ def keep_poses(track: Floats, row: int, beta: Floats, work: Floats, y: Floats, n
 
 
 @kernel
-def runge_kutta(
-    robot: Robot, commands: Floats, state: Floats, h: float, active: int, slides: Flags,
-    rates: Floats, excess: Floats, torques: Floats, work: Floats,
-) -> None:  # fmt: skip
-    """Take a step of ``h`` s from ``state``, whose rates are in row 0 of ``rates``.
-
-    The new state goes to row 5, its rates to row 6; each contact keeps its branch.
-    """
-    k1, k2, k3, k4, y, tried = rates[0], rates[1], rates[2], rates[3], rates[4], rates[5]
-    half, sixth = 0.5 * h, h / 6.0
-    for i in range(active):
-        y[i] = state[i] + half * k1[i]
-    evaluate(robot, commands, y, k2, slides, excess, torques, work)
-    for i in range(active):
-        y[i] = state[i] + half * k2[i]
-    evaluate(robot, commands, y, k3, slides, excess, torques, work)
-    for i in range(active):
-        y[i] = state[i] + h * k3[i]
-    evaluate(robot, commands, y, k4, slides, excess, torques, work)
-    for i in range(active):
-        tried[i] = state[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-    evaluate(robot, commands, tried, rates[6], slides, excess, torques, work)
-
-
-@kernel
 def integrate(
     robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, track: Floats,
     first: int, step: float, steps: int,
@@ -405,30 +364,48 @@ def integrate(
     A step in which contacts leave their branch is cut where the first does, by bisection.
     """
     c, n, m, size = robot.constants[0], robot.modules.size, robot.spins.size, state.size
+    modules, spins, beta, gram = robot.modules, robot.spins, robot.beta, robot.gram
+    wheels = robot.wheel_spin
     for j in range(m):
         if commands[j, 1] < 0.5:
             state[2 * n + 4 + m + j] = 0.0  # a drive that is off forgets its integral
     active = size if c.loads >= TRANSFER else size - LEGS * n
     rates = scratch[: 7 * size].reshape(7, size)
+    k1, k2, k3, k4, y, new, k_new = (
+        rates[0], rates[1], rates[2], rates[3], rates[4], rates[5], rates[6]
+    )  # fmt: skip
     at = 7 * size + n * (ROW + n)
     work = scratch[7 * size : at].reshape(n, ROW + n)
-    torques, excess = scratch[at : at + 2 * m], scratch[at + 2 * m : at + 2 * m + 4 * n]
+    t, e = scratch[at : at + 2 * m], scratch[at + 2 * m : at + 2 * m + 4 * n]
+    u, s, none = commands, slides, None
 
     refer(work, state, n, True)
-    evaluate(robot, commands, state, rates[0], slides, excess, torques, work)
-    if c.law == PAPER and farthest(slides, excess) > BEYOND:
-        sort_branches(slides, excess, BEYOND)
-        evaluate(robot, commands, state, rates[0], slides, excess, torques, work)
+    evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
+    if c.law == PAPER and farthest(slides, e) > BEYOND:
+        sort_branches(slides, e, BEYOND)
+        evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
     for number in range(steps):
         rest, events = step, 0
         while rest > 0.0:
             refer(work, state, n, number % ANEW == 0)
             h, low, high, searching = rest, 0.0, rest, False
             while True:
-                runge_kutta(robot, commands, state, h, active, slides, rates, excess, torques, work)
+                half, sixth = 0.5 * h, h / 6.0
+                for i in range(active):
+                    y[i] = state[i] + half * k1[i]
+                evaluate(c, modules, spins, beta, gram, wheels, u, y, k2, s, e, t, work, none)
+                for i in range(active):
+                    y[i] = state[i] + half * k2[i]
+                evaluate(c, modules, spins, beta, gram, wheels, u, y, k3, s, e, t, work, none)
+                for i in range(active):
+                    y[i] = state[i] + h * k3[i]
+                evaluate(c, modules, spins, beta, gram, wheels, u, y, k4, s, e, t, work, none)
+                for i in range(active):
+                    new[i] = state[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+                evaluate(c, modules, spins, beta, gram, wheels, u, new, k_new, s, e, t, work, none)
                 if c.law != PAPER or events >= EVENTS:
                     break
-                beyond = farthest(slides, excess)
+                beyond = farthest(slides, e)
                 if not searching:
                     if beyond <= BEYOND:
                         break
@@ -441,22 +418,28 @@ def integrate(
                     low = h
                 h = 0.5 * (low + high)
             for i in range(active):
-                state[i] = rates[5, i]
-                rates[0, i] = rates[6, i]
+                state[i] = new[i]
+                k1[i] = k_new[i]
             rest -= h
             if searching:
-                sort_branches(slides, excess, -TOGETHER)
+                sort_branches(slides, e, -TOGETHER)
                 events += 1
-                evaluate(robot, commands, state, rates[0], slides, excess, torques, work)
+                evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
         if track.shape[0] > 0:
-            keep_poses(track, (first + number + 1) % track.shape[0], robot.beta, work, state, n)
+            keep_poses(track, (first + number + 1) % track.shape[0], beta, work, state, n)
 
 
 @kernel
-def sense(
-    robot: Robot, commands: Floats, state: Floats, readings: Floats, seed: int, t_ns: int
-) -> None:
-    """Fill ``readings``, shape (m, 2), with motor speed (rad/s) and torque (N m) at ``t_ns``."""
+def advance(
+    robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, track: Floats,
+    first: int, step: float, steps: int, readings: Floats, seed: int, t_ns: int,
+) -> None:  # fmt: skip
+    """Take ``steps``, as :func:`integrate` does, and read the motors at ``t_ns``: one cycle.
+
+    ``readings``, shape (m, 2), gets motor speed in rad/s and torque in N m, with their noise.
+    """
+    if steps > 0:
+        integrate(robot, commands, state, slides, scratch, track, first, step, steps)
     c, n, m = robot.constants[0], robot.modules.size, robot.spins.size
     for j in range(m):
         speed, torque = robot.spins[j].ratio * state[2 * n + 4 + j], 0.0
@@ -468,33 +451,33 @@ def sense(
 
 
 @kernel
-def show(robot: Robot, state: Floats, slides: Flags, i: int, out: Floats) -> None:
-    """Fill ``out`` with the hidden state of module ``i``, in the order of layout.TRUTH."""
-    c, n, m = robot.constants[0], robot.modules.size, robot.spins.size
-    beta, module, turning = robot.beta, robot.modules[i], 2 * n + 4
-    legs = turning + 3 * m + 2 + LEGS * i
-    work = np.zeros((n, 2))
-    x, aside = state[0], state[1]
+def show(
+    robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, module: int,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Fill ``out`` with the hidden state of a module, in the order of layout.TRUTH."""
+    n, m, size = robot.modules.size, robot.spins.size, state.size
+    at = 7 * size + n * (ROW + n)
+    work = scratch[7 * size : at].reshape(n, ROW + n)
+    excess, shown = scratch[at + 2 * m : at + 2 * m + 4 * n], np.zeros((4 * n, 5))
+    refer(work, state, n, True)
+    evaluate(
+        robot.constants[0], robot.modules, robot.spins, robot.beta, robot.gram, robot.wheel_spin,
+        commands, state, scratch[size : 2 * size], slides, excess, scratch[at : at + 2 * m], work,
+        shown,
+    )  # fmt: skip
+    x, y, vx, vy = state[0], state[1], state[n + 2], state[n + 3]
     for j in range(n):
-        work[j, COS], work[j, SIN] = math.cos(state[2 + j]), math.sin(state[2 + j])
-        x += beta[i, j] * work[j, COS]
-        aside += beta[i, j] * work[j, SIN]
-    omega = state[n + 4 + i]
-    forward, left_speed = body_speeds(c, module, beta, work, state, i, n, legs)
-    out[0], out[1], out[2] = x, aside, state[2 + i]
-    out[3], out[4], out[5] = forward, left_speed, omega
-    out[6] = state[1 + i] - state[2 + i] if i > 0 else 0.0
-    at = 7
+        reach, rim = robot.beta[module, j], robot.beta[module, j] * state[n + 4 + j]
+        x, y = x + reach * work[j, COS], y + reach * work[j, SIN]
+        vx, vy = vx - rim * work[j, SIN], vy + rim * work[j, COS]
+    cosine, sine = work[module, COS], work[module, SIN]
+    out[0], out[1], out[2] = x, y, state[2 + module]
+    out[3], out[4], out[5] = cosine * vx + sine * vy, cosine * vy - sine * vx, state[n + 4 + module]
+    out[6] = state[1 + module] - state[2 + module] if module > 0 else 0.0
     for k in range(4):
-        front = 1.0 if k < 2 else -1.0
-        left = 1.0 if k & 1 else -1.0
-        spin = state[turning + robot.wheel_spin[i, k]]
-        slip = module.r * spin - forward + left * module.b * omega
-        eta = left_speed + front * module.d * omega
-        load, f_lon, f_lat, excess = contact(
-            c, module, state, legs, front, left, slip, eta, slides[4 * i + k]
-        )
-        out[at], out[at + 1], out[at + 2] = spin, slip, eta
-        out[at + 3], out[at + 4], out[at + 5] = f_lon, f_lat, load
-        out[at + 6] = 1.0 if excess > 0.0 else 0.0
-        at += 7
+        wheel = 4 * module + k
+        out[7 + 7 * k] = state[2 * n + 4 + robot.wheel_spin[module, k]]
+        for column in range(5):
+            out[8 + 7 * k + column] = shown[wheel, column]
+        out[13 + 7 * k] = 1.0 if excess[wheel] > 0.0 else 0.0

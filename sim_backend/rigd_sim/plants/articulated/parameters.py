@@ -64,7 +64,7 @@ class Suspension(ParameterGroup):
 
     height: Annotated[float, In("m"), Ge(0), Le(2)]
     """Height h of the centre of mass over the ground."""
-    stiffness: Annotated[float, In("N/m"), Gt(0), Le(1e7)]
+    stiffness: Annotated[float, In("N/m"), Gt(0), Le(1e9)]
     """Vertical stiffness k_n at each wheel (Eq. 19)."""
     damping: Annotated[float, In("N s/m"), Ge(0), Le(1e5)]
     """Vertical damping at each wheel."""
@@ -132,7 +132,7 @@ class Hinge(ParameterGroup):
 
     stop: Annotated[float, In("rad"), Gt(0), Le(3.15)]
     """Angle at which it begins."""
-    stiffness: Annotated[float, In("N m/rad"), Ge(0), Le(1e5)]
+    stiffness: Annotated[float, In("N m/rad"), Ge(0), Le(1e8)]
     """Stiffness."""
     damping: Annotated[float, In("s/rad"), Ge(0), Le(1e3)]
     """Damping as a share of the stiff moment, per speed (Hunt and Crossley 1975)."""

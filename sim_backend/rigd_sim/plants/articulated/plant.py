@@ -82,7 +82,7 @@ class ArticulatedPlant(Plant):
         self.parameters: ArticulatedParameters = config.read_parameters()
         #: The contact law and the normal forces, by name: results depend on them.
         self.laws = f"contact law {config.law}, loads {config.loads}"
-        self._kernel = kernel
+        self._advance, self._show = kernel.advance, kernel.show
         self._robot = records.robot(
             self.parameters, law=config.law, loads=config.loads, noise=config.noise
         )
@@ -101,21 +101,15 @@ class ArticulatedPlant(Plant):
         self._state = self._robot.at_rest()
         self._put_to_start()
         # Compiles, or loads what was compiled before: the first cycle must not wait for it.
-        self._integrate(0)
+        self.evolve(0, 0)
         self.truth(0)
-        kernel.sense(self._robot, self.commands, self._state, self._motors, self.seed, 0)
 
     def evolve(self, t_ns: int, elapsed_ns: int) -> None:
         """Take the steps up to ``t_ns``; see :class:`rigd.sdk.Plant`."""
-        due = t_ns // self.step_ns
-        if due > self.steps:
-            self._integrate(due - self.steps)
-        self._kernel.sense(self._robot, self.commands, self._state, self._motors, self.seed, t_ns)
-
-    def _integrate(self, steps: int) -> None:
-        self._kernel.integrate(
+        steps = t_ns // self.step_ns - self.steps
+        self._advance(
             self._robot, self.commands, self._state, self._slides, self._scratch, self._track,
-            self.steps, self.step_ns * 1e-9, steps,
+            self.steps, self.step_ns * 1e-9, steps, self._motors, self.seed, t_ns,
         )  # fmt: skip
         self.steps += steps
 
@@ -158,7 +152,10 @@ class ArticulatedPlant(Plant):
 
     def truth(self, module: int) -> list[float]:
         """Return the hidden state of a module, in the order of ``layout.TRUTH``."""
-        self._kernel.show(self._robot, self._state, self._slides, module, self._shown)
+        self._show(
+            self._robot, self.commands, self._state, self._slides, self._scratch, module,
+            self._shown,
+        )  # fmt: skip
         shown: list[float] = self._shown.tolist()
         return shown
 
