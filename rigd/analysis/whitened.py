@@ -51,6 +51,7 @@ class OutputErrorModel:
     known: Knowledge = field(init=False, repr=False)  #: stated, then from elsewhere
     trial_slices: tuple[slice, ...] = field(init=False, repr=False)
     mask: FloatArray = field(init=False, repr=False)
+    _columns: tuple[NDArray[np.intp], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         shared, local = self.system.shared, self.system.local
@@ -64,7 +65,11 @@ class OutputErrorModel:
         stated = np.diag(np.sqrt(precision))[precision > 0.0]
         both = Knowledge(stated, stated @ prior, np.diag(precision))
         both = both if self.elsewhere is None else both.joined(self.elsewhere)
-        rows = int(ends[-1])
+        rows, count, own = int(ends[-1]), len(shared), len(local)
+        first = np.arange(count)
+        columns = [
+            np.concatenate([first, count + own * k + np.arange(own)]) for k in range(len(trials))
+        ]
         slices += [slice(rows + k, rows + k + 1) for k in range(len(both.aim))]
         for name, value in (
             ("parameters", parameters),
@@ -72,6 +77,7 @@ class OutputErrorModel:
             ("precision", precision),
             ("known", both),
             ("trial_slices", tuple(slices)),
+            ("_columns", tuple(columns)),
             ("mask", np.ones(rows + len(both.aim))),
         ):
             object.__setattr__(self, name, value)
@@ -83,10 +89,7 @@ class OutputErrorModel:
 
     def columns(self, trial: int) -> NDArray[np.intp]:
         """Return which parameters one trial depends on, (p + l,)."""
-        shared, local = len(self.system.shared), len(self.system.local)
-        return np.concatenate(
-            [np.arange(shared), shared + local * trial + np.arange(local)]
-        ).astype(np.intp)
+        return self._columns[trial]
 
     def errors(self, theta: FloatArray) -> list[FloatArray]:
         """Return prediction minus measurement of each trial, (n, m), in the outputs' units."""

@@ -167,6 +167,8 @@ def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationRe
     first = begun.system
 
     def system(window_s: float) -> RigSystem:
+        if window_s == WINDOW_S:
+            return first
         return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
 
     found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)

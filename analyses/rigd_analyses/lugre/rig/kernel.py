@@ -186,7 +186,7 @@ def integrate(
     """
     count = current.size
     out = np.zeros((count, 6))
-    by_out = np.zeros((count if sensitive else 1, 5, COUNT))
+    by_out = np.empty((count, 5, COUNT)) if sensitive else np.zeros((1, 5, COUNT))
     static = q[1] * math.exp(q[2])
     x, turned, v, w, z = 0.0, 0.0, 0.0, 0.0, q[19]
     s = np.zeros((5, COUNT))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,9 +156,9 @@ class RigSystem:
             Output("acceleration", "m/s^2"),
         )
 
-    @property
+    @cached_property
     def noise(self) -> SensorNoise:
-        """Return what the readings themselves show of the noise of the sensors."""
+        """What the readings themselves show of the noise of the sensors."""
         rests = [
             item.trial.acceleration_m_s2[max(0, item.part.start - REST) : item.part.start + LEAD]
             for item in self.trials
