@@ -106,6 +106,6 @@ def friction_curve(
         y=centre,
         low=np.exp(low),
         high=np.exp(high),
-        note=f"Visited slip: {1e3 * visited[0]:.1f} to {1e3 * visited[1]:.1f} mm/s; beyond it the "
+        note=f"Visited slip: {1e3 * visited[0]:.2g} to {1e3 * visited[1]:.2g} mm/s; beyond it the "
         "curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )

@@ -96,7 +96,7 @@ def identify_law(
         words=law.parameters,
         account=data.account,
         period_s=data.period_s,
-        visited=f"slip from {1e3 * low:.1f} to {1e3 * high:.1f} mm/s; beyond it every statement "
+        visited=f"slip from {1e3 * low:.2g} to {1e3 * high:.2g} mm/s; beyond it every statement "
         "is extrapolation",
         curve=lambda best, cov, others: _curve(law, data, best, cov, others),
         trials=lambda theta: data.shown(model.predict(theta)),
@@ -178,6 +178,6 @@ def _curve(
     return Curve(
         name="friction_curve", x_name="V_r", x_unit="m/s", y_name="steady_friction", y_unit="1",
         x=slip, y=centre, low=centre - band, high=centre + band,
-        note=f"Visited slip: {1e3 * low:.1f} to {1e3 * high:.1f} mm/s; beyond it the curve would "
+        note=f"Visited slip: {1e3 * low:.2g} to {1e3 * high:.2g} mm/s; beyond it the curve would "
         "be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )  # fmt: skip

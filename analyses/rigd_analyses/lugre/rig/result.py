@@ -98,7 +98,7 @@ def result(
         ),
         autocorrelation=tests.autocorrelation(white, block, period),
         preprocessing=_account(system, found, rejected),
-        visited=f"slip from {1e3 * found.visited[0]:.1f} to {1e3 * found.visited[1]:.1f} mm/s; "
+        visited=f"slip from {1e3 * found.visited[0]:.2g} to {1e3 * found.visited[1]:.2g} mm/s; "
         "beyond it every statement, V_s included, is extrapolation",
         warnings=(
             *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
@@ -143,7 +143,7 @@ def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
         name="friction_curve", x_name="V_r", x_unit="m/s", y_name="g", y_unit="1",
         x=slip, y=centre,
         low=centre * np.exp(-below), high=centre * np.exp(above),
-        note=f"Visited slip: {1e3 * found.visited[0]:.1f} to {1e3 * found.visited[1]:.1f} mm/s; "
+        note=f"Visited slip: {1e3 * found.visited[0]:.2g} to {1e3 * found.visited[1]:.2g} mm/s; "
         "beyond it the curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )  # fmt: skip
 
