@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import Final
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -33,6 +34,8 @@ SMALL_TITLE = 30
 DASHES: Final = ("solid", (0, (4, 2)), (0, (1, 1.5)))
 #: A small multiple is a fifth as wide as a page: it needs a fifth of the points, and some spare.
 SMALL_TRACE = COLUMNS // 3
+#: Share of the range: residuals below it leave the fit on the measured line, which is then wider.
+HIDDEN = 0.01
 
 
 def one_trial(trial: TrialFit, panels: Sequence[Panel]) -> Figure:
@@ -133,7 +136,9 @@ def draw_residual(ax: Axes, trial: TrialFit) -> None:
 
 def _traces(ax: Axes, trial: TrialFit, columns: int, fitted: str) -> None:
     measured = thin(trial.t_s, trial.measured, columns)
-    ax.plot(*measured, color=MEASURED, linewidth=0.8, label="measured")
+    hidden = trial.rms < HIDDEN * float(np.ptp(trial.measured))
+    width = 3.6 if hidden else 0.8
+    ax.plot(*measured, color=MEASURED, linewidth=width, label="measured")
     ax.plot(*thin(trial.t_s, trial.fitted, columns), color=FITTED, linewidth=1.4, label=fitted)
     shade_unused(ax, trial.t_s, trial.used)
 
