@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import time
@@ -153,7 +154,8 @@ def test_watchdog_that_stays_up_prevents_arming(bench: WireRig, tmp_path: Path) 
     procedure = write_procedure(tmp_path / "stops.yaml", [Drive("clean_0", 4.0, 10.0)])
     done = rigd("run", procedure, "--rig", bench.rig, "--yes", cwd=tmp_path)
     assert done.code == 3, done.err
-    assert "its watchdog is not proven: the one-shot was still up" in done.err
+    # After a killed run the server keeps its tasks: then a live one might feed the one-shot.
+    assert re.search("not proven: the one-shot was still up|one-shot .* stays up: ", done.err)
     assert bench.parts()["relay"]["closings"] == 0 or not bench.parts()["relay"]["coil"]
 
 

@@ -158,15 +158,15 @@ class RelayLines:
         left_over = {name: task for name in names if (task := self._card.left_over(name))}
         if self._input_name in left_over and self._is_fed(left_over[self._input_name]):
             raise LinkError(
-                f"the relay on {self._config.line} of {self._card} is in use: another rigd on "
-                "this machine feeds its one-shot",
-                hint="end that run first",
+                f"the one-shot of the relay on {self._config.line} of {self._card} stays up: "
+                "another rigd on this machine feeds it, or it no longer falls by itself",
+                hint="end that run; if there is none, check the one-shot",
             )
         for task in left_over.values():
             task.close()
 
     def _is_fed(self, task: Any) -> bool:
-        """Return whether another program keeps the one-shot up for longer than its time."""
+        """Return whether the one-shot stays up for longer than its time: it is fed, or defect."""
         watchdog = self._config.watchdog
         if watchdog is None:
             return False

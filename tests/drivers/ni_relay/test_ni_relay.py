@@ -378,9 +378,18 @@ def test_next_client_clears_what_killed_one_left(rig: Rig) -> None:
 
 def test_relay_of_running_client_is_refused(rig: Rig) -> None:
     with a_client(rig):
-        with pytest.raises(LinkError, match=r"another rigd .*one-shot"):
+        with pytest.raises(LinkError, match=r"one-shot .* stays up: another rigd"):
             rig.opened()
         assert rig.bench.closed
+
+
+def test_defect_one_shot_after_kill_is_named_so(rig: Rig) -> None:
+    with a_client(rig) as client:
+        client.kill()
+        client.wait()
+        rig.bench.one_shot.dead = True
+        with pytest.raises(LinkError, match="no longer falls by itself"):
+            rig.opened()
 
 
 def test_lines_of_another_program_are_refused(rig: Rig) -> None:
