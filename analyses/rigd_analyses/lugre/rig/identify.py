@@ -143,8 +143,8 @@ def fit_group(
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
     # Other things move friction from trial to trial too: a trend counts if friction explains most.
     varies = any(item.meaning is Meaning.VARIES for item in gate.explanations[:1])
-    if varies and not all(test.passed for test in alike):
-        # A fit that is far off may not have the sign of the change; explained, it is close.
+    if varies:
+        # A fit that is far off shows a change, and its sign, by chance; explained, it is close.
         explained = without_added(diagnosis.fit, block)
         alike = homogeneity(explained, MU_C, "friction", _parts(used, rig))
     changed = [test.sentence for test in reversed(alike) if not test.passed]
