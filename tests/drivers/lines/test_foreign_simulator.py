@@ -12,13 +12,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pytest
+import pyvisa
+from pyvisa.resources import MessageBasedResource
 
 from rigd.sdk import ProtocolError
 from rigd_drivers.lines.config import LinesConfig
 from rigd_drivers.lines.driver import Lines
-
-pyvisa = pytest.importorskip("pyvisa")
-pytest.importorskip("pyvisa_sim")
 
 TIMEOUT_S = 30
 #: How long the bridge waits for an answer of the simulator, in ms: it answers at once, or never.
@@ -30,7 +29,9 @@ class Bridge:
 
     def __init__(self, resource: str) -> None:
         self._manager = pyvisa.ResourceManager("@sim")
-        self._instrument = self._manager.open_resource(resource, timeout=ANSWER_MS)
+        opened = self._manager.open_resource(resource, timeout=ANSWER_MS)
+        assert isinstance(opened, MessageBasedResource)
+        self._instrument = opened
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
         self.port = os.ttyname(self._theirs)
