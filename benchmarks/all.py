@@ -48,6 +48,7 @@ BENCHES = (
     "angle_campaign",
     "kill_table",
     "automatic_stop",
+    "conformance",
     "every_case",
 )
 

@@ -18,6 +18,7 @@ from rigd.sdk.check import Observed, Peer, actuated, examine_driver
 MUTANTS = [(kind, mutant) for kind, mutants in KINDS.items() for mutant in mutants]
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # they leave things
 @pytest.mark.parametrize(
     ("kind", "mutant"),
     [pytest.param(kind, mutant, id=f"{kind}, {mutant.name}") for kind, mutant in some(MUTANTS, 7)],

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any, ClassVar
 
 from support.memory_wire import Wire, assert_found, each_mistake
+from support.mutants.kinds import KINDS
 
 from rigd.sdk import (
     Channel,
@@ -255,4 +256,5 @@ def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[SlowDriver], wor
 
 
 def test_no_rule_is_without_driver_that_breaks_it() -> None:
-    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD}
+    mutants = {mutant.rule for mutant in KINDS["slow"]}
+    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants

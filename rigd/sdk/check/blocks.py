@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.sdk.check.caller import Caller
-from rigd.sdk.check.rows import beyond_range
+from rigd.sdk.check.peer import Peer
+from rigd.sdk.check.rows import beyond_range, untrue
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import Block, BlockDriver
 
@@ -28,14 +29,24 @@ BLOCKS: Final = 5
 BLOCKS_S: Final = 5.0
 #: For so long after the device is dead, read_block may still return buffered rows, in s.
 TAIL_S: Final = 1.0
+#: For so long the times of rows are compared with the times at which they come, in s.
+GATHER_S: Final = 1.5
+#: They may span so much more or less: blocks come late, machines stall.
+GATHER_PART: Final = 0.3
+#: Crystals are much better than this part of their rate.
+TIMES_PART: Final = 0.01
+#: A gap is longer than so many periods.
+LOST_PERIODS: Final = 1.5
 
 
 class BlockBench:
     """One block driver, called as its helper process calls it."""
 
-    def __init__(self, driver: BlockDriver, caller: Caller) -> None:
+    def __init__(self, driver: BlockDriver, caller: Caller, peer: Peer) -> None:
         self.driver = driver
         self.call = caller.call
+        #: Returns what the device does now.
+        self.look = peer.look
 
     def must(self, what: str, function: Callable[[], Any]) -> Any:
         """Return the value of a call that a rule presupposes."""
@@ -53,7 +64,7 @@ class BlockBench:
 def bench(subject: Subject, fault: str = "") -> Iterator[tuple[BlockBench, Callable[[], object]]]:
     """Put a new driver, open and started, before a new device; also yield what begins ``fault``."""
     with subject.fresh_peer() as peer, Caller() as caller:
-        found = BlockBench(subject.make(peer, peer.link()), caller)
+        found = BlockBench(subject.make(peer, peer.link()), caller, peer)
         found.must("open", found.driver.open)
         found.must("start", found.driver.start)
         try:
@@ -117,6 +128,106 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
                 yield beyond_range(channel, beyond[0])
 
 
+def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:
+    """Return the blocks of a while, and the CLOCK_MONOTONIC times at which they came, in ns.
+
+    Raises:
+        UnfitSubject: they do not come.
+
+    """
+    blocks: list[Block] = []
+    came_ns: list[int] = []
+    end = time.monotonic() + for_s
+    latest = time.monotonic() + BLOCKS_S
+    while time.monotonic() < (end if len(blocks) > 1 else latest):
+        block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
+        if isinstance(block, Block):
+            blocks.append(block)
+            came_ns.append(time.monotonic_ns())
+    if len(blocks) < 2:  # an interval has two ends
+        raise UnfitSubject(f"{len(blocks)} blocks in {BLOCKS_S:g} s")
+    return blocks, came_ns
+
+
+def _times(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (found, _):
+        blocks, came_ns = _gathered(found, GATHER_S)
+        times = np.concatenate([block.times_ns for block in blocks])
+        period_s = float(np.median(np.diff(times))) * 1e-9
+        if not abs(period_s * found.driver.rate_hz - 1) <= TIMES_PART:
+            yield (
+                f"the rows are {period_s * 1e3:g} ms apart, and rate_hz is "
+                f"{found.driver.rate_hz:g} Hz"
+            )
+        taken_s = float(times[-1] - blocks[0].times_ns[-1]) * 1e-9
+        came_s = (came_ns[-1] - came_ns[0]) * 1e-9
+        if not abs(taken_s - came_s) <= GATHER_PART * came_s:
+            yield f"the rows of {came_s:.2f} s have times that span {taken_s:.2f} s"
+        newest = [block.times_ns[-1] for block in blocks]
+        ages = [(now - int(last)) * 1e-9 for now, last in zip(came_ns, newest, strict=True)]
+        if min(ages) < 0:
+            yield f"the times of rows are up to {-min(ages):.3g} s after they came"
+        if min(ages) > found.driver.declaration.silent_s:
+            yield f"rows are {min(ages):.3g} s old when they come"
+
+
+def _true_rows(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (found, _):
+        before = found.look()
+        if not before.measured and before.sent is None:
+            return
+        blocks, _ = _gathered(found, 0.0)
+        rows = sum(len(block.times_ns) for block in blocks)
+        after = found.look()
+        still = {k: v for k, v in after.measured.items() if before.measured[k] == v}
+        yield from untrue(found.driver.declaration, blocks[-1].values[-1].tolist(), still)
+        if after.sent is not None and rows > after.sent:
+            yield f"read_block() gives {rows} rows, and the device has sent {after.sent}"
+
+
+def _lossy(subject: Subject) -> Iterator[str]:
+    with bench(subject, "lossy") as (found, begin):
+        blocks, _ = _gathered(found, 0.0)
+        begin()
+        end = time.monotonic() + TAIL_S + found.driver.declaration.silent_s
+        while time.monotonic() < end:
+            outcome = found.read()
+            if isinstance(outcome.error, FAILURES):
+                return
+            if outcome.error is not None:
+                yield f"read_block raises {described(outcome.error)}"
+                return
+            if outcome.value is not None:
+                blocks.append(outcome.value)
+        gaps = np.diff(np.concatenate([block.times_ns for block in blocks]))
+        if np.max(gaps) < LOST_PERIODS * np.median(gaps):
+            yield "samples were lost, read_block() raises nothing, and the times show no gap"
+
+
+def _quiet(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (found, _):
+        if found.look().sent is None:
+            return
+        _gathered(found, 0.0)
+        found.call(found.driver.close, OPEN_S)
+        time.sleep(TAIL_S / 4)  # what is under way arrives
+        before = found.look().sent
+        time.sleep(TAIL_S / 4)
+        if found.look().sent != before:
+            yield "the device goes on sending after close()"
+
+
+def _garbled_at_open(subject: Subject) -> Iterator[str]:
+    with subject.fresh_peer() as peer, Caller() as caller:
+        peer.faults["garbled"]()
+        driver = subject.make(peer, peer.link())
+        for name, step in (("open", driver.open), ("close", driver.close)):
+            outcome = caller.call(step, OPEN_S)
+            known = FAILURES if name == "open" else ()
+            if outcome.error is not None and not isinstance(outcome.error, known):
+                yield f"{name}() raises {described(outcome.error)}"
+
+
 def _newest_row(subject: Subject) -> Iterator[str]:
     with bench(subject) as (found, _):
         end = time.monotonic() + BLOCKS_S
@@ -178,16 +289,20 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
             found.read()
             begin()
             began = time.monotonic()
+            lost = False
             end = began + TAIL_S + 2 * found.driver.declaration.silent_s
             while time.monotonic() < end:
                 outcome = found.read()
                 if outcome.error is not None:
                     if not isinstance(outcome.error, FAILURES):
                         yield f"read_block raises {described(outcome.error)}"
+                    lost = True
                     break
                 if outcome.value is not None and time.monotonic() > began + TAIL_S:
                     yield f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
                     break
+            if fault == "dead" and not lost:
+                yield f"{time.monotonic() - began:.1f} s after it read_block has not raised"
             for turn in ("close", "close again"):
                 outcome = found.call(found.driver.close, OPEN_S)
                 if outcome.error is not None:
@@ -228,6 +343,20 @@ RULES: Final = (
         "",
     ),
     Rule(
+        "times are true",
+        "times_ns are when the rows were taken: 1 / rate_hz apart, as long as they take to come, "
+        "and never after they came",
+        _times,
+        "",
+    ),
+    Rule(
+        "rows are true",
+        "a row has what the device measures, in the unit of its channel: check factor and sign; "
+        "and none comes twice",
+        _true_rows,
+        "",
+    ),
+    Rule(
         "newest row",
         "newest_row(block) returns a value per column, also of a block of a single row",
         _newest_row,
@@ -240,11 +369,12 @@ RULES: Final = (
         _opened_twice,
         "",
     ),
+    Rule("quiet after close", "close() ends the stream of the device", _quiet, ""),
     Rule("closed twice", "close() may come twice, silently", _closed_twice, ""),
     Rule("lets go", "close() lets go of the device: the next session opens it", _reopens, ""),
     Rule(
         "dead",
-        "with the device gone read_block() raises a LinkError or DeviceError, or returns None",
+        "with the device gone read_block() raises a LinkError or DeviceError within 2 silent_s",
         _lost("dead"),
         "dead",
     ),
@@ -253,6 +383,30 @@ RULES: Final = (
         "with the device silent read_block() returns None or raises a DeviceError",
         _lost("silent"),
         "silent",
+    ),
+    Rule(
+        "garbled",
+        "damaged packets are thrown away or raise a ProtocolError; they never become rows",
+        _lost("garbled"),
+        "garbled",
+    ),
+    Rule(
+        "frozen",
+        "a packet that was seen before gives no rows: compare the counter that it carries",
+        _lost("frozen"),
+        "frozen",
+    ),
+    Rule(
+        "lossy",
+        "raise a DeviceError if samples were lost, or leave a gap in the times",
+        _lossy,
+        "lossy",
+    ),
+    Rule(
+        "garbled at open",
+        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        _garbled_at_open,
+        "garbled",
     ),
     Rule(
         "not there",

@@ -44,11 +44,9 @@ class Bench:
             UnfitSubject: the peer does not show an actuator for each setpoint.
 
         """
-        if self.peer.observed is None:
-            return Observed()
-        seen = self.peer.observed()
+        seen = self.peer.look()
         expected = len(self.driver.declaration.setpoints)
-        if len(seen.driven) != expected:
+        if self.peer.observed is not None and len(seen.driven) != expected:
             raise UnfitSubject(
                 f"the peer shows {len(seen.driven)} driven values for {expected} setpoints"
             )

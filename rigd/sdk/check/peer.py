@@ -46,8 +46,8 @@ class Observed:
     measured: Mapping[str, float] = field(default_factory=dict)
     #: How many readings it has sent; None: it does not count.
     sent: int | None = None
-    #: The actions that it has done, in their order.
-    acted: Sequence[str] = ()
+    #: The actions that it has done, in their order; None: it does not count them.
+    acted: Sequence[str] | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,10 @@ class Peer:
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
     #: Returns what the device does now, from any thread, whatever its fault is.
     observed: Callable[[], Observed] | None = None
+
+    def look(self) -> Observed:
+        """Return what the device does now; nothing, if that is not shown."""
+        return Observed() if self.observed is None else self.observed()
 
 
 class RunOnLoop(Protocol):

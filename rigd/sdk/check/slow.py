@@ -10,7 +10,8 @@ from typing import Final
 
 from rigd.sdk.check.caller import Caller
 from rigd.sdk.check.peer import Peer
-from rigd.sdk.check.rows import row_problems
+from rigd.sdk.check.rows import row_problems, untrue
+from rigd.sdk.check.stalls import Stalls
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import SlowDriver
 
@@ -20,14 +21,21 @@ SCENE_S: Final = 120.0
 OPEN_S: Final = 30.0
 #: A driver that is cancelled must end within this time, in s.
 CANCEL_S: Final = 3.0
-#: Rows of the measurements.
+#: Rows of the measurements, and of the one for which the loop is watched.
 ROWS: Final = 3
-#: The loop stands still if nothing else ran for so long, in s; a machine may stall for 0.1 s.
-STUCK_S: Final = 0.25
-#: So many pauses of that length count as stalls of the machine.
-STALLS: Final = 2
+MORE_ROWS: Final = 8
+#: More than the declared silence until the rows of a measurement are there, in s.
+ROOM_S: Final = 0.25
+#: So often, or so long in s, the loop alone stands still before it counts.
+STALLS: Final = 3
+STANDS_S: Final = 0.5
+#: Most rows per second of a slow device; a driver that ignores its interval gives many more.
+MOST_HZ: Final = 100.0
+RATE_S: Final = 0.5
 #: For so long after the device is dead, run() may still emit rows that arrived before, in s.
 TAIL_S: Final = 0.5
+#: How long after a row run() has asked for the next one and waits for it, in s.
+WAITS_S: Final = 0.3
 #: Steps of the loop after which open() and run() are cancelled: any await may be the last.
 CANCEL_STEPS: Final = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 
@@ -74,7 +82,8 @@ async def _opened(driver: SlowDriver) -> None:
 class _Rows:
     """Receives the rows of a driver and stores the time of the last row."""
 
-    def __init__(self) -> None:
+    def __init__(self, wanted: int = ROWS) -> None:
+        self._wanted = wanted
         self.rows: list[Sequence[float]] = []
         self.last_s = time.monotonic()
         self._enough = asyncio.Event()
@@ -82,7 +91,7 @@ class _Rows:
     def __call__(self, row: Sequence[float]) -> None:
         self.rows.append(row)
         self.last_s = time.monotonic()
-        if len(self.rows) >= ROWS:
+        if len(self.rows) >= self._wanted:
             self._enough.set()
 
     async def enough(self, driver: SlowDriver, task: asyncio.Task[None]) -> None:
@@ -95,7 +104,7 @@ class _Rows:
         waiting = asyncio.ensure_future(self._enough.wait())
         try:
             await asyncio.wait(
-                {waiting, task}, timeout=ROWS * driver.declaration.silent_s + STUCK_S,
+                {waiting, task}, timeout=self._wanted * driver.declaration.silent_s + ROOM_S,
                 return_when=asyncio.FIRST_COMPLETED,
             )  # fmt: skip
         finally:
@@ -106,7 +115,7 @@ class _Rows:
                 "run() returned" if error is None else f"run raises {described(error)}"
             )
         if not self._enough.is_set():
-            raise UnfitSubject(f"{len(self.rows)} rows in {ROWS} times silent_s")
+            raise UnfitSubject(f"{len(self.rows)} rows in {self._wanted} times silent_s")
 
 
 async def _stop(task: asyncio.Task[None], problems: Problems) -> None:
@@ -140,26 +149,28 @@ async def _rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
 
 
 async def _never_blocks(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    pauses: list[float] = []
-
-    async def tick() -> None:
-        while True:
-            before = time.monotonic()
-            await asyncio.sleep(0.01)
-            pauses.append(time.monotonic() - before)
-
-    ticking = asyncio.create_task(tick())
     await driver.close()
-    await _opened(driver)
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    await _stop(task, problems)
-    ticking.cancel()
-    await asyncio.wait({ticking})
-    stuck = [pause for pause in pauses if pause > STUCK_S]
-    if len(stuck) > STALLS or sum(stuck) > 1.0:
-        problems.add(f"the event loop stood still {len(stuck)} times, {max(stuck):.2f} s at most")
+    with Stalls() as stalls:
+        await _opened(driver)
+        rows = _Rows(MORE_ROWS)
+        task = asyncio.create_task(driver.run(rows))
+        try:
+            await rows.enough(driver, task)
+        except UnfitSubject:
+            if not _stands(stalls):  # else that is why they are too few
+                raise
+        if not task.done():
+            await _stop(task, problems)
+        await stalls.stop()
+    if _stands(stalls):
+        problems.add(
+            f"the event loop stood still {len(stalls.found)} times, {max(stalls.found):.2f} s at "
+            "most, while a thread beside it went on"
+        )
+
+
+def _stands(stalls: Stalls) -> bool:
+    return len(stalls.found) >= STALLS or sum(stalls.found) >= STANDS_S
 
 
 async def _cancelled(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
@@ -181,6 +192,83 @@ async def _cancelled(driver: SlowDriver, peer: Peer, problems: Problems) -> None
         await driver.open()
     except FAILURES as error:
         problems.add(f"after cancelled ones, open() raises {described(error)}")
+
+
+async def _cancelled_waiting(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    rows = _Rows()
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    peer.faults["silent"]()
+    while not task.done() and time.monotonic() < rows.last_s + driver.declaration.silent_s:
+        await asyncio.sleep(0.02)
+        if time.monotonic() > rows.last_s + WAITS_S:  # it has asked, and waits for the answer
+            break
+    if not task.done():
+        await _stop(task, problems)
+
+
+async def _rate(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    rows = _Rows()
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    before, began = len(rows.rows), time.monotonic()
+    await asyncio.wait({task}, timeout=RATE_S)
+    hz = (len(rows.rows) - before) / (time.monotonic() - began)
+    if hz > MOST_HZ * (1 + ROOM_S):
+        problems.add(f"run() gives {hz:.0f} rows per second, at most {MOST_HZ:g} are meant")
+    await _stop(task, problems)
+
+
+async def _true_rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    before = peer.look()
+    if not before.measured:
+        return
+    rows = _Rows()
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    await _stop(task, problems)
+    after = peer.look()
+    still = {k: v for k, v in after.measured.items() if before.measured[k] == v}
+    problems.update(untrue(driver.declaration, rows.rows[-1], still))
+
+
+async def _repeated(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    before = peer.look().sent
+    if before is None:
+        return
+    rows = _Rows(MORE_ROWS)
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    await _stop(task, problems)
+    sent = (peer.look().sent or 0) - before
+    if len(rows.rows) > sent:
+        problems.add(f"run() gives {len(rows.rows)} rows, and the device sent {sent} readings")
+
+
+async def _acted(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    for action in driver.declaration.actions:
+        before = peer.look().acted
+        if before is None:
+            return
+        await asyncio.wait_for(driver.act(action), SCENE_S / 4)
+        if list(peer.look().acted or ()) != [*before, action]:
+            problems.add(f"act({action!r}) returns, and the device has not done it")
+
+
+async def _quiet(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    rows = _Rows()
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    await _stop(task, problems)
+    given = len(rows.rows)
+    await driver.close()
+    await asyncio.sleep(TAIL_S / 2)  # what is under way arrives
+    before = peer.look().sent
+    await asyncio.sleep(TAIL_S / 2)
+    if len(rows.rows) > given:
+        problems.add("run() still gives rows after it was cancelled")
+    if peer.look().sent != before:
+        problems.add("the device goes on sending after close()")
 
 
 async def _actions(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
@@ -226,18 +314,24 @@ def _lost(fault: str) -> Scene:
         await asyncio.wait({task}, timeout=TAIL_S + 2 * driver.declaration.silent_s)
         if rows.last_s > began + TAIL_S:
             problems.add(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
+        if fault == "dead" and not task.done():
+            waited = TAIL_S + 2 * driver.declaration.silent_s
+            problems.add(f"{waited:g} s after the device is dead run() has not raised")
         await _ended(task, problems)
 
     return play
 
 
-def _bad_answers(fault: str) -> Scene:
+def _bad_answers(fault: str, *, may_emit: bool) -> Scene:
     async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
         rows = _Rows()
         task = asyncio.create_task(driver.run(rows))
         await rows.enough(driver, task)
         peer.faults[fault]()
+        began = time.monotonic()
         await asyncio.wait({task}, timeout=1.0 + driver.declaration.silent_s)
+        if not may_emit and rows.last_s > began + TAIL_S:
+            problems.add(f"run() gives rows though what the device sends is {fault}")
         for row in rows.rows:
             problems.update(row_problems(driver.declaration, row, in_range=False))
         await _ended(task, problems)
@@ -308,6 +402,37 @@ RULES: Final = (
         "",
     ),
     Rule(
+        "actions are done",
+        "act() returns when the device has done the action",
+        _scene(_acted),
+        "",
+    ),
+    Rule(
+        "rows are true",
+        "a row has what the device measures, in the unit of its channel: check factor and sign",
+        _scene(_true_rows),
+        "",
+    ),
+    Rule(
+        "no row twice",
+        "emit a row only when the device has sent a new reading; never the last one again",
+        _scene(_repeated),
+        "",
+    ),
+    Rule(
+        "quiet after close",
+        "close() ends every task and stream of run(): the device sends nothing more",
+        _scene(_quiet),
+        "",
+    ),
+    Rule(
+        "not too often",
+        "wait from one reading to the next, as long as the options give: 100 rows per second at "
+        "most",
+        _scene(_rate),
+        "",
+    ),
+    Rule(
         "closed twice",
         "close() may come twice, leaves no task behind, and lets go: open() works again",
         _scene(_closed_twice),
@@ -315,7 +440,7 @@ RULES: Final = (
     ),
     Rule(
         "dead",
-        "with the link dead run() raises a LinkError or DeviceError, or emits nothing",
+        "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
         _scene(_lost("dead")),
         "dead",
     ),
@@ -326,15 +451,21 @@ RULES: Final = (
         "silent",
     ),
     Rule(
+        "cancelled while it waits",
+        "let CancelledError pass out of run() while it waits for an answer, each time",
+        _scene(_cancelled_waiting),
+        "silent",
+    ),
+    Rule(
         "late",
         "an answer that is late is waited for within a bound, or raises a DeviceError",
-        _scene(_bad_answers("late")),
+        _scene(_bad_answers("late", may_emit=True)),
         "late",
     ),
     Rule(
         "garbled",
         "damaged answers are thrown away or raise a ProtocolError; they never become rows",
-        _scene(_bad_answers("garbled")),
+        _scene(_bad_answers("garbled", may_emit=False)),
         "garbled",
     ),
     Rule(

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from support.mutants import Mutant, fast
+from support.mutants import Mutant, block, fast, slow
 
-KINDS: Mapping[str, Sequence[Mutant]] = {"fast": fast.MUTANTS}
+KINDS: Mapping[str, Sequence[Mutant]] = {
+    "fast": fast.MUTANTS,
+    "slow": slow.MUTANTS,
+    "block": block.MUTANTS,
+}
