@@ -141,7 +141,10 @@ def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:
     latest = time.monotonic() + BLOCKS_S
     while time.monotonic() < (end if len(blocks) > 1 else latest):
         block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
-        if isinstance(block, Block):
+        if block is not None:
+            shape = getattr(getattr(block, "values", None), "shape", ())
+            if len(shape) != 2:  # n rows, k columns
+                raise UnfitSubject(f"read_block returns {type(block).__name__} of {shape}")
             blocks.append(block)
             came_ns.append(time.monotonic_ns())
     if len(blocks) < 2:  # an interval has two ends

@@ -205,7 +205,8 @@ class LinePort:
         if not self._lines:
             self._arrived.clear()
             try:
-                await asyncio.wait_for(self._arrived.wait(), timeout_s)
+                async with asyncio.timeout(timeout_s):  # wait_for() may swallow a cancel
+                    await self._arrived.wait()
             except TimeoutError:
                 return False
             self._bytes.fileno()
