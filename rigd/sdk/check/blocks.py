@@ -247,8 +247,9 @@ def _newest_row(subject: Subject) -> Iterator[str]:
             rows = len(given.times_ns)
             if outcome.error is not None:
                 yield f"newest_row of a block of {rows} raises {described(outcome.error)}"
-            elif len(outcome.value) != columns:
-                yield f"newest_row gives {len(outcome.value)} values, expected {columns}"
+            elif np.shape(outcome.value) != (columns,):
+                given_values = np.size(outcome.value)
+                yield f"newest_row gives {given_values} values, expected {columns}"
 
 
 def _timeout(subject: Subject) -> Iterator[str]:

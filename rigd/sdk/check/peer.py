@@ -44,7 +44,7 @@ class Observed:
     trips: int | None = None
     #: What it measures, by channel, in the unit of the channel. What changes is not compared.
     measured: Mapping[str, float] = field(default_factory=dict)
-    #: How many readings it has sent; None: it does not count.
+    #: How many readings it has sent, each counted before it is sent; None: it does not count.
     sent: int | None = None
     #: The actions that it has done, in their order; None: it does not count them.
     acted: Sequence[str] | None = None
