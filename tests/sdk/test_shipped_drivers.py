@@ -28,6 +28,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
                            "scale": "0.01 N/count"},
     "modbus-servo": {"host": "drive", "map": "schneider-atv320", "max_speed": "300 rpm",
                      "watchdog": "0.5 s"},
+    "line-outputs": {"port": "tcp://supply:5025", "ask": r"MEAS:VOLT?\n",
+                     "pattern": r"(?P<u>\d+\.\d+)",
+                     "channels": {"u": {"unit": "V", "low": "0 V", "high": "30 V"}},
+                     "outputs": {"u": {"unit": "V", "low": "0 V", "high": "30 V",
+                                       "write": r"VOLT {u:.3f}\n"}},
+                     "safe": [r"OUTP OFF\n"], "arm": r"OUTP ON\n",
+                     "state": {"ask": r"OUTP?\n", "safe": "0", "ready": "1"}},
 }  # fmt: skip
 
 

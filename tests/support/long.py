@@ -292,6 +292,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "another fault, signal or kill of a rig in real time": {
+        "drivers/lines/test_conformance.py": ("test_it_keeps_what_a_slow_driver_promises[False",),
         "drivers/lines/test_driver.py": (
             "test_damaged_line_never_becomes_a_number[garbage-False]",
             "test_damaged_line_never_becomes_a_number[merged",

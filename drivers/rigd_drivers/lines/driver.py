@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from enum import IntFlag
 from typing import ClassVar, Final
 
 from rigd.sdk import (
@@ -18,7 +17,8 @@ from rigd.sdk import (
 )
 from rigd.sdk.port import LinePort
 from rigd_drivers.lines.config import LinesConfig
-from rigd_drivers.lines.reader import LineReader, Reading, Unreadable
+from rigd_drivers.lines.reader import Reading
+from rigd_drivers.lines.tally import LineStatus, Tally
 from rigd_drivers.lines.text import encoded
 
 #: How long an answer that did not come in time is waited for, in s, before it counts as lost.
@@ -27,18 +27,6 @@ LATE_S: Final = 0.7
 PAUSE_S: Final = 0.05
 #: The driver fails before the daemon calls the device silent, so that its message is seen; in s.
 _MARGIN_S: Final = 1.0
-
-
-class LineStatus(IntFlag):
-    """The status word of a row; bits 16 to 23 count lines that could not be read, modulo 256."""
-
-    UNREADABLE = 1  #: since the row before, a line came that could not be read
-    UNANSWERED = 2  #: since the row before, a question had no answer in time
-    BEYOND = 4  #: a value is beyond the device's range, and NaN
-
-
-_COUNT_SHIFT: Final = 16
-_COUNT_MASK: Final = 0xFF
 
 
 class Lines(SlowDriver[LinesConfig, None]):
@@ -55,13 +43,8 @@ class Lines(SlowDriver[LinesConfig, None]):
     def __init__(self, config: LinesConfig, link: None) -> None:
         super().__init__(config, link)
         self._port = LinePort(config, max_line=config.longest, late_s=LATE_S)
-        self._reader = LineReader(config)
+        self._tally = Tally(config)
         self._ask = None if config.ask is None else encoded(config.ask)
-        self._status = LineStatus(0)  # of the next row
-        self._lines = 0  # lines that have come, without echoes
-        self._unreadable = 0  # of these, those that could not be read
-        self._overlong = 0  # those of the port, when they were looked at
-        self._last: Unreadable | None = None  # the last of them since the last row
         self._heard_s = 0.0  # when the last readable line came, in s of the loop
         self._received = 0  # bytes that had come by then
         self._echoed = False  # a question came back since then
@@ -93,8 +76,7 @@ class Lines(SlowDriver[LinesConfig, None]):
                 self._port.send(encoded(command))
                 await asyncio.sleep(PAUSE_S)
             self.identity = await self._identity()
-            self._status, self._last = LineStatus(0), None
-            self._lines = self._unreadable = self._overlong = 0
+            self._tally = Tally(self.config)
             self._heard_s = asyncio.get_running_loop().time()
             await self._next()
         except BaseException:  # also when cancelled: nothing may stay open
@@ -113,7 +95,7 @@ class Lines(SlowDriver[LinesConfig, None]):
         loop = asyncio.get_running_loop()
         self._heard_s = due = loop.time()
         while True:
-            emit(self._row(await self._next()))
+            emit(self._tally.row(await self._next(), self._port.overlong))
             if self._ask is not None:
                 due = max(due + self.config.period, loop.time())
                 await asyncio.sleep(due - loop.time())
@@ -158,7 +140,7 @@ class Lines(SlowDriver[LinesConfig, None]):
         if self._ask is not None:
             found = await self._port.ask(self._ask, self._take, self.config.timeout)
             if found is None:
-                self._status |= LineStatus.UNANSWERED
+                self._tally.unanswered()
                 await asyncio.sleep(min(self.config.period, timeout_s))
             return found
         line = await self._port.line(timeout_s)
@@ -169,33 +151,14 @@ class Lines(SlowDriver[LinesConfig, None]):
         if self._ask is not None and line.strip() == self._ask.strip():
             self._echoed = True
             return None
-        self._lines += 1
-        found = self._reader.read(line)
-        if isinstance(found, Reading):
-            return found
-        self._unreadable += 1
-        self._last = found
-        self._status |= LineStatus.UNREADABLE
-        return None
-
-    def _row(self, reading: Reading) -> tuple[float, ...]:
-        if self._port.overlong > self._overlong:
-            self._unreadable += self._port.overlong - self._overlong
-            self._overlong = self._port.overlong
-            self._status |= LineStatus.UNREADABLE
-        if reading.beyond:
-            self._status |= LineStatus.BEYOND
-        status = self._status | (self._unreadable & _COUNT_MASK) << _COUNT_SHIFT
-        self._status, self._last = LineStatus(0), None
-        return (*reading.values, int(status))
+        return self._tally.take(line)
 
     def _failure(self) -> DeviceError | LinkError | ProtocolError:
         config, port = self.config, self._port
         within = f"for {config.silence_s:g} s"
-        if self._last is not None:
+        if self._tally.last is not None:
             return ProtocolError(
-                f"{config.port} sends no line that can be read {within}; the last is {self._last} "
-                f"({self._unreadable} of {self._lines} lines could not be read)",
+                self._tally.wrong(config.port, within),
                 hint="compare the line with `pattern` or `columns`; check baud rate and parity",
             )
         if port.late:

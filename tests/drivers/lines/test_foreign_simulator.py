@@ -7,6 +7,7 @@ import contextlib
 import os
 import select
 import threading
+import time
 import tty
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -18,6 +19,8 @@ from pyvisa.resources import MessageBasedResource
 from rigd.sdk import ProtocolError
 from rigd_drivers.lines.config import LinesConfig
 from rigd_drivers.lines.driver import Lines
+from rigd_drivers.lines.output_driver import READY, LineOutputs
+from rigd_drivers.lines.outputs import LineOutputsConfig
 
 TIMEOUT_S = 30
 #: How long the bridge waits for an answer of the simulator, in ms: it answers at once, or never.
@@ -126,3 +129,36 @@ def test_refusal_of_another_author_is_shown() -> None:
     ):
         asyncio.run(first_rows(driver, 1))
     assert r"the last is b'ERROR': column 1 ('temperature') is 'ERROR'" in caught.value.message
+
+
+def test_supply_of_another_author_follows_and_is_safe() -> None:
+    bridge = Bridge("ASRL2::INSTR")
+    config = LineOutputsConfig.model_validate({
+        "port": bridge.port,
+        "identify": r"*IDN?\r\n",
+        "ask": r":VOLT:IMM:AMPL?\r\n",
+        "pattern": r"(?P<voltage>[-+]\d\.\d{8}E[-+]\d\d)",
+        "channels": {"voltage": "V"},
+        "outputs": {"voltage": {"unit": "V", "low": "1 V", "high": "6 V",
+                                "write": r":VOLT:IMM:AMPL {voltage:.3f}\r\n"}},
+        "arm": r"OUTP 1\r\n",
+        "safe": r"OUTP 0\r\n",
+        "state": {"ask": r"OUTP?\r\n", "safe": "0", "ready": "1"},
+        "timeout": "0.2 s",
+    })  # fmt: skip
+    driver = LineOutputs(config, None)
+    try:
+        driver.open()
+        driver.arm()
+        deadline = time.monotonic() + TIMEOUT_S
+        row: Sequence[float] | None = None
+        while row is None or (row[0], int(row[1]) & READY) != (3.25, READY):
+            assert time.monotonic() < deadline, row
+            row = driver.read(time.monotonic_ns()) or row
+            driver.write((3.25,))
+            time.sleep(0.005)
+        driver.make_safe()
+        driver.confirm_safe()
+    finally:
+        driver.close()
+        bridge.close()

@@ -1,0 +1,203 @@
+"""Setpoints in lines: the device follows, is made safe, and shows it, or the rig is refused."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from rigd.cli.new import rendered
+from rigd.config.loader import parse_rig
+from rigd.model.errors import ConfigError
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd.sdk.check import Observed, Peer, check_driver
+from rigd_drivers.lines.output_driver import READY, LineOutputs
+from rigd_drivers.lines.outputs import LineOutputsConfig
+
+RIG = r"""rig: bench
+title: bench
+cycle: 100 Hz
+interlocks: []
+devices:
+  supply:
+    driver: line-outputs
+    options:
+      port: tcp://supply:5025
+      identify: '*IDN?\n'
+      ask: 'MEAS:VOLT?;:MEAS:CURR?\n'
+      separator: ';'
+      columns: [voltage, current]
+      channels:
+        voltage: {unit: V, low: -1 V, high: 33 V}
+        current: {unit: A, low: -5 A, high: 5 A}
+      outputs:
+        voltage: {unit: mV, low: 0 V, high: 30 V, write: 'VOLT {voltage:.1f} MV\n'}
+      arm: 'OUTP ON\n'
+      safe: ['OUTP OFF\n', 'VOLT 0\n']
+      state: {ask: 'OUTP?\n', safe: '0', ready: '1'}
+    limits:
+      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}
+    waiver: {by: A. Person, reason: The emergency stop cuts its mains}
+"""
+OPTIONS: dict[str, Any] = {
+    "ask": r"MEAS:VOLT?;:MEAS:CURR?\n",
+    "separator": ";",
+    "columns": ["voltage", "current"],
+    "channels": {
+        "voltage": {"unit": "V", "low": "-1 V", "high": "33 V"},
+        "current": {"unit": "A", "low": "-5 A", "high": "5 A"},
+    },
+    "outputs": {
+        "voltage": {"unit": "V", "low": "0 V", "high": "30 V", "write": r"VOLT {voltage:.4f}\n"},
+    },
+    "arm": r"OUTP ON\n",
+    "safe": [r"OUTP OFF\n", r"VOLT 0\n"],
+    "state": {"ask": r"OUTP?\n", "safe": "0", "ready": "1"},
+    "period": "0.03 s",
+}  # fmt: skip
+FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
+
+
+def supply() -> Any:
+    """Return the simulated supply of the template for SCPI drivers, which is written apart."""
+    module = ModuleType("supply")
+    exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
+    return module.__dict__["Simulated"]()
+
+
+def observed(device: Any) -> Observed:
+    volts = device.driven
+    return Observed(
+        driven=(volts,),
+        energised=device.output,
+        measured={"voltage": volts, "current": volts / 10.0},
+        sent=device.sent,
+    )
+
+
+@contextmanager
+def simulated() -> Iterator[Peer]:
+    device = supply()
+    try:
+        yield Peer(
+            options={"port": device.port},
+            faults={name: partial(device.fail, name) for name in FAULTS},
+            observed=partial(observed, device),
+        )
+    finally:
+        device.stop()
+
+
+def test_it_keeps_what_a_fast_driver_promises() -> None:
+    report = check_driver(LineOutputs, OPTIONS, peer=simulated)
+    left_out = {"the peer has no fault 'frozen'", "the peer has no fault 'unguarded'"}
+    assert set(report.skipped.values()) <= left_out
+
+
+@contextmanager
+def opened(**options: Any) -> Iterator[tuple[LineOutputs, Any]]:
+    device = supply()
+    config = LineOutputsConfig.model_validate({**OPTIONS, "port": device.port, **options})
+    driver = LineOutputs(config, None)
+    try:
+        driver.open()
+        yield driver, device
+    finally:
+        driver.close()
+        device.stop()
+
+
+def cycle_until(driver: LineOutputs, voltage: float, wanted: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20.0
+    while not wanted():
+        assert time.monotonic() < end
+        driver.read(time.monotonic_ns())
+        driver.write((voltage,))
+        time.sleep(0.002)
+
+
+def test_row_shows_that_the_output_is_on() -> None:
+    with opened(identify=r"*IDN?\n") as (driver, device):
+        assert driver.identity == "ACME,PS30,0042,1.7"
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        row = None
+        while row is None or row[0] != 5.0:
+            row = driver.read(time.monotonic_ns()) or row
+        assert row == (5.0, 0.5, READY)
+        driver.make_safe()
+        driver.confirm_safe()
+        assert not device.output
+
+
+def test_output_that_goes_off_is_reported() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        device.output = False
+        with pytest.raises(DeviceError, match="switched its output off"):
+            cycle_until(driver, 5.0, lambda: False)
+
+
+def test_output_that_is_on_prevents_arming() -> None:
+    with opened(start=r"OUTP ON\n") as (driver, _):
+        assert "is on" in driver.preflight()[0]
+
+
+def test_line_that_is_not_as_described_is_shown() -> None:
+    words = r"b'0\.0000;0\.0000': it has 2 columns, expected 3"
+    given = {"columns": ["voltage", "current", "-"]}
+    with pytest.raises(ProtocolError, match=words), opened(**given):
+        pass
+
+
+def test_device_that_stays_on_is_named() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        device.fail("stuck")
+        driver.make_safe()
+        with pytest.raises(DeviceError, match="is not safe after `safe`: it answers '1'"):
+            driver.confirm_safe()
+        device.fail("silent")
+        with pytest.raises((DeviceError, LinkError)):
+            driver.confirm_safe()
+
+
+def test_setpoints_carry_si_units_and_ranges() -> None:
+    device = parse_rig(RIG, Path("rig.yaml")).devices["supply"]
+    (voltage,) = device.setpoints
+    assert (voltage.unit, voltage.low, voltage.high) == ("V", 0.0, 30.0)
+    config = device.config
+    assert isinstance(config, LineOutputsConfig)
+    assert config.outputs["voltage"].line("voltage", 1.25) == b"VOLT 1250.0 MV\n"
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "place", "words"),
+    [
+        ("      safe: ['OUTP OFF\\n', 'VOLT 0\\n']\n", "", "9:7", "'safe' is missing"),
+        ("['OUTP OFF\\n', 'VOLT 0\\n']", "[]", "20:13", "at least 1 needed"),
+        ("state: {ask: 'OUTP?\\n', safe: '0', ready: '1'}", "", "9:7", "'state' is missing"),
+        ("ready: '1'", "ready: '0'", "21:14", "are the same answer"),
+        ("mV, low: 0 V, ", "mV, ", "18:18", "'low' is missing"),
+        ("{voltage:.1f}", "{current:.1f}", "18:9", "must have {voltage} in braces"),
+        ("{voltage:.1f}", "{voltage:.1q}", "18:9", "cannot be filled in"),
+        ("ask: 'MEAS:VOLT?;:MEAS:CURR?\\n'", "period: 1 s", "9:7", "'ask' is missing"),
+        ("safe: '0', ready: '1'", "safe: '0;0', ready: '1'", "9:7", "could be a line of channels"),
+        ("limits:\n      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}", "", "7:5", "no limit"),
+    ],
+)  # fmt: skip
+def test_incomplete_setpoint_is_refused(right: str, wrong: str, place: str, words: str) -> None:
+    assert right in RIG
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(RIG.replace(right, wrong), Path("rig.yaml"))
+    found = str(caught.value)
+    assert words in found, found
+    assert f"rig.yaml:{place}: " in found, found
