@@ -21,10 +21,15 @@ from pathlib import Path
 from zlib import crc32
 
 import pytest
+from hypothesis import HealthCheck, settings
 from support import long, warm
 
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
+
+# A loaded machine is no fault of what is tested.
+settings.register_profile("loaded", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("loaded")
 
 # Tests and the commands that they start keep what they compile: it costs more than many of them.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
