@@ -25,6 +25,8 @@ from rigd_drivers.lines.text import encoded
 LATE_S: Final = 0.7
 #: Pause between two commands of `start`, in s: devices with little memory lose the second.
 PAUSE_S: Final = 0.05
+#: An answer to an earlier session may still come, if nothing has come for less than this, in s.
+QUIET_S: Final = 0.1
 #: The driver fails before the daemon calls the device silent, so that its message is seen; in s.
 _MARGIN_S: Final = 1.0
 
@@ -75,6 +77,8 @@ class Lines(SlowDriver[LinesConfig, None]):
             for command in self.config.start:
                 self._port.send(encoded(command))
                 await asyncio.sleep(PAUSE_S)
+            if self._ask is not None:
+                await self._port.quiet(QUIET_S, timeout_s=self.config.timeout)
             self.identity = await self._identity()
             self._tally = Tally(self.config)
             self._heard_s = asyncio.get_running_loop().time()
