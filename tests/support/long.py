@@ -27,6 +27,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
+        "analyses/articulated/test_analysis.py": ("test_analysis_finds_what_the_plant_has",),
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),

@@ -1,0 +1,1 @@
+"""Identifies the contacts of an articulated robot with slipping wheels (articulated.md)."""

@@ -1,0 +1,40 @@
+"""Declares the analysis of the articulated robot: its needs, and the function that evaluates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rigd.analysis import Analysis, Evaluation, Needs, Options
+
+if TYPE_CHECKING:
+    from rigd.analysis.source import RecordedSweep
+
+MOTORS = ("right_speed", "left_speed")
+TORQUES = ("right_torque", "left_torque")
+POSES = ("front_x", "front_y", "front_heading", "rear_x", "rear_y", "rear_heading")
+
+
+class ArticulatedAnalysis(Analysis):
+    """Contacts of a two-module robot with slipping wheels, from motors and a camera."""
+
+    needs = Needs(
+        signals={
+            **dict.fromkeys(MOTORS, "rad/s"),
+            **dict.fromkeys(TORQUES, "N m"),
+            **{name: "rad" if name.endswith("heading") else "m" for name in POSES},
+        },
+        constants=(
+            *("wheel_radius", "half_track", "half_wheelbase", "hinge_distance", "gear_ratio"),
+            *("rotor_inertia", "body_mass", "body_inertia", "wheel_mass", "wheel_inertia"),
+            *("gravity", "certain_grip"),
+        ),
+    )
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        """Return the contacts' parameters from all trials of all recordings together."""
+        from rigd_analyses.articulated.evaluation import evaluate
+
+        return evaluate(sweeps, options, notify)
