@@ -29,7 +29,7 @@ DEVICES = {
         "wheel_servo",
     },
     "angle-1": {"daq", "relay", "scale"},
-    "articulated-1": {"left_motor", "right_motor"},
+    "articulated-1": {"front_marker", "left_motor", "rear_marker", "right_motor"},
 }  # fmt: skip
 
 
