@@ -89,7 +89,8 @@ SHOWN: dict[str, Shows] = {
     "rigd run --resume runs/<run>.mcap": Shows("2 of 2 trials", {"<run>": "interrupted"}),
     "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
     "rigd check procedures/*.yaml --rig lugre-1": Shows(
-        "5 right, 8 for another rig (no daq, left_motor, relay, right_motor, scale)"
+        "5 right, 8 for another rig (no daq, front_marker, left_motor, rear_marker, relay, "
+        "right_motor, scale)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
     "rigd check my_procedure.yaml": Shows("right keys"),
