@@ -13,15 +13,14 @@ from __future__ import annotations
 import ctypes
 import os
 import statistics
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from compiled import FLAGS, compiled
 from figures import at_least, at_most, noted
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -44,7 +43,6 @@ from rigd_sim.plants.articulated.parameters import ArticulatedParameters
 from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
 
 SOURCE = Path(__file__).with_name("articulated_reference.c")
-FLAGS = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
 STEP_S = 5e-4
 STEPS = 4000  # two simulated seconds a round
 ROUNDS = 41
@@ -59,32 +57,16 @@ Integrate = Callable[[Driven], None]
 
 
 def compiled_reference() -> Integrate:
-    """Compile the C file against the layout of the records, and return its integrator."""
-    folder = tempfile.TemporaryDirectory(prefix="rigd-bench-")
-    layout = "".join(
-        f"typedef struct {{ double {', '.join(dtype.names or ())}; }} {name};\n"
-        for name, dtype in (
-            ("constants", records.ROBOT),
-            ("module", records.MODULES),
-            ("spin", records.SPINS),
-        )
-    )
-    Path(folder.name, "layout.h").write_text(layout, "utf-8")
-    library = Path(folder.name, "reference.so")
-    subprocess.run(
-        [os.environ.get("CC", "cc"), *FLAGS, "-I", folder.name, "-o", library, SOURCE, "-lm"],
-        check=True,
-    )
-    function = ctypes.CDLL(str(library)).integrate
-    function.restype = None
-    function.argtypes = [ctypes.c_void_p] * 10 + [ctypes.c_double] + [ctypes.c_long] * 4
+    """Return the integrator of the C file."""
+    layout = {"constants": records.ROBOT, "module": records.MODULES, "spin": records.SPINS}
+    arguments = [ctypes.c_void_p] * 10 + [ctypes.c_double] + [ctypes.c_long] * 4
+    function = compiled(SOURCE, layout, arguments)
 
     def integrate(it: Driven) -> None:
         arrays = (*it.robot, it.commands, it.state, it.slides, it.scratch)
         places = [array.ctypes.data for array in arrays]
         function(*places, STEP_S, STEPS, it.n, it.m, len(it.state))
 
-    integrate.__dict__["folder"] = folder  # lives as long as the library is in use
     return integrate
 
 
@@ -133,18 +115,7 @@ def compare(
 def straightforward() -> None:
     """Compare with `solve_ivp` on 30 coordinates and multipliers, over the same start."""
     targets = np.array([80.0, 40.0])
-    other, drive = Multipliers(shipped()), shipped().drive
-
-    def rate(_: float, y: Floats) -> Floats:
-        q, v, error_sum = y[:30], y[30:60], y[60:]
-        error = targets - drive.gear_ratio * v[22:24]
-        torques = drive.proportional * error + drive.integral * error_sum
-        pair = drive.gear_ratio * torques / 2
-        found = other.solved(q, v, np.concatenate([pair, pair, np.zeros(4)]))[0]
-        return np.concatenate([v, found, error])
-
-    rest = other.consistent(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(8))
-    start = np.concatenate([*rest, np.zeros(2)])
+    rate, start = Multipliers(shipped()).start(targets)
     began = time.process_time()
     end = solve_ivp(rate, (0.0, STRAIGHT_S), start, method="RK45", rtol=1e-6, atol=1e-9).y[:6, -1]
     theirs = time.process_time() - began

@@ -11,14 +11,13 @@ from __future__ import annotations
 import ctypes
 import os
 import statistics
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from compiled import FLAGS, compiled
 from figures import at_most
 from numpy.typing import NDArray
 
@@ -36,7 +35,6 @@ from rigd_sim.plants.lugre import kernel, records
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
 SOURCE = Path(__file__).with_name("plant_reference.c")
-FLAGS = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
 STEP_S = 125e-6
 CYCLE_STEPS = 8
 CYCLES = 1000  # one simulated second a round
@@ -49,30 +47,18 @@ Integrate = Callable[[Rows, Rows, Rows, float, int], None]
 
 
 def compiled_reference() -> Integrate:
-    """Compile the C file against the layout of the records, and return its integrator."""
-    folder = tempfile.TemporaryDirectory(prefix="rigd-bench-")
-    layout = "".join(
-        f"typedef struct {{ double {', '.join(dtype.names or ())}; }} {name};\n"
-        for name, dtype in (
-            ("constants", records.CONSTANTS),
-            ("state", records.STATE),
-            ("commands", records.COMMANDS),
-        )
-    )
-    Path(folder.name, "layout.h").write_text(layout, "utf-8")
-    library = Path(folder.name, "plant_reference.so")
-    subprocess.run(
-        [os.environ.get("CC", "cc"), *FLAGS, "-I", folder.name, "-o", library, SOURCE, "-lm"],
-        check=True,
-    )
-    function = ctypes.CDLL(str(library)).integrate
-    function.restype = None
-    function.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_long]
+    """Return the integrator of the C file."""
+    layout = {
+        "constants": records.CONSTANTS,
+        "state": records.STATE,
+        "commands": records.COMMANDS,
+    }
+    arguments = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_long]
+    function = compiled(SOURCE, layout, arguments)
 
     def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: int) -> None:
         function(constants.ctypes.data, state.ctypes.data, commands.ctypes.data, step, steps)
 
-    integrate.__dict__["folder"] = folder  # lives as long as the library is in use
     return integrate
 
 

@@ -9,6 +9,7 @@ sign of the first term of Eq. 9 follows from A^T R, contact forces stand beside 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, hypot, sin, tanh
 
@@ -174,3 +175,21 @@ class Multipliers:
             at = int(np.flatnonzero(paper[row, 3 * n : 11 * n])[0]) + 3 * n
             v[at] = -paper[row] @ v
         return q, v
+
+    def start(self, targets: Array) -> tuple[Callable[[float, Array], Array], Array]:
+        """Return dy/dt and y at rest: q (30,), v (30,) and what the two drives integrate (2,).
+
+        The motors of two modules go to ``targets`` (2,) in rad/s; no torque is limited.
+        """
+        drive = self.parameters.drive
+
+        def rate(_: float, y: Array) -> Array:
+            q, v, error_sum = y[:30], y[30:60], y[60:]
+            error = targets - drive.gear_ratio * v[22:24]
+            torques = drive.proportional * error + drive.integral * error_sum
+            pair = drive.gear_ratio * torques / 2
+            found = self.solved(q, v, np.concatenate([pair, pair, np.zeros(4)]))[0]
+            return np.concatenate([v, found, error])
+
+        rest = self.consistent(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(8))
+        return rate, np.concatenate([*rest, np.zeros(2)])

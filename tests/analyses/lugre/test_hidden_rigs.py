@@ -12,7 +12,7 @@ from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd_analyses.lugre.model import friction
-from rigd_analyses.lugre.rig.identify import KEPT_M_S, with_speed
+from rigd_analyses.lugre.rig.ridge import KEPT_M_S, with_speed
 
 #: What each data set is known to leave open; `benchmarks/identify_coverage.py` has many more.
 OPEN = {

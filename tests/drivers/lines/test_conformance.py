@@ -2,46 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
+from support.serial_peer import serial_peer
 
-from rigd.sdk.check import Peer, background_loop, check_driver
+from rigd.sdk.check import check_driver
 from rigd_drivers.lines.driver import Lines
 from rigd_sim.wire.lines import SimLines
-
-
-def simulated(folder: Path, *, asked: bool) -> Callable[[], AbstractContextManager[Peer]]:
-    @contextmanager
-    def peer() -> Iterator[Peer]:
-        path = folder / "gauge"
-        device = SimLines(
-            "gauge", path, lambda: {"force": 1.5}, "{force:.3f} N",
-            ask="?" if asked else None, interval_s=0.05,
-        )  # fmt: skip
-
-        async def inject(fault: str, **options: Any) -> None:
-            device.inject(fault, **options)
-
-        with background_loop() as run:
-            run(device.start())
-            try:
-                yield Peer(
-                    options={"port": str(path)},
-                    faults={
-                        "dead": lambda: run(inject("unplug")),
-                        "silent": lambda: run(inject("silent")),
-                        "late": lambda: run(inject("late", delay_s=1.0)),
-                        "garbled": lambda: run(inject("garbage")),
-                    },
-                )
-            finally:
-                run(device.stop())
-
-    return peer
 
 
 @pytest.mark.parametrize("asked", [True, False])
@@ -52,5 +20,13 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
         "silence": "1 s",
         **({"ask": r"?\r\n"} if asked else {}),
     }
-    report = check_driver(Lines, options, peer=simulated(tmp_path, asked=asked))
+
+    def device() -> SimLines:
+        return SimLines(
+            "gauge", tmp_path / "gauge", lambda: {"force": 1.5}, "{force:.3f} N",
+            ask="?" if asked else None, interval_s=0.05,
+        )  # fmt: skip
+
+    peer = serial_peer(tmp_path / "gauge", device, delay_s=1.0)
+    report = check_driver(Lines, options, peer=peer)
     assert report.skipped == {}

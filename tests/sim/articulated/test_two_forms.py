@@ -99,18 +99,7 @@ def test_both_forms_move_alike() -> None:
     """A start of 0.25 s to 80 and 20 rad/s, in which no torque is limited; the other by DOP853."""
     targets = np.array([80.0, 20.0])
     robot = Driven().play(0.25, *targets)
-    other, drive = Multipliers(shipped()), shipped().drive
-
-    def rate(_: float, y: Array) -> Array:
-        q, v, error_sum = y[:30], y[30:60], y[60:]
-        error = targets - drive.gear_ratio * v[22:24]
-        torques = drive.proportional * error + drive.integral * error_sum
-        pair = drive.gear_ratio * torques / 2
-        found = other.solved(q, v, np.concatenate([pair, pair, np.zeros(4)]))[0]
-        return np.concatenate([v, found, error])
-
-    at_rest = other.consistent(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(8))
-    start = np.concatenate([*at_rest, np.zeros(2)])
+    rate, start = Multipliers(shipped()).start(targets)
     end = solve_ivp(rate, (0.0, 0.25), start, method="DOP853", rtol=1e-9, atol=1e-12).y[:6, -1]
     ours = np.column_stack([robot.centres, robot.headings]).ravel()
     assert ours == pytest.approx(end, abs=1e-7)

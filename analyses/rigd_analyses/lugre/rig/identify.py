@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.stats import chi2
 
 from rigd.analysis import DataError
 from rigd.analysis.diagnosis import diagnose
@@ -55,6 +53,7 @@ from rigd_analyses.lugre.rig.extensions import candidates
 from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, beside, slip
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.result import result
+from rigd_analyses.lugre.rig.ridge import along_ridge, bent, effect_shown, on_ridge
 from rigd_analyses.lugre.rig.system import (
     RigSystem,
     driven_trial,
@@ -67,10 +66,6 @@ SCORES_S = 0.05
 OTHER_WINDOWS_S = (0.013, 0.041)  #: by how much the choice moves a parameter
 MOST_BETTER = 3  #: times that profiles may find a better fit
 SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
-SHOWN = 0.999  #: level at which the data show a Stribeck effect
-RIDGE_M_S = (5e-3, 5e-2, 0.5)  #: V_s of starts along the ridge of V_s, mu_c and mu_s
-KEPT_M_S = (5e-3, 0.1)  #: slips whose friction they keep
-KNOWN_SD = 0.1  #: standard deviation of ln V_s below which there is no ridge
 OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
 BASINS = 3  #: optima of method A that output error starts from
 OTHER_BASIN = 0.3  #: in scaled coordinates
@@ -328,40 +323,6 @@ def _other_radius(system: RigSystem, point: FloatArray) -> list[FloatArray]:
     return [other]
 
 
-def along_ridge(whole: OutputErrorFit) -> list[FloatArray]:
-    """Return points (p,) with another V_s each, and the same friction at two slips.
-
-    None, if the data determine V_s by itself.
-    """
-    theta = whole.fit.theta
-    return [with_speed(theta, speed) for speed in RIDGE_M_S] if _on_ridge(whole) else []
-
-
-def _on_ridge(whole: OutputErrorFit) -> bool:
-    """Whether the data may not tell V_s from other ways to have the same friction."""
-    sd = math.sqrt(max(float(whole.covariance[V_S, V_S]), 0.0))
-    return not (sd < KNOWN_SD and KEPT_M_S[0] / 5.0 < whole.fit.theta[V_S] < KEPT_M_S[1])
-
-
-def with_speed(theta: FloatArray, speed: float) -> FloatArray:
-    """Return ``theta`` (p,) with V_s = ``speed`` in m/s and the same friction at two slips.
-
-    That is at the first alone if both would take mu_s below mu_c, or no mu_c (Eq. 6).
-    """
-    kept = friction(theta[:FRICTION], np.array(KEPT_M_S))
-    low, high = (math.exp(-math.sqrt(slip / speed)) for slip in KEPT_M_S)
-    least = PARAMETERS[MU_C].low
-    coulomb = max((kept[1] * low - kept[0] * high) / (low - high), least)
-    static = max((kept[0] - coulomb * (1.0 - low)) / low, coulomb)
-    out = theta.copy()
-    out[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
-    return out
-
-
-def _bent(theta: FloatArray, value: float) -> FloatArray:
-    return with_speed(theta, math.exp(value))
-
-
 def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
     """Return the profiles that are needed, in scaled coordinates.
 
@@ -382,7 +343,7 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
             whole.model, whole.fit, direction, whole.inverse,
             (float(low[index]), float(high[index])), others=whole.others,
             none=0.0 if name == "ratio" else None,
-            bend=_bent if name == "V_s" and _on_ridge(whole) else None,
+            bend=bent if name == "V_s" and on_ridge(whole) else None,
         )  # fmt: skip
         if scans[name].better is not None:
             return scans
@@ -390,16 +351,6 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
         scans["ratio"] = replace(scans["ratio"], low=None)
         scans["V_s"] = replace(scans["V_s"], low=None, high=None)
     return scans
-
-
-def effect_shown(ratio: ProfileScan) -> bool:
-    """Whether mu_s = mu_c fits worse than chance makes it: only then there is a V_s.
-
-    The V_s that fits chance best is chosen from all, so that the statistic of no effect has no
-    distribution of one degree of freedom (Davies, Biometrika 64, 1977); and a wrong V_s is far off.
-    """
-    none = ratio.statistic[ratio.values == 0.0]
-    return ratio.low is not None and bool(np.all(none > chi2.ppf(SHOWN, 2)))
 
 
 def visited_slip(

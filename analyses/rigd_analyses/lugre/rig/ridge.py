@@ -1,0 +1,68 @@
+"""Moves along the ridge on which V_s, mu_c and mu_s stand in for one another.
+
+With slip far from V_s the data show g at that slip alone: any V_s fits about as well, with its own
+mu_c and mu_s. The ridge is bent, and a straight line from a fit soon leaves it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.stats import chi2
+
+from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.profile import ProfileScan
+from rigd.analysis.result import FloatArray
+from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, friction
+from rigd_analyses.lugre.rig.found import FRICTION
+
+SHOWN = 0.999  #: level at which the data show a Stribeck effect
+RIDGE_M_S = (5e-3, 5e-2, 0.5)  #: V_s of starts along the ridge
+KEPT_M_S = (5e-3, 0.1)  #: slips whose friction they keep
+KNOWN_SD = 0.1  #: standard deviation of ln V_s below which there is no ridge
+
+
+def along_ridge(whole: OutputErrorFit) -> list[FloatArray]:
+    """Return points (p,) with another V_s each, and the same friction at two slips.
+
+    None, if the data determine V_s by itself.
+    """
+    theta = whole.fit.theta
+    return [with_speed(theta, speed) for speed in RIDGE_M_S] if on_ridge(whole) else []
+
+
+def on_ridge(whole: OutputErrorFit) -> bool:
+    """Whether the data may not tell V_s from other ways to have the same friction."""
+    sd = math.sqrt(max(float(whole.covariance[V_S, V_S]), 0.0))
+    return not (sd < KNOWN_SD and KEPT_M_S[0] / 5.0 < whole.fit.theta[V_S] < KEPT_M_S[1])
+
+
+def with_speed(theta: FloatArray, speed: float) -> FloatArray:
+    """Return ``theta`` (p,) with V_s = ``speed`` in m/s and the same friction at two slips.
+
+    That is at the first alone if both would take mu_s below mu_c, or no mu_c (Eq. 6).
+    """
+    kept = friction(theta[:FRICTION], np.array(KEPT_M_S))
+    low, high = (math.exp(-math.sqrt(slip / speed)) for slip in KEPT_M_S)
+    least = PARAMETERS[MU_C].low
+    coulomb = max((kept[1] * low - kept[0] * high) / (low - high), least)
+    static = max((kept[0] - coulomb * (1.0 - low)) / low, coulomb)
+    out = theta.copy()
+    out[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
+    return out
+
+
+def bent(theta: FloatArray, value: float) -> FloatArray:
+    """Return ``theta`` (p,) with ln V_s = ``value``: where a refit of its profile begins."""
+    return with_speed(theta, math.exp(value))
+
+
+def effect_shown(ratio: ProfileScan) -> bool:
+    """Whether mu_s = mu_c fits worse than chance makes it: only then there is a V_s.
+
+    The V_s that fits chance best is chosen from all, so that the statistic of no effect has no
+    distribution of one degree of freedom (Davies, Biometrika 64, 1977); and a wrong V_s is far off.
+    """
+    none = ratio.statistic[ratio.values == 0.0]
+    return ratio.low is not None and bool(np.all(none > chi2.ppf(SHOWN, 2)))
