@@ -14,12 +14,14 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "a page of docs that plays campaigns and fits models": {
         "docs/test_docs.py": (
             "test_every_block_gives_its_printed_result[analyses.md]",
+            "test_every_block_gives_its_printed_result[approach_angle.md]",
             "test_every_block_gives_its_printed_result[calibration.md]",
             "test_every_block_gives_its_printed_result[ci.md]",
             "test_every_block_gives_its_printed_result[devices.md]",
             "test_every_block_gives_its_printed_result[drivers.md]",
             "test_every_block_gives_its_printed_result[friction_laws.md]",
             "test_every_block_gives_its_printed_result[identification.md]",
+            "test_every_block_gives_its_printed_result[lateral.md]",
             "test_every_block_gives_its_printed_result[plants.md]",
             "test_every_block_gives_its_printed_result[recordings.md]",
             "test_every_block_gives_its_printed_result[remote.md]",
