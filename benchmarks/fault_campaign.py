@@ -1,8 +1,8 @@
 """Every fault of every simulated device, shown to a run that moves the rig: what did rigd do?
 
 Prints by what and how fast each was detected, when the drives were safe, and what the operator was
-told; fails where that is not what must happen (``tests/support/fault_table.py``). The rig is the
-shipped one at the wire.
+told; fails where that is not what must happen (``tests/support/fault_table.py``). Most rigs are the
+shipped ones at the wire (``tests/support/fault_rigs.py``).
 
     python benchmarks/fault_campaign.py --table faults.jsonl
                         continues the table: stop it and start it as you like
@@ -26,19 +26,10 @@ from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.campaign import Campaign, Outcome, verdict
-from support.fault_table import BUSES, ENCODERS, SERVOS, Case, cases
-from support.killing import PATIENT
-from support.wire import wire_rig
+from support.fault_rigs import RIGS, every_case, kind_of
+from support.fault_table import Case
 
 Row = dict[str, Any]
-#: What devices of the rig are alike.
-KINDS = {
-    **dict.fromkeys(SERVOS, "servo"),
-    **dict.fromkeys(ENCODERS, "encoder"),
-    **dict.fromkeys(BUSES, "CAN bus"),
-    "accelerometer": "NI card",
-    "traction": "transmitter",
-}
 
 
 def play(missing: list[Case], table: Path | None) -> list[Row]:
@@ -54,26 +45,27 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
                 file.write(json.dumps(row) + "\n")
         print(f"{len(rows)}/{len(missing)} {case.name}: {'; '.join(wrong) or 'ok'}", flush=True)
 
-    left = list(missing)
-    while left:
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            wire_rig(Path(folder), "wire-faults", PATIENT) as rig,
-        ):
-            campaign = Campaign(rig, Path(folder), report)
-            while left:
-                case = left.pop(0)
-                campaign.play(case)
-                if case.spoils:
-                    break
-            campaign.finish()
+    for name, rig in RIGS.items():
+        left = [case for case in missing if case.rig == name]
+        while left:
+            with (
+                tempfile.TemporaryDirectory() as folder,
+                rig.served(Path(folder)) as served,
+            ):
+                campaign = Campaign(served, Path(folder), report, rig.movement, rig.set_up)
+                while left:
+                    case = left.pop(0)
+                    campaign.play(case)
+                    if case.spoils:
+                        break
+                campaign.finish()
     return rows
 
 
 def show(rows: list[Row]) -> bool:
     """Print the table; return whether all is as it must be."""
     print(f"{'fault':<48} {'must':<6} {'detected by':<13} {'ms':>6} {'safe ms':>8}  told")
-    known = {item.name: item for item in cases()}
+    known = {item.name: item for item in every_case()}
     failed = 0
     rows = [row for row in rows if row["name"] in known]
     for row in sorted(rows, key=lambda item: str(item["name"])):
@@ -94,7 +86,7 @@ def show(rows: list[Row]) -> bool:
 
 def markdown(rows: list[Row]) -> Iterator[str]:
     """Yield the table as it stands in docs/faults.md: the worst of devices of the same kind."""
-    known = {case.name: case for case in cases()}
+    known = {case.name: case for case in every_case()}
     alike: dict[tuple[str, str, str], list[Outcome]] = defaultdict(list)
     for row in rows:
         if row["name"] in known:
@@ -113,7 +105,7 @@ def markdown(rows: list[Row]) -> Iterator[str]:
 def _described(case: Case) -> tuple[str, str, str]:
     options = ", ".join(f"{key}={value}" for key, value in case.options.items())
     what = f"`{case.fault}`" + (f" {options}" if options else "")
-    return KINDS.get(case.part, case.part), what, case.must.value
+    return kind_of(case), what, case.must.value
 
 
 def _outcome(row: Row) -> Outcome:
@@ -138,7 +130,7 @@ def main() -> int:
         print(*markdown(rows), sep="\n")
         return 0
     done = {row["name"] for row in rows}
-    missing = [case for case in cases() if args.only in case.name and case.name not in done]
+    missing = [case for case in every_case() if args.only in case.name and case.name not in done]
     rows += play(missing, args.table)
     return 0 if show(rows) else 1
 

@@ -20,6 +20,7 @@ from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
+from rigd_sim.wire.supply import SimSupply
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 
@@ -37,6 +38,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "Relay": SimRelay.faults,
     "Scale": SimScale.faults,
     "Device that sends lines": SimLines.faults,
+    "Supply": SimSupply.faults,
     "Modbus line": LINE_FAULTS,
     "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),
     "Modbus servo": beyond(SimModbusServo.faults, LINE_FAULTS),

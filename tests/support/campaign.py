@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from support.fault_table import SECOND, Case, Must
-from support.killing import END_S, SHAKING, Victim, gaps, own_state
+from support.killing import END_S, SHAKING, Movement, Victim, gaps, own_state
 from support.wire import ROOT, WireRig
 
 from rigd.engine.shared import Word
@@ -67,8 +67,17 @@ class Campaign:
     ``report`` gets every case with what became of it, once the recording has been read.
     """
 
-    def __init__(self, rig: WireRig, folder: Path, report: Callable[[Case, Outcome], None]) -> None:
+    def __init__(
+        self,
+        rig: WireRig,
+        folder: Path,
+        report: Callable[[Case, Outcome], None],
+        movement: Movement = SHAKING,
+        set_up: Callable[[WireRig], None] = lambda rig: None,
+    ) -> None:
         self._rig = rig
+        self._set_up = set_up
+        self._movement = movement
         self._folder = folder
         self._report = report
         self._run: Victim | None = None
@@ -99,6 +108,9 @@ class Campaign:
         self._shown += [
             _Shown(case, since_ns, ended_ns) for case, since_ns in zip(cases, began_ns, strict=True)
         ]
+        if not ended and cases[0].must is Must.NAME:
+            self._examine(stop=True)
+            return
         if not ended:
             self._rig.ask(do="clear")
             ended = self._ends_within(SETTLE_S)
@@ -108,8 +120,7 @@ class Campaign:
     def finish(self) -> None:
         """Stop the run under way, if any, and report what it has shown."""
         if self._run is not None:
-            self._run.process.send_signal(signal.SIGINT)
-            self._examine()
+            self._examine(stop=True)
 
     def _inject(self, case: Case) -> int:
         """Show the fault; return when the simulation began to, CLOCK_MONOTONIC in ns."""
@@ -125,26 +136,30 @@ class Campaign:
             if process.poll() is not None:
                 return True
             time.sleep(0.01)
-        return any(self._rig.parts()[name]["safe_since_ns"] for name in SHAKING.drives)
+        return any(self._rig.parts()[name]["safe_since_ns"] for name in self._movement.drives)
 
     def _begin(self) -> None:
         self._place = Path(tempfile.mkdtemp(dir=self._folder))
         self._state = own_state(self._place)
         self._shown = []
-        self._run = Victim(self._rig, self._place, self._state)
+        self._set_up(self._rig)
+        self._run = Victim(self._rig, self._place, self._state, self._movement)
         board = self._run.folder.board()
         self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
 
-    def _examine(self) -> None:
-        """Wait for the end of the run, and report its cases."""
+    def _examine(self, *, stop: bool = False) -> None:
+        """Wait for the end of the run, which is asked to end if ``stop``, and report its cases."""
         run, self._run = self._run, None
         assert run is not None
         try:
+            if stop:
+                run.process.send_signal(signal.SIGINT)
             run.process.wait(END_S)
+            self._rig.ask(do="clear")  # a drive that is stuck is safe only now
             safe_ns = run.wait_until_safe()
             self._told, self._code = run.told(), run.process.returncode
             recording = Recording.open(run.recording)
-            whole = _whole(recording)
+            whole = _whole(recording, self._movement.stream)
             last = self._shown[-1] if self._shown else None
             for item in self._shown:
                 ended_by_it = item is last and self._code != Exit.STOPPED
@@ -168,6 +183,8 @@ class Campaign:
         detected, at_ns = _detected(recording, _shown, self._offset_ns)
         after_s = None if at_ns is None else (at_ns - self._offset_ns - _shown.began_ns) * 1e-9
         safe_s = (safe_ns - _shown.began_ns) * 1e-9 if ended_by_it else None
+        if _shown.case.must is Must.NAME:
+            detected, after_s, safe_s = "named at the end", None, None
         code = self._code if ended_by_it else None
         return Outcome(detected, after_s, safe_s, False, whole, code, told)
 
@@ -177,17 +194,17 @@ class Campaign:
         self._state = own_state(self._place)
         rig = self._rig.rig
         for case in cases:
-            if case.edit is None:
+            if case.edit is None or not case.fault.startswith("wrong_"):
                 self._inject(case)
-            else:
+            if case.edit is not None:
                 right, wrong = case.edit
                 text = rig.read_text()
                 assert right in text
                 rig = self._place / "wrong.yaml"
                 rig.write_text(text.replace(right, wrong))
         try:
-            with started(rig, self._place, self._state) as process:
-                return self._refused(process, lambda: _drives(self._rig))
+            with started(rig, self._place, self._state, self._movement) as process:
+                return self._refused(process, lambda: self._movement.moves(self._rig.parts()))
         finally:
             self._clean()
 
@@ -216,7 +233,7 @@ class Campaign:
             time.sleep(0.05)
         out, _ = process.communicate(timeout=END_S)
         after_s = (time.monotonic_ns() - began_ns) * 1e-9
-        refused = process.returncode == Exit.BLOCKED
+        refused = process.returncode in (Exit.BLOCKED, Exit.TRIPPED)
         return Outcome(
             "refused" if refused else "nothing", after_s if refused else None, None, moved,
             True, process.returncode, " ".join(out.split()),
@@ -224,10 +241,12 @@ class Campaign:
 
 
 @contextmanager
-def started(rig: Path, place: Path, state: Path) -> Iterator[subprocess.Popen[str]]:
-    """A run of the shaking procedure on ``rig``, which may well be refused."""
-    procedure = place / "shake.yaml"
-    procedure.write_text(SHAKING.procedure)
+def started(
+    rig: Path, place: Path, state: Path, movement: Movement = SHAKING
+) -> Iterator[subprocess.Popen[str]]:
+    """A run of ``movement`` on ``rig``, which may well be refused."""
+    procedure = place / "movement.yaml"
+    procedure.write_text(movement.procedure)
     process = subprocess.Popen(
         [
             *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
@@ -260,12 +279,15 @@ def verdict(case: Case, outcome: Outcome) -> list[str]:
               if not re.search(word, outcome.told)]  # fmt: skip
     match case.must:
         case Must.BLOCK:
-            if outcome.exit_code != Exit.BLOCKED:
+            if outcome.exit_code != case.code:
                 wrong.append(f"not refused, but exit code {outcome.exit_code}")
             if outcome.moved:
                 wrong.append("a drive was driven")
         case Must.END:
             wrong += _wrong_end(case, outcome)
+        case Must.NAME:
+            if outcome.exit_code != Exit.TRIPPED:
+                wrong.append(f"no exit code {int(Exit.TRIPPED)}, but {outcome.exit_code}")
         case Must.MARK | Must.GO_ON:
             if outcome.exit_code is not None:
                 wrong.append(f"the run ended with exit code {outcome.exit_code}")
@@ -283,12 +305,6 @@ def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
         yield f"safe after {outcome.safe_s} s, detected after {outcome.detected_s:.3f} s"
 
 
-def _drives(rig: WireRig) -> bool:
-    """Return whether a drive gives its motor anything: the watchdog is proven at zero."""
-    parts = rig.parts()
-    return any(parts[name].get("current") or parts[name].get("speed") for name in SHAKING.drives)
-
-
 def _sentence(told: str) -> str:
     """Return the text of a run on its end, without what stands before and after."""
     text = " ".join(told.split())
@@ -296,10 +312,10 @@ def _sentence(told: str) -> str:
     return text.partition(" go on with:")[0]
 
 
-def _whole(recording: Recording) -> bool:
+def _whole(recording: Recording, stream: str) -> bool:
     """Return whether every cycle that ran is in the file, and the run's end."""
     ended = any(event.kind == "run_end" for event in recording.events())
-    return ended and not gaps(recording, SHAKING.stream)
+    return ended and not gaps(recording, stream)
 
 
 def _detected(recording: Recording, _shown: _Shown, offset_ns: int) -> tuple[str, int | None]:

@@ -92,6 +92,8 @@ def can_peer(kind: str) -> Iterator[Peer]:
                     "late": lambda: run(inject("slow", delay_s=1.0)),
                     "garbled": lambda: run(inject("tpdo_short")),
                     "unguarded": lambda: run(inject("watchdog_dead")),
+                    "stuck": lambda: run(inject("stuck")),
+                    "locked": lambda: run(inject("locked")),
                 },
                 observed=node.observed if isinstance(node, CountingDrive) else Observed,
             )

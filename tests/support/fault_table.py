@@ -5,7 +5,7 @@ A missed detection is a failure: all that the simulation can show must stand her
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Final
@@ -17,6 +17,7 @@ class Must(Enum):
     END = "end"  #: end the run, with every drive safe
     MARK = "mark"  #: go on, with the rows marked: stale, flagged, missing or no number
     BLOCK = "block"  #: refuse before arming; nothing moves
+    NAME = "name"  #: end as the operator asks, and name the drive that is not safe then
     GO_ON = "go on"  #: go on: it does no harm, or cannot be distinguished from a sound device
 
 
@@ -33,27 +34,34 @@ class Case:
     watch_s: float = 1.0  #: how long the fault is shown if the run goes on
     before: bool = False  #: shown before the run starts
     edit: tuple[str, str] | None = None  #: no fault of a device, but of the rig file: text, wrong
+    code: int = 3  #: BLOCK: exit code of the run that does not begin
+    rig: str = "wire-1"  #: of ``support.fault_rigs``
 
     @property
     def name(self) -> str:
         """Names the case in tables and on the command line."""
         options = ",".join(f"{key}={value}" for key, value in self.options.items())
-        return f"{self.part} {self.fault}" + (f"({options})" if options else "") + (
-            " before" if self.before else ""
-        )  # fmt: skip
+        where = "" if self.rig == "wire-1" else f"{self.rig}: "
+        when = " before" if self.before else " at the end" if self.must is Must.NAME else ""
+        return f"{where}{self.part} {self.fault}" + (f"({options})" if options else "") + when
 
     @property
     def spoils(self) -> bool:
         """Whether the simulation must be started again: what it did is not undone by clearing."""
-        return self.fault == "cut" or (self.fault == "jump" and self.must is Must.END)
+        moved = self.rig in ("belt", "inverter")  # runs that end early would add up to its travel
+        if self.fault == "stream" and self.part in MENU_STREAMS:
+            return True
+        return self.fault == "cut" or (self.must is Must.END and (moved or self.fault == "jump"))
 
 
+#: Scales whose stream is a setting of their menu, which no command ends.
+MENU_STREAMS: Final = ("scale_and_d_indicator", "scale_sartorius_sbi", "scale_ohaus")
 SERVOS: Final = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 ENCODERS: Final = ("wheel_encoder", "carriage")
 BUSES: Final = ("servo_bus", "encoder_bus")
 #: Whichever sees it first: an interlock that watches the channel, or the cycle.
 SILENT: Final = "gave no row|is stale"
-END, MARK, BLOCK, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.GO_ON
+END, MARK, BLOCK, NAME, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.NAME, Must.GO_ON
 
 
 def _node(part: str) -> Iterator[Case]:
@@ -85,6 +93,12 @@ def _servo(part: str) -> Iterator[Case]:
     yield Case(part, "watchdog_dead", BLOCK, words=(part, "did not switch itself off"), before=True)
     yield Case(part, "fault", END, words=(part, "fault"))
     yield Case(part, "setpoint_ignored", END, words=(part, "ignores its target"))
+    yield Case(part, "locked", END, words=(part, "has left operation enabled"))
+    yield Case(part, "locked", BLOCK, words=(part, "enable input"), before=True)
+    # It obeys nothing: what it does at the end, rigd can only name.
+    yield Case(part, "stuck", NAME, words=(part, "does not confirm that it is safe"))
+    # A wheel that is stuck takes its current all the same; the belts stand in this procedure.
+    yield Case(part, "blocked", GO_ON)
 
 
 def _encoder(part: str) -> Iterator[Case]:
@@ -128,7 +142,7 @@ def _card() -> Iterator[Case]:
     yield Case("accelerometer", "removal", BLOCK, words=("accelerometer",), before=True)
 
 
-def _scale() -> Iterator[Case]:
+def scale() -> Iterator[Case]:
     """It is asked for its weight seven times a second, and given up after 2 s without one."""
 
     def case(fault: str, must: Must, **options: Any) -> Case:
@@ -188,16 +202,21 @@ def _set_up() -> Iterator[Case]:
     yield Case("servo_bus", SECOND, BLOCK, words=("another rigd",), before=True)
 
 
+def in_order(found: Iterable[Case]) -> list[Case]:
+    """Return the cases in an order that lets them share a run."""
+    return sorted(found, key=lambda item: (item.before, item.spoils, item.must in (END, NAME)))
+
+
 def cases() -> list[Case]:
-    """Return every case, in an order that lets cases share a run."""
+    """Return every case of the shipped LuGre rig at the wire."""
     found = [
         *(item for part in BUSES for item in _bus(part)),
         *(item for part in SERVOS for item in _servo(part)),
         *(item for part in ENCODERS for item in _encoder(part)),
         Case("carriage", "jump", END, {"counts": 60_000}, words=("overrun_far",)),
         *_card(),
-        *_scale(),
+        *scale(),
         *_transmitter(),
         *_set_up(),
     ]
-    return sorted(found, key=lambda item: (item.before, item.spoils, item.must is END))
+    return in_order(found)

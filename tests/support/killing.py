@@ -47,6 +47,13 @@ class Movement:
     watchdog_s: float  #: longest of the drives
 
 
+def _is_driven(servo: Mapping[str, Any]) -> bool:
+    """Return whether a CAN servo gives its motor anything: A, or m/s."""
+    given = servo.get("current", 0.0) or servo.get("speed", 0.0)
+    return bool(servo["enabled"]) and abs(given) > 0.01
+
+
+_SERVOS = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 SHAKING = Movement(
     """\
 procedure: shake
@@ -59,10 +66,8 @@ trial:
       for: 7200 s
 record: all
 """,
-    drives=("wheel_servo", "longitudinal_belt", "lateral_belt"),
-    moves=lambda parts: (
-        parts["wheel_servo"]["enabled"] and abs(parts["wheel_servo"]["current"]) > 0.01
-    ),
+    drives=_SERVOS,
+    moves=lambda parts: any(_is_driven(parts[name]) for name in _SERVOS),
     stream="wheel_servo",
     watchdog_s=0.1,
 )

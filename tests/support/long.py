@@ -331,6 +331,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_killed_simulation_does_not_block_the_next",
             "test_one_folder_serves_one_simulation",
         ),
+        "system/test_actuators_wire.py": ("test_fault_of_an_actuator_is_named",),
         "system/test_angle_wire.py": (
             "test_dead_potentiometer_is_stopped_by_drive_time_limit",
             "test_killed_with_the_relay_closed_it_opens[all-SIGKILL]",

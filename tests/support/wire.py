@@ -162,6 +162,20 @@ def wire_rig(
         rig.stop()
 
 
+@contextmanager
+def served_rig(folder: Path, text: str) -> Iterator[WireRig]:
+    """The rig of ``text``, which has FOLDER for the folder of its sockets and ports, served."""
+    served = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp"))
+    file = folder / "rig.yaml"
+    file.write_text(text.replace("FOLDER", str(served)))
+    rig = WireRig(file, served)
+    rig.start()
+    try:
+        yield rig
+    finally:
+        rig.stop()
+
+
 def alive(pid: int) -> bool:
     """Return whether there is such a process, that is no zombie."""
     try:

@@ -7,8 +7,9 @@ from typing import Final
 from rigd.sdk import ProtocolError
 from rigd_drivers.canopen.pdo import Pdo
 
-#: A TPDO that comes more often than SYNC in so many cycles in a row is no chance.
-_DOUBLED_CYCLES: Final = 5
+#: A TPDO that comes more often than SYNC in so many cycles in a row is of two nodes: one that was
+#: late by a few cycles for long, and no longer is, sends as many more at once.
+_DOUBLED_CYCLES: Final = 20
 #: SYNCs that may still be answered; older ones are lost, not late. A stalled node, or a stalled
 #: bus adapter, answers all that it missed at once.
 _LATEST_SYNCS: Final = 200

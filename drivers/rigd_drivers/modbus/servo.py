@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, ClassVar, Final, Self
 
 from annotated_types import Gt, Le
@@ -41,6 +42,8 @@ SAFE_S: Final = 0.1
 _SAFE_MOST_S: Final = 0.8
 #: How long a new connection may take, in s.
 _RESCUE_OPEN_S: Final = 0.2
+#: After it was disabled, a drive shows that within this time, in s.
+_CONFIRM_S: Final = 0.3
 #: What makes a connection of no use: it is lost, out of step, or refused on it.
 _LOST: Final = (LinkError, ProtocolError, DeviceError)
 #: Time from one look at the drive that is being reset to the next, in s.
@@ -116,6 +119,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         self._steps: deque[Step] = deque()  # what is left to write to enable the drive
         self._until: Condition | None = None
         self._hold_until_ns = 0  # what was written last to reset it stands until then
+        self._heeded_anew = False  # it was made safe over another connection than the open one
         self._armed = self._enabled = False
         self._at_rest = False  # the drive holds speed zero
         self._faulted = False  # it was in the last row
@@ -240,7 +244,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
             LinkError: it did not acknowledge; the message has what its watchdog does.
 
         """
-        self._armed = self._enabled = False
+        self._armed = self._enabled = self._heeded_anew = False
         self._steps.clear()
         self._plan.clear()
         if self._client is None:
@@ -250,6 +254,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         except _LOST as error:
             self._client.close()  # a device may take one connection only
             self._disable_anew(error)
+            self._heeded_anew = True
 
     def _disable_anew(self, first: LinkError | ProtocolError | DeviceError) -> None:
         try:
@@ -265,12 +270,50 @@ class ModbusServo(ModbusDevice[ServoConfig]):
 
     def rescue(self) -> None:
         """Disable over a new connection; see :class:`~rigd.sdk.Driver`."""
+        with self._anew() as client:
+            self._disable(client)
+
+    def confirm_safe(self) -> None:
+        """Check that the drive no longer reports that it is enabled: it acts once per scan.
+
+        Raises:
+            DeviceError: it is still enabled, or refuses to be read.
+            LinkError, ProtocolError: it does not answer.
+
+        """
+        if self._heeded_anew:
+            with self._anew() as client:
+                self._check_disabled(client)
+        elif self._client is not None:
+            self._check_disabled(self._client)
+
+    @contextmanager
+    def _anew(self) -> Iterator[Client]:
+        """Open a new connection, and close it in the end."""
         client = self.config.client(self._map.silence)
         client.open(_RESCUE_OPEN_S)
         try:
-            self._disable(client)
+            yield client
         finally:
             client.close()
+
+    def _check_disabled(self, client: Client) -> None:
+        reads = self._map.reads([range(c.address, c.address + 1) for c in self._map.enabled])
+        end_s = time.monotonic() + _CONFIRM_S
+        words: dict[int, int] = {}
+        while True:
+            for read in reads:
+                within_s = max(end_s - time.monotonic(), client.longest_s(read.request))
+                words |= read.words(client.ask(read.request, within_s))
+            if not all_hold(self._map.enabled, words):
+                return
+            if time.monotonic() > end_s:
+                raise DeviceError(
+                    f"{client.where}: the drive took the command to disable, and still reports "
+                    "that it is enabled",
+                    hint="cut its supply; then look whether it is commanded over Modbus alone",
+                )
+            time.sleep(_LOOK_S)
 
     def _disable(self, client: Client) -> None:
         writes = self._map.writes(self._map.disable)

@@ -8,16 +8,18 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from annotated_types import Gt, Le, MinLen
-from pydantic import model_validator
+from annotated_types import Ge, Gt, Le, MinLen
+from pydantic import Field, model_validator
 
 from rigd.sdk import In, SimulationConfig
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.part import Part, State
+from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.serial_part import PORT_FAULTS, WIRE_FAULTS, SerialPart
 from rigd_sim.wire.service import WireConfig, WireSimulation, World
+from rigd_sim.wire.supply import SimSupply
 
 
 class SimLines(SerialPart):
@@ -143,11 +145,46 @@ class LineOptions(SimulationConfig):
         return self
 
 
+class SupplyOptions(SimulationConfig):
+    """One programmable supply, which takes its voltage in lines as SCPI has them."""
+
+    highest: Annotated[float, In("V"), Gt(0), Le(1000)] = 30.0
+    """Highest voltage that it takes."""
+    resistance: Annotated[float, In("ohm"), Gt(0)] = 10.0
+    """What is connected to its output."""
+    baud: int = 9600
+    """Its baud rate."""
+
+
+class WeighOptions(SimulationConfig):
+    """One scale."""
+
+    dialect: Literal[
+        "mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus"
+    ] = "mt-sics"
+    """Its protocol."""
+    mass: Annotated[float, In("kg"), Ge(0), Le(60)] = 2.5
+    """What lies on it."""
+    baud: int = 9600
+    """Its baud rate."""
+
+
 class WireLinesConfig(WireConfig):
     """The devices that send lines; the port of each is its name in the folder."""
 
     devices: dict[str, LineOptions]
     """Devices by the name of their port."""
+    supplies: dict[str, SupplyOptions] = Field(default_factory=dict)
+    """Programmable supplies by the name of their port."""
+    scales: dict[str, WeighOptions] = Field(default_factory=dict)
+    """Scales by the name of their port."""
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        names = [*self.devices, *self.supplies, *self.scales]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"two devices have the port {min(twice)!r}; give each its own")
+        return self
 
 
 class Values:
@@ -157,6 +194,7 @@ class Values:
         self._random = random.Random(config.seed)
         self._devices = config.devices
         self.now = {name: dict(item.values) for name, item in config.devices.items()}
+        self.now |= {name: {"mass": item.mass} for name, item in config.scales.items()}
 
     def of(self, device: str) -> Mapping[str, float]:
         """Return the values of ``device`` with their noise."""
@@ -165,6 +203,10 @@ class Values:
             name: value + self._random.gauss(0.0, noise.get(name, 0.0))
             for name, value in self.now[device].items()
         }
+
+    def mass(self, scale: str) -> float:
+        """Return what lies on ``scale``, in kg."""
+        return self.now[scale]["mass"]
 
     def state(self) -> State:
         """Return all values without noise, as ``device_value``."""
@@ -194,18 +236,32 @@ class WireLines(WireSimulation):
     """Serves devices that send lines, and a control socket beside them."""
 
     Config: ClassVar[type[SimulationConfig]] = WireLinesConfig
-    title: ClassVar[str] = "devices that send lines of numbers, each on a serial port"
+    title: ClassVar[str] = "devices that send and take lines, each on a serial port"
     config: WireLinesConfig
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the values and every device; see :class:`WireSimulation`."""
         values = Values(self.config)
-        parts = [
+        parts: list[Part] = [
             SimLines(
                 name, folder.socket(name), partial(values.of, name), item.answer,
                 ask=item.ask, interval_s=1.0 / item.rate, identity=item.identity,
                 baud=item.baud, seed=self.config.seed,
             )
             for name, item in self.config.devices.items()
+        ]  # fmt: skip
+        parts += [
+            SimSupply(
+                name, folder.socket(name), highest=item.highest, resistance=item.resistance,
+                baud=item.baud, seed=self.config.seed,
+            )
+            for name, item in self.config.supplies.items()
+        ]  # fmt: skip
+        parts += [
+            SimScale(
+                name, folder.socket(name), partial(values.mass, name), dialect=item.dialect,
+                baud=item.baud, seed=self.config.seed,
+            )
+            for name, item in self.config.scales.items()
         ]  # fmt: skip
         return values, parts

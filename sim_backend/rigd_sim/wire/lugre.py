@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, Self
@@ -21,6 +22,7 @@ from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.mf624 import SimMf624
 from rigd_sim.wire.modbus.line import TcpLine
+from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.part import Part
@@ -69,6 +71,21 @@ class BeltOptions(ServoOptions):
     """Nominal current of the motor."""
     torque_constant: Annotated[float, In("N m/A"), Gt(0), Le(10)] = 0.2
     """Torque of the motor per ampere."""
+
+
+class ModbusDriveOptions(SimulationConfig):
+    """A speed drive on Modbus TCP on a belt, without a clutch."""
+
+    host: str = "127.0.0.1"
+    """Address where it is reached."""
+    port: Annotated[int, Ge(1), Le(65535)]
+    """TCP port where it is reached."""
+    make: Literal["delta-asda-b", "schneider-atv320"] = "schneider-atv320"
+    """Which drive."""
+    unit: Annotated[int, Ge(0), Le(255)] = 1
+    """Its unit address."""
+    travel_per_turn: Annotated[float, In("m/rad"), Gt(0)] = 0.1 / (2 * math.pi)
+    """Travel of the belt per turn of the motor shaft."""
 
 
 class EncoderOptions(NodeOptions):
@@ -201,6 +218,19 @@ def _belt(commands: int, readings: int, force_limit: Callable[[World], float]) -
     return build
 
 
+def _modbus_belt(name: str, options: ModbusDriveOptions, bench: Bench) -> Part:
+    world, lever = bench.world, options.travel_per_turn
+
+    def command(speed: float) -> None:
+        world.command(time.monotonic_ns(), layout.LATERAL_COMMANDS, speed * lever, 1.0)
+
+    return SimModbusServo(
+        name, TcpLine(options.host, options.port), command=command,
+        speed=lambda: world.now()[layout.BRIDGE_READINGS + 1] / lever, unit=options.unit,
+        drive=options.make,
+    )  # fmt: skip
+
+
 def _encoder(name: str, options: EncoderOptions, bench: Bench, reading: int, scale: Scale) -> Part:
     world = bench.world
     return Cia406Encoder(
@@ -273,6 +303,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
         layout.BRIDGE_READINGS,
         lambda world: world.plant.parameters.belts.lateral.force_limit,
     ),
+    "lateral_drive": _modbus_belt,
     "wheel_encoder": _wheel_encoder,
     "carriage": _carriage,
     "accelerometer": _accelerometer,
@@ -291,6 +322,8 @@ class DeviceOptions(SimulationConfig):
     """Servo drive along the guide, speed mode, with a clutch."""
     lateral_belt: BeltOptions | None = BeltOptions(bus="servo_bus", node=3)
     """Servo drive across the guide, speed mode, with a clutch."""
+    lateral_drive: ModbusDriveOptions | None = None
+    """Speed drive on Modbus that moves the bridge in place of `lateral_belt`."""
     wheel_encoder: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=11, turns=16384)
     """Encoder on the shaft of the wheel's motor."""
     carriage: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=12)
@@ -309,6 +342,8 @@ class DeviceOptions(SimulationConfig):
         for name in ("wheel_servo", "longitudinal_belt", "lateral_belt"):
             if self.card is not None and getattr(self, name) is not None:
                 raise ValueError(f"the card drives the rig already; write '{name}: null'")
+        if self.lateral_drive is not None and (self.lateral_belt or self.card) is not None:
+            raise ValueError("`lateral_drive` drives the bridge; write 'lateral_belt: null'")
         return self
 
 

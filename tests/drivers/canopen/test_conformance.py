@@ -45,5 +45,4 @@ def test_can_drivers_work_as_drivers_do(
     driver: type[Any], kind: str, options: dict[str, Any]
 ) -> None:
     report = check_driver(driver, options, peer=partial(can_peer, kind))
-    # A CiA 402 drive counts no frames; and the simulated one always obeys its controlword.
-    assert report.skipped.keys() == {"frozen", "safe while stuck", "ready is true"}
+    assert report.skipped.keys() <= {"frozen"}  # a CiA 402 drive counts no frames

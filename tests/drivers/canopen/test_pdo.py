@@ -90,7 +90,7 @@ def test_late_pdo_beside_the_next_is_tolerated() -> None:
 def test_twice_per_sync_for_long_means_two_nodes() -> None:
     inbox = Inbox(FEEDBACK, 1)
     with pytest.raises(ProtocolError, match=r"TPDO1 \(0x181\) of node 1 .*often"):
-        for syncs in range(1, 20):
+        for syncs in range(1, 30):
             inbox.receive(bytes(8))
             inbox.receive(bytes(8))
             inbox.take(syncs)
@@ -106,11 +106,21 @@ def test_answers_long_missing_hide_no_second_node() -> None:
                 inbox.receive(bytes(8))
             inbox.take(syncs)
     with pytest.raises(ProtocolError, match="often"):
-        for _ in range(5):
+        for _ in range(20):
             syncs += 1
             inbox.receive(bytes(8))
             inbox.receive(bytes(8))
             inbox.take(syncs)
+
+
+def test_delay_that_ends_is_no_second_node() -> None:
+    inbox = Inbox(FEEDBACK, 1)
+    for syncs in range(1, 300):
+        frames = 1 if syncs > 5 else 0  # five cycles late
+        frames += 200 <= syncs < 205  # then no longer: those under way come as well
+        for _ in range(frames):
+            inbox.receive(bytes(8))
+        inbox.take(syncs)
 
 
 def test_occasional_doubled_frame_is_tolerated() -> None:

@@ -49,7 +49,11 @@ def own_faults(bench: Bench) -> dict[str, Callable[[], None]]:
     """Return the faults that only a drive can show."""
     if not isinstance(bench.part, SimModbusServo):
         return {}
-    return {"unguarded": lambda: bench.fault("watchdog_dead")}
+    return {
+        "unguarded": lambda: bench.fault("watchdog_dead"),
+        "stuck": lambda: bench.fault("stuck"),
+        "locked": lambda: bench.fault("locked"),
+    }
 
 
 def peer_of(

@@ -275,6 +275,49 @@ async def test_drive_ignoring_its_setpoint_sets_bits_9_12(tmp_path: Path) -> Non
         assert physics.demands[-1].value == 0.5
 
 
+@on_loop
+async def test_stuck_drive_goes_on_until_it_is_cleared(tmp_path: Path) -> None:
+    async with drive(tmp_path) as (node, client, physics):
+        await operational(client)
+        await enabled(client, "f4 01")
+        node.inject("stuck")
+        assert (await cycle(client, "00 00 00 00"))[:5] == "37 12"
+        node.connection_lost(0, 0x8130)
+        assert physics.demands[-1].value == 0.5
+        assert node.state()["safe_since_ns"] == 0
+        node.clear("stuck")
+        assert not physics.demands[-1].powered
+
+
+@on_loop
+async def test_locked_drive_is_not_enabled(tmp_path: Path) -> None:
+    async with drive(tmp_path) as (node, client, physics):
+        await operational(client)
+        await enabled(client, "f4 01")
+        node.inject("locked")
+        assert not physics.demands[-1].powered
+        for word in ("06", "07", "0f", "0f"):
+            status = await cycle(client, f"{word} 00 f4 01")
+        assert status[:5] != "37 12"
+        assert not physics.demands[-1].powered
+
+
+@on_loop
+async def test_blocked_drive_gives_torque_and_stands(tmp_path: Path) -> None:
+    async with drive(tmp_path) as (node, client, physics):
+        await operational(client)
+        await enabled(client, "f4 01")
+        node.inject("blocked")
+        assert physics.demands[-1].value == 0.0
+        assert node.state()["current"] == 0.5
+        physics.sensed = Sensed(999, 5.0, 0.0)  # what it drove runs on without it
+        node.sample(0)
+        measured = [node.dictionary.find(index, 0).value for index in (0x6064, 0x606C, 0x6078)]
+        assert measured == [0, 0, 500]
+        node.clear("blocked")
+        assert physics.demands[-1].value == 0.5
+
+
 @pytest.mark.parametrize(("option", "state"), [("02", "switch_on_disabled"), ("06", None)])
 @on_loop
 async def test_a_speed_drive_brakes_in_a_quick_stop(

@@ -13,7 +13,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Final, Self
 
@@ -43,6 +43,8 @@ MILLI_RPM_PER_RAD_S: Final = 60e3 / (2 * math.pi)
 RELEASE: Final = 1 << 16
 #: A drive that turns slower stands, in rad/s; and its period of checks during a quick stop, in s.
 STANDSTILL: Final = 0.5
+#: States in which the motor has torque.
+ENERGISED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 LOOK_S: Final = 0.01
 
 
@@ -110,6 +112,9 @@ class Cia402Drive(CanopenNode):
         **misbehaviour.FAULTS,
         "fault": "drops to its fault state without an emergency, once",
         "setpoint_ignored": "does not follow its setpoint (bits 9 and 12 of the statusword are 0)",
+        "stuck": "answers, and goes on as it was: it obeys no controlword, setpoint or watchdog",
+        "locked": "its enable input is open: it is not enabled, and no longer if it was",
+        "blocked": "its motor is held fast: it gives torque as ordered, and does not turn",
     }
 
     def __init__(
@@ -139,6 +144,7 @@ class Cia402Drive(CanopenNode):
             self._velocity_units = traits.velocity_per_rad_s(ratings.counts_per_turn)
         self._machine = StateMachine()
         self._demand = Demand()
+        self._held_counts = 0  #: where the shaft is held fast
         self._given_since_ns = self._safe_since_ns = time.monotonic_ns()
         self._fault_follows = False
         self._stopping = Watch(self._look_whether_it_stands)
@@ -228,21 +234,51 @@ class Cia402Drive(CanopenNode):
         if fault == "fault":
             self._bad.hide(fault)
             self._machine.fail()
+        elif fault == "locked":
+            self._open_enable_input()
+        elif fault == "blocked":
+            self._held_counts = self._motor.sense(t_ns).counts
+            self._turn(t_ns)
         self._actuate(t_ns)
 
     def clear(self, fault: str | None = None) -> None:
         """Stop showing ``fault``, or all of them; see :meth:`CanopenNode.clear`."""
+        shown = set(self._bad.shown)
         super().clear(fault)
-        self._actuate(time.monotonic_ns())
+        ended, t_ns = shown - set(self._bad.shown), time.monotonic_ns()
+        if "stuck" in ended:
+            self._follow(t_ns)
+        if "blocked" in ended:
+            self._turn(t_ns)
+        self._actuate(t_ns)
 
     def sample(self, t_ns: int) -> None:
         """Measure, and bring statusword and actual values up to date."""
-        sensed = self._motor.sense(t_ns)
+        sensed = self._sense(t_ns)
         self._position.value = _wrapped(sensed.counts)
         self._velocity.value = _clipped(sensed.speed * self._velocity_units, 31)
         self._torque.value = _clipped(sensed.torque / self._rated_torque * 1e3, 15)
         self._current.value = self._torque.value  # one motor: both are of its rating
         self._show_status()
+
+    def _sense(self, t_ns: int) -> Sensed:
+        """Return what the drive measures; a shaft that is held fast shows torque alone."""
+        if "blocked" not in self._bad.shown:
+            return self._motor.sense(t_ns)
+        current = self._demand.value
+        if self._ratings.mode is Mode.CSV:
+            current = math.copysign(self._ratings.current_limit, current) if current else 0.0
+        return Sensed(self._held_counts, 0.0, current * self._ratings.torque_constant)
+
+    def _turn(self, t_ns: int) -> None:
+        """Give the motor its demand; if its shaft is held fast, what it drives gets nothing."""
+        held = "blocked" in self._bad.shown
+        self._motor.command(t_ns, replace(self._demand, value=0.0) if held else self._demand)
+
+    def _open_enable_input(self) -> None:
+        """Leave the states with torque if the enable input is open."""
+        if "locked" in self._bad.shown and self._machine.state in ENERGISED:
+            self._machine.switch_off()
 
     def apply(self, t_ns: int) -> None:
         """Follow the controlword and the setpoint, at once or with the next scan."""
@@ -259,15 +295,19 @@ class Cia402Drive(CanopenNode):
         self._send_changed(t_ns)
 
     def _follow(self, t_ns: int) -> None:
+        if "stuck" in self._bad.shown:
+            return
         if self._machine.control(self._control.value) and self._error_code.value:
             self._error_code.value = 0
             self.recovered()
+        self._open_enable_input()
         self._mode_shown.value = self._mode.value
         self._actuate(t_ns)
 
     def fail(self, code: int, t_ns: int) -> None:
         """Report an emergency and go to the fault state, without torque."""
-        self._machine.fail()
+        if "stuck" not in self._bad.shown:
+            self._machine.fail()
         self._actuate(t_ns)
         super().fail(code, t_ns)
         self._error_code.value = code
@@ -276,6 +316,8 @@ class Cia402Drive(CanopenNode):
         """Do what object 6007 selects, if the drive is enabled; an error then leads to a fault."""
         self._error_code.value = error or self._error_code.value
         option = self._connection_option.value
+        if "stuck" in self._bad.shown:
+            return
         if self._machine.state is not DriveState.OPERATION_ENABLED or option == Reaction.NONE:
             return
         if option == Reaction.QUICK_STOP:
@@ -292,11 +334,14 @@ class Cia402Drive(CanopenNode):
         if self._scan is not None:
             self._scan.cancel()
             self._scan = None
+        self._bad.hide("stuck")  # without supply, nothing goes on
         self._machine.power_on()
         self._actuate(t_ns)
 
     def _actuate(self, t_ns: int) -> None:
         """Give the motor what state and setpoint ask for, and note since when it is safe."""
+        if "stuck" in self._bad.shown:
+            return
         state = self._machine.state
         demand = Demand()
         if state is DriveState.OPERATION_ENABLED:
@@ -310,7 +355,7 @@ class Cia402Drive(CanopenNode):
             self._given_since_ns = t_ns
         if demand != self._demand:
             self._demand = demand
-            self._motor.command(t_ns, demand)
+            self._turn(t_ns)
         if state is DriveState.OPERATION_ENABLED:
             self._safe_since_ns = 0
         elif not self._safe_since_ns:

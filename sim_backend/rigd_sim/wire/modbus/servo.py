@@ -38,7 +38,7 @@ class Drive(ABC):
         speed: Callable[[], float],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.speed = speed
+        self._speed = speed
         self.enabled = False
         self.fault_code = 0
         self.last_code = 0
@@ -47,10 +47,14 @@ class Drive(ABC):
         self.watchdog_s = 0.0  #: 0: off
         self.watches = True  #: False: the watchdog is broken
         self.keeps = True  #: False: what is written to the watchdog is not kept
+        self.stuck = False  #: True: it goes on as it was
+        self.locked = False  #: True: its enable input is open
+        self.held = False  #: True: its motor is held fast
         self._command = command
         self._commanded = 0.0
         self._now = now
         self._heard: float | None = None  # it watches from the first request on
+        self.safe_since_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC; 0 while it is enabled
 
     def heard(self) -> None:
         """Note that a request has come."""
@@ -58,6 +62,8 @@ class Drive(ABC):
 
     def tick(self) -> None:
         """Act on what has been written; trip when the line has been silent for too long."""
+        if self.stuck:
+            return
         self.scan()
         self.apply()
         if self._heard is None or self.fault_code or not self.watches:
@@ -77,8 +83,10 @@ class Drive(ABC):
         self.fault_code = 0
 
     def apply(self) -> None:
-        """Command the motor."""
-        wanted = self.setpoint if self.enabled else 0.0
+        """Command the motor, and note since when it is without torque."""
+        if self.enabled or not self.safe_since_ns:
+            self.safe_since_ns = 0 if self.enabled else time.monotonic_ns()
+        wanted = self.setpoint if self.enabled and not self.held else 0.0
         if wanted != self._commanded:
             self._commanded = wanted
             self._command(wanted)
@@ -86,6 +94,10 @@ class Drive(ABC):
     def set_speed(self, word: int) -> None:
         """Take a signed speed in rev/min."""
         self.setpoint = (word - 0x10000 if word & 0x8000 else word) * _RPM
+
+    def speed(self) -> float:
+        """Return the actual speed in rad/s."""
+        return 0.0 if self.held else self._speed()
 
     def rpm(self) -> float:
         """Return the actual speed in rev/min."""
@@ -174,6 +186,8 @@ class Altivar(Drive):
         wanted = self._STATES.get(word & 0xF, self._DISABLED)
         if chart.index(wanted) <= chart.index(self._eta) + 1:  # one step up, any number down
             self._eta = wanted
+        if self.locked and self._eta == self._STATES[0xF]:
+            self._eta = self._STATES[0x7]
         self.enabled = self._eta == self._STATES[0xF]
 
 
@@ -254,7 +268,8 @@ class Asda(Drive):
         """See :class:`Drive`."""
         if self._inputs & self._ARST:
             self.reset()
-        self.enabled = bool(self._inputs & self._SON) and not self.fault_code
+        enabled = self._inputs & self._SON and not self.locked
+        self.enabled = bool(enabled) and not self.fault_code
 
 
 #: Drives it can stand for.
@@ -269,6 +284,9 @@ class SimModbusServo(ModbusPart):
         "watchdog_dead": "never trips when its line falls silent",
         "watchdog_unset": "takes what is written to its watchdog, and does not keep it",
         "overcurrent": "trips by too much current, once",
+        "stuck": "answers, and goes on as it was: it obeys no command, setpoint or watchdog",
+        "locked": "its enable input is open: it is not enabled, and no longer if it was",
+        "blocked": "its motor is held fast, and does not turn",
     }
 
     def __init__(
@@ -309,6 +327,7 @@ class SimModbusServo(ModbusPart):
             "speed": drive.speed(),
             "watchdog_s": drive.watchdog_s,
             "trips": drive.trips,
+            "safe_since_ns": drive.safe_since_ns,
             "asked": self.asked,
         }
 
@@ -327,6 +346,12 @@ class SimModbusServo(ModbusPart):
                 self._drive.watches = False
             case "watchdog_unset":
                 self._drive.keeps = False
+            case "stuck":
+                self._drive.stuck = True
+            case "locked":
+                self._drive.locked = True
+            case "blocked":
+                self._drive.held = True
             case _:
                 return False
         return True
@@ -337,3 +362,9 @@ class SimModbusServo(ModbusPart):
             self._drive.watches = True
         if fault in (None, "watchdog_unset"):
             self._drive.keeps = True
+        if fault in (None, "stuck"):
+            self._drive.stuck = False
+        if fault in (None, "locked"):
+            self._drive.locked = False
+        if fault in (None, "blocked"):
+            self._drive.held = False

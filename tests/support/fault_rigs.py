@@ -1,0 +1,446 @@
+"""The rigs on which faults are shown, how each moves meanwhile, and the cases of each.
+
+``support.fault_table`` has those of the shipped LuGre rig at the wire. Here stand a moving belt,
+a Modbus drive, devices that send and take lines, scales of every dialect, the relay of the
+approach-angle rig and the register card.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from support import fault_table
+from support.fault_table import BLOCK, END, GO_ON, MARK, NAME, Case, in_order
+from support.killing import DRIVING, PATIENT, SHAKING, Movement
+from support.stopping import angle_rig
+from support.wire import ROOT, WireRig, free_ports, served_rig, wire_rig
+
+_TO_AND_FRO: Final = """\
+procedure: to_and_fro
+title: The bridge goes to and fro for as long as it is left alone
+doc: For tests.
+trial:
+  steps:
+    - step: to_and_fro
+      set: {{{axis}.speed: {{sine: {{amplitude: 0.1 m/s, frequency: 0.25 Hz}}}}}}
+      for: 7200 s
+record: all
+"""
+BELT: Final = Movement(
+    _TO_AND_FRO.format(axis="lateral_belt"),
+    drives=("lateral_belt",),
+    moves=lambda parts: abs(parts["lateral_belt"]["speed"]) > 0.08,
+    stream="lateral_belt",
+    watchdog_s=0.1,
+)
+INVERTER: Final = Movement(
+    _TO_AND_FRO.format(axis="lateral_drive"),
+    drives=("lateral_drive",),
+    moves=lambda parts: abs(parts["lateral_drive"]["speed"]) > 5.0,  # rad/s of the motor
+    stream="lateral_drive",
+    watchdog_s=0.6,
+)
+SUPPLYING: Final = Movement(
+    """\
+procedure: supply
+title: The supply follows a sine for as long as it is left alone
+doc: For tests.
+trial:
+  steps:
+    - step: supply
+      set: {supply.voltage: {sine: {offset: 6 V, amplitude: 4 V, frequency: 0.2 Hz}}}
+      for: 7200 s
+record: all
+""",
+    drives=("supply",),
+    moves=lambda parts: parts["supply"]["voltage"] > 2.0,
+    stream="cycle",  # a supply is asked less often
+    watchdog_s=1.0,  # it has none: after a kill another process makes it safe
+)
+CARD_SHAKING: Final = replace(
+    SHAKING,
+    drives=("card",),
+    moves=lambda parts: abs(parts["card"]["wheel_demand"]) > 0.01,
+    watchdog_s=0.6,
+)
+
+_INVERTER_RIG: Final = """\
+rig: wire-inverter
+title: The bridge on a Modbus drive
+cycle: 100 Hz
+simulation:
+  model: wire-lugre
+  folder: FOLDER
+  buses: {}
+  plant: {parameters: ROOT/configs/plants/lugre.yaml, floor: stone}
+  wheel_servo: null
+  longitudinal_belt: null
+  lateral_belt: null
+  wheel_encoder: null
+  carriage: null
+  accelerometer: null
+  scale: null
+  lateral_drive: {port: PORT}
+supervision: {cycle_silence: 250 ms, daemon_silence: 1 s}
+devices:
+  lateral_drive:
+    driver: modbus-servo
+    options:
+      host: 127.0.0.1
+      port: PORT
+      map: schneider-atv320
+      max_speed: 3000 rpm
+      travel: 100 mm/rev
+      watchdog: 0.5 s
+    limits:
+      speed: {low: -0.7 m/s, high: 0.7 m/s, rate: 2 m/s^2}
+interlocks:
+  - name: follows
+    source: lateral_drive.speed
+    follows: lateral_drive.speed
+    band: 50 mm/s
+    delay: 0.5 s
+    stale_after: 300 ms
+    action: abort
+    priority: high
+    message: The bridge does not run as it is asked to.
+"""
+DIALECTS: Final = (
+    "mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus",
+)  # fmt: skip
+_LINES_RIG: Final = r"""rig: wire-bench
+title: A supply, instruments and scales on serial lines
+cycle: 100 Hz
+simulation:
+  model: wire-lines
+  folder: FOLDER
+  devices:
+    gauge: {ask: '?', answer: '{force:.3f} N', values: {force: 4.285}, noise: {force: 0.002}}
+    climate:
+      rate: 5 Hz
+      answer: '{temperature:.2f};{humidity:.1f};0'
+      values: {temperature: 21.5, humidity: 45.0}
+      noise: {temperature: 0.02, humidity: 0.1}
+  supplies: {supply: {}}
+  scales: {SCALES}
+supervision: {cycle_silence: 250 ms, daemon_silence: 1 s}
+devices:
+  supply:
+    driver: line-outputs
+    options:
+      port: FOLDER/supply
+      identify: '*IDN?\n'
+      ask: 'MEAS:VOLT?;:MEAS:CURR?\n'
+      separator: ';'
+      columns: [voltage, current]
+      channels:
+        voltage: {unit: V, low: -1 V, high: 33 V}
+        current: {unit: A, low: -5 A, high: 5 A}
+      outputs:
+        voltage: {unit: V, low: 0 V, high: 30 V, write: 'VOLT {voltage:.4f}\n'}
+      arm: 'OUTP ON\n'
+      safe: ['OUTP OFF\n', 'VOLT 0\n']
+      state: {ask: 'OUTP?\n', safe: '0', ready: '1'}
+      period: 50 ms
+    limits:
+      voltage: {low: 0 V, high: 12 V, rate: 50 V/s}
+    waiver: {by: A. Person, reason: The emergency stop cuts its mains}
+  gauge:
+    driver: lines
+    options:
+      port: FOLDER/gauge
+      ask: '?\r'
+      period: 100 ms
+      pattern: '(?P<force>-?\d+\.\d+) N'
+      channels: {force: {unit: N, low: -500 N, high: 500 N}}
+  climate:
+    driver: lines
+    options:
+      port: FOLDER/climate
+      separator: ';'
+      columns: [temperature, humidity, '-']
+      channels:
+        temperature: {unit: degC, low: -20 degC, high: 60 degC}
+        humidity: {unit: '%', low: 0 %, high: 100 %}
+interlocks:
+  - name: supply_follows
+    source: supply.voltage
+    follows: supply.voltage
+    band: 1 V
+    delay: 1 s
+    stale_after: 5 s
+    action: abort
+    priority: high
+    message: The supply does not give the voltage that is asked of it.
+"""
+_SCALE: Final = """\
+  {name}:
+    driver: serial-scale
+    options: {{port: FOLDER/{name}, dialect: {dialect}, unit: kg}}
+"""
+
+
+def scale_of(dialect: str) -> str:
+    """Return the name of the scale with this dialect."""
+    return f"scale_{dialect.replace('-', '_')}"
+
+
+@contextmanager
+def lines_rig(folder: Path, dialects: Sequence[str] = DIALECTS) -> Iterator[WireRig]:
+    """A supply, two instruments and a scale of each dialect."""
+    scales = ", ".join(f"{scale_of(item)}: {{dialect: {item}}}" for item in dialects)
+    text = _LINES_RIG.replace("SCALES", scales)
+    for item in dialects:
+        entry = _SCALE.format(name=scale_of(item), dialect=item)
+        text = text.replace("interlocks:\n", f"{entry}interlocks:\n")
+    with served_rig(folder, text) as rig:
+        yield rig
+
+
+@contextmanager
+def inverter_rig(folder: Path) -> Iterator[WireRig]:
+    """The bridge of the LuGre rig on a Modbus drive, and nothing else."""
+    (port,) = free_ports(1)
+    text = _INVERTER_RIG.replace("PORT", str(port)).replace("ROOT", str(ROOT))
+    with served_rig(folder, text) as rig:
+        yield rig
+
+
+def _port(rig: str, part: str, must: fault_table.Must, fault: str, **options: Any) -> Case:
+    words = (part,) if must is END else ()
+    return Case(part, fault, must, options, words, within_s=4.5, watch_s=4.0, rig=rig)
+
+
+def _of_lines() -> Iterator[Case]:
+    """Gauge and logger: a device that is not heard for 3 s has failed."""
+    for part in ("gauge", "climate"):
+        case = partial(_port, "lines", part)
+        for fault in ("garbage", "partial", "merged", "lost", "silent", "unplug", "comma", "word"):
+            yield case(END, fault)
+        for fault in ("endless", "nul", "short"):
+            yield case(END, fault)
+        for fault in ("no_cr", "echo"):
+            yield case(GO_ON, fault)
+        # An answer that does not come costs the rows of 2 s: half of them are too many.
+        yield case(END if part == "gauge" else MARK, "garbage", probability=0.5)
+        yield case(END if part == "gauge" else GO_ON, "late")
+        yield Case(part, "silent", BLOCK, words=(part,), before=True, rig="lines")
+
+
+def _of_supply() -> Iterator[Case]:
+    case = partial(_port, "lines", "supply")
+    for fault in ("garbage", "partial", "merged", "lost", "late", "silent", "unplug", "comma"):
+        yield case(END, fault)
+    for fault in ("setpoint_ignored", "tripped", "locked"):
+        yield case(END, fault)
+    yield case(END, "garbage", probability=0.5)
+    yield case(END, "nul")
+    for fault in ("no_cr", "echo"):
+        yield case(GO_ON, fault)
+    yield Case("supply", "stuck", NAME, words=("supply", "is not safe after"), rig="lines")
+    yield Case("supply", "locked", BLOCK, words=("supply",), before=True, rig="lines")
+    yield Case("supply", "silent", BLOCK, words=("supply",), before=True, rig="lines")
+
+
+def _of_scale(dialect: str) -> Iterator[Case]:
+    """As the scale of the shipped rig, in another dialect."""
+    for case in fault_table.scale():
+        if case.edit is None:
+            yield replace(case, part=scale_of(dialect), rig="lines",
+                          words=tuple(word.replace("scale", scale_of(dialect))
+                                      for word in case.words))  # fmt: skip
+
+
+def _of_inverter() -> Iterator[Case]:
+    part = "lateral_drive"
+
+    def case(must: fault_table.Must, fault: str, *words: str, **options: Any) -> Case:
+        told = (part, *words) if must in (END, NAME) else words
+        return Case(part, fault, must, options, told, within_s=2.0, watch_s=2.0, rig="inverter")
+
+    for fault in ("silent", "deaf", "wrong_unit", "wrong_transaction", "wrong_function"):
+        yield case(END, fault)
+    for fault in ("exception", "busy", "truncated", "garbage", "late", "byte_gap", "cut"):
+        yield case(END, fault)
+    for fault in ("watchdog_tripped", "overcurrent", "locked"):
+        yield case(END, fault)
+    yield case(END, "blocked", "does not run as it is asked")
+    yield case(GO_ON, "silent", count=1)
+    yield case(NAME, "stuck")
+    for fault in ("watchdog_dead", "watchdog_unset"):
+        yield case(GO_ON, fault)  # it is proven before the rig is armed
+    for fault in ("silent", "watchdog_dead"):
+        yield Case(part, fault, BLOCK, words=(part,), before=True, rig="inverter")
+    yield Case(part, "watchdog_unset", BLOCK, words=("reads back as",), before=True, rig="inverter",
+               edit=("watchdog: 0.5 s", "watchdog: 0.6 s"))  # fmt: skip
+    # Its watchdog is proven while it is disabled; that it is not enabled shows as it is armed.
+    yield Case(part, "locked", BLOCK, words=("did not become ready",), before=True, code=4,
+               rig="inverter")  # fmt: skip
+
+
+def _of_relay() -> Iterator[Case]:
+    def case(must: fault_table.Must, fault: str, *words: str, before: bool = False) -> Case:
+        return Case("relay", fault, must, words=words, before=before, rig="angle")
+
+    # The contact itself has no wire back to the card: what moves then is seen by other sensors.
+    yield case(GO_ON, "welded")
+    yield case(GO_ON, "broken")
+    yield case(GO_ON, "one_shot_dead")
+    yield case(BLOCK, "one_shot_dead", "relay", before=True)
+
+
+def _of_card() -> Iterator[Case]:
+    def case(must: fault_table.Must, fault: str, **options: Any) -> Case:
+        return Case("card", fault, must, options, within_s=1.5, rig="card")
+
+    yield case(END, "eolc_stuck")
+    yield case(END, "fifo_short")
+    yield case(END, "card_removed")
+    yield case(END, "drive_fault", drive="wheel")
+    yield case(END, "saturation", input=7)  # the reference
+    yield case(MARK, "saturation", input=1)
+    for fault in ("stuck_code", "open_input"):
+        yield case(GO_ON, fault, input=1)
+    for fault in ("index_reset", "sign_flip"):
+        yield case(GO_ON, fault, encoder=0)
+    yield case(GO_ON, "one_shot_dead")
+    yield Case("card", "one_shot_dead", BLOCK, words=("one-shot",), before=True, rig="card")
+    yield Case("card", "card_removed", BLOCK, words=("card",), before=True, rig="card")
+
+
+@contextmanager
+def _card_rig(folder: Path) -> Iterator[WireRig]:
+    text = (ROOT / "configs" / "card_lugre.yaml").read_text()
+    for old, new in _ON_SOCKET.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    with served_rig(folder, text) as rig:
+        yield rig
+
+
+#: What stands in the shipped file of the rig on a card, and what stands here instead.
+_ON_SOCKET: Final = {
+    "rig: card-lugre": "rig: card-faults",
+    "cycle: 4 kHz": "cycle: 100 Hz",
+    "interface: lugre": "interface: emulator",
+    "resource: stone": "resource: FOLDER/card",
+    "time: 240 ms": "time: 600 ms",
+    "cycle_silence: 250 ms": "cycle_silence: 5 s",
+    "\nlinks:": """
+simulation:
+  model: wire-lugre
+  folder: FOLDER
+  buses: {}
+  card: {one_shot: 0.5 s}
+  wheel_servo: null
+  longitudinal_belt: null
+  lateral_belt: null
+  wheel_encoder: null
+  carriage: null
+  accelerometer: null
+  scale: null
+
+links:""",
+}
+#: The relay stays closed, and the wheel slides on, for as long as the campaign asks.
+_ENDLESS: Final = {
+    "    high: 55 rad\n": "    high: 5500 rad\n",
+    "    high: 0.5\n    delay: 2 s\n": "    high: 1.5\n    delay: 2 s\n",
+}
+
+
+def _at_start(rig: WireRig) -> None:
+    rig.ask(do="change", quantity="platform", value="start")
+
+
+def _left(rig: WireRig) -> None:
+    """Nothing has to be set up again."""
+
+
+@dataclass(frozen=True)
+class FaultRig:
+    """A rig, how it moves, and what is shown on it."""
+
+    served: Callable[[Path], AbstractContextManager[WireRig]]
+    movement: Movement
+    cases: tuple[Case, ...]
+    #: Kind of a part in the table; the part itself, unless given.
+    kinds: dict[str, str]
+    #: Called before each run.
+    set_up: Callable[[WireRig], None] = _left
+
+
+_KINDS: Final = {
+    **dict.fromkeys(fault_table.SERVOS, "CAN servo"),
+    **dict.fromkeys(fault_table.ENCODERS, "CAN encoder"),
+    **dict.fromkeys(fault_table.BUSES, "CAN bus"),
+    "accelerometer": "NI card",
+    "traction": "Modbus transmitter",
+    "scale": "scale, mt-sics",
+}
+RIGS: Final[dict[str, FaultRig]] = {
+    "wire-1": FaultRig(
+        lambda folder: wire_rig(folder, "wire-faults", PATIENT),
+        SHAKING,
+        tuple(fault_table.cases()),
+        _KINDS,
+    ),
+    "belt": FaultRig(
+        lambda folder: wire_rig(folder, "wire-belt", PATIENT),
+        BELT,
+        (
+            Case("lateral_belt", "blocked", END, words=("does not run as it is asked",),
+                 within_s=3.5, rig="belt"),
+            Case("servo_bus", "drop", END, {"id": 0x203}, ("does not run as it is asked",),
+                 within_s=3.5, rig="belt"),
+        ),
+        {"lateral_belt": "CAN servo, moving", "servo_bus": "CAN bus, belt moving"},
+    ),
+    "inverter": FaultRig(
+        inverter_rig, INVERTER, tuple(in_order(_of_inverter())), {"lateral_drive": "Modbus servo"}
+    ),
+    "lines": FaultRig(
+        lines_rig,
+        SUPPLYING,
+        tuple(
+            in_order(
+                [
+                    *_of_supply(),
+                    *_of_lines(),
+                    *(case for name in DIALECTS[1:] for case in _of_scale(name)),
+                ]
+            )
+        ),
+        {
+            "supply": "line-outputs",
+            "gauge": "lines, asked",
+            "climate": "lines, unasked",
+            **{scale_of(name): f"scale, {name}" for name in DIALECTS},
+        },
+    ),
+    "angle": FaultRig(
+        lambda folder: angle_rig(folder, "wire-relay", _ENDLESS),
+        DRIVING,
+        tuple(in_order(_of_relay())),
+        {"relay": "NI relay"},
+        set_up=_at_start,
+    ),
+    "card": FaultRig(
+        _card_rig, CARD_SHAKING, tuple(in_order(_of_card())), {"card": "register card"}
+    ),
+}  # fmt: skip
+
+
+def every_case() -> list[Case]:
+    """Return the cases of all rigs, in the order in which each rig plays its own."""
+    return [case for rig in RIGS.values() for case in rig.cases]
+
+
+def kind_of(case: Case) -> str:
+    """Return what the table calls the part of ``case``."""
+    return RIGS[case.rig].kinds.get(case.part, case.part)
