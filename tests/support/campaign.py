@@ -37,6 +37,8 @@ SAFE_S = 0.5
 #: as many as before.
 USUAL_SHARE = 0.05
 MARKED = "marked rows"
+#: How often a run is started until it moves.
+STARTS = 4
 
 
 @dataclass(frozen=True)
@@ -139,11 +141,19 @@ class Campaign:
         return any(self._rig.parts()[name]["safe_since_ns"] for name in self._movement.drives)
 
     def _begin(self) -> None:
-        self._place = Path(tempfile.mkdtemp(dir=self._folder))
-        self._state = own_state(self._place)
-        self._shown = []
-        self._set_up(self._rig)
-        self._run = Victim(self._rig, self._place, self._state, self._movement)
+        for left in reversed(range(STARTS)):
+            self._place = Path(tempfile.mkdtemp(dir=self._folder))
+            self._state = own_state(self._place)
+            self._shown = []
+            self._set_up(self._rig)
+            try:
+                self._run = Victim(self._rig, self._place, self._state, self._movement)
+                break
+            except AssertionError:  # the host has stalled as the rig was armed
+                self._clean()
+                if not left:
+                    raise
+        assert self._run is not None
         board = self._run.folder.board()
         self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
 
