@@ -20,7 +20,6 @@ from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import Mount, MountedRig
 from rigd.engine.player import Outcome, Player
-from rigd.engine.stand_in import StandIn
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
@@ -68,13 +67,11 @@ class _Read(NamedTuple):
     driver: Driver
     places: slice
     width: int
-    stand_in: StandIn | None
 
     @classmethod
     def of(cls, mount: Mount) -> _Read:
         places, driver = mount.values, mount.driver
-        stand_in = driver if isinstance(driver, StandIn) else None
-        return cls(mount.name, driver, places, places.stop - places.start, stand_in)
+        return cls(mount.name, driver, places, places.stop - places.start)
 
 
 class Cycle:
@@ -104,6 +101,7 @@ class Cycle:
         self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
+        self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
         self._silent = {mount.name for mount in rig.mounts}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
@@ -236,12 +234,13 @@ class Cycle:
                 link.begin(t_ns)
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{name}: {error.one_line}")
-        values, stamps, silent = self._values, self._stamps, self._silent
-        for index, (name, driver, places, width, stand_in) in enumerate(self._reads):
+        values, stamps, silent, fresh = self._values, self._stamps, self._silent, self._fresh
+        for index, (name, driver, places, width) in enumerate(self._reads):
             try:
                 row = driver.read(t_ns)
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{name}: {error.one_line}")
+            fresh[index] = row is not None
             if row is not None:
                 if len(row) != width:  # it would move the values of all other devices
                     return self._fault(
@@ -250,7 +249,16 @@ class Cycle:
                         "correct its read()",
                     )
                 values[places] = row[:]  # a plain tuple: a list of a Row takes 3 times as long
-                stamps[index] = t_ns if stand_in is None else stand_in.taken_ns
+                taken_ns = driver.taken_ns
+                if taken_ns is None:
+                    stamps[index] = t_ns
+                elif taken_ns <= t_ns:
+                    stamps[index] = taken_ns
+                else:  # it would look fresh for longer than it is
+                    ahead_s = (taken_ns - t_ns) * 1e-9
+                    return self._fault(
+                        t_ns, f"{name} gave a row that is {ahead_s:.6g} s ahead: correct its read()"
+                    )
                 if silent:
                     silent.discard(name)
             elif t_ns - stamps[index] > self._silent_ns[index]:
@@ -368,7 +376,7 @@ class Cycle:
             for index in self._steady:
                 stale += stamps[index] != t_ns
         self.counters.stale += stale
-        self._rows.push(t_ns, slot, self._values, self.limiter.applied, stamps)
+        self._rows.push(t_ns, slot, self._values, self.limiter.applied, stamps, self._fresh)
         spent_ns = clock.now() - began
         own = (slot * clock.period_ns * 1e-9, began * 1e-9, spent_ns * 1e-9, float(stale))
         self._rows.push_own(t_ns, slot, own)

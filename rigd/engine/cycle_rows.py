@@ -87,15 +87,16 @@ class CycleRows:
         values: list[float],
         setpoints: Sequence[float],
         stamps: Sequence[int],
+        fresh: Sequence[bool],
     ) -> None:
         """Push the row of every device that has a row in this cycle.
 
         ``values`` and ``setpoints`` are the tables of the rig; ``stamps`` are the times of the
-        values.
+        values, ``fresh`` is whether this cycle has read them.
         """
         for position, places, commands, has_status, steady, ring, every, window in self._devices:
-            fresh = stamps[position] == t_ns
-            if slot % every or not (fresh or steady):
+            new = fresh[position]
+            if slot % every or not (new or steady):
                 continue
             if window is not None and not window.is_open:
                 continue
@@ -105,10 +106,10 @@ class CycleRows:
                 # NaN: the device has not answered yet; all bits set means "unknown".
                 row += setpoints[commands]
                 word = int(status) if status == status else 0xFFFFFFFF
-                row.append(word if fresh else word | STALE)
+                row.append(word if new else word | STALE)
             else:
                 row += setpoints[commands]
-            ring.push(t_ns, row)
+            ring.push(stamps[position] if new else t_ns, row)
 
     def push_own(self, t_ns: int, slot: int, row: Sequence[float]) -> None:
         """Push the cycle's own counters and times."""

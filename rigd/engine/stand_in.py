@@ -19,7 +19,7 @@ class StandIn(Driver[DriverConfig, None]):
     such devices accept no setpoints.
     """
 
-    taken_ns: int  #: time of the last row that :meth:`read` returned, on the clock of the cycle
+    taken_ns: int
 
     def __init__(self, device: DeviceConfig) -> None:
         super().__init__(device.config, None)

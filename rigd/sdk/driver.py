@@ -108,6 +108,11 @@ class Driver(AnyDriver[ConfigT, LinkT]):
 
     #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
     second_link: ClassVar[bool] = False
+    #: When the last row that :meth:`read` returned was taken, on the clock of its ``t_ns`` and not
+    #: after it; None: in the cycle that read it. For a device with a pace of its own whose rows
+    #: come late: they are recorded at this time, later with each row, and interlocks count their
+    #: age from it.
+    taken_ns: int | None = None
 
     @property
     def watchdog_s(self) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ from rigd.model.errors import DeviceError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import STOPS, Severity
 from rigd.procedure.profiles import Chirp, ConstantProfile, Profile, Ramp, Sine
-from rigd.procedure.program import CycleProgram, Segment
+from rigd.procedure.program import CycleProgram, Recorded, Segment
 
 wild = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5, 5))
 profiles: st.SearchStrategy[Profile] = st.one_of(
@@ -126,6 +127,36 @@ def test_nan_and_stale_readings_trip_in_the_cycle() -> None:
     assert outcome.severity is Severity.ABORT
     assert "stale" in outcome.reason
     assert silent.axis.speed == 0.0
+
+
+def test_row_that_comes_late_has_its_own_time() -> None:
+    alive = Interlock("alive", "axis.load", action=Severity.ABORT, stale_after_s=0.005)
+    bench = Bench(interlocks=(alive,))
+    host, pushed = bench.host(), []
+    late_ns = 3_000_000
+
+    def answer(t_ns: int) -> tuple[float, float]:
+        bench.axis.taken_ns = t_ns - late_ns
+        return (0.0, 1.0)
+
+    bench.axis.answer = answer
+    host.settle(2)
+
+    class Ring:
+        def push(self, t_ns: int, row: Sequence[float]) -> None:
+            pushed.append(t_ns)
+
+    host.cycle.connect({"axis": Ring()}, {"axis": Recorded(1)}, lambda *_: None)
+    host.cycle.step()
+    assert pushed == [host.cycle.t_ns - 3_000_000]
+    late_ns = 6_000_000
+    outcome = host.play(move("go", 1.0))
+    assert outcome.severity is Severity.ABORT
+    assert "6 ms old" in outcome.reason
+    late_ns = -1_000_000
+    outcome = host.play(move("go", 1.0))
+    assert outcome.severity is Severity.FAULT
+    assert "axis gave a row that is 0.001 s ahead" in outcome.reason
 
 
 def test_device_that_falls_silent_is_fault_even_unwatched() -> None:
