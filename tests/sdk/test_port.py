@@ -16,7 +16,7 @@ import pytest
 from pydantic import ValidationError
 
 from rigd.sdk import DeviceError, LinkError
-from rigd.sdk.port import BytePort, Heard, LineBuffer, LinePort, PortConfig, Questions
+from rigd.sdk.port import BytePort, DatagramPort, Heard, LineBuffer, LinePort, PortConfig, Questions
 
 
 class Far:
@@ -270,3 +270,47 @@ def test_unplugging_ends_the_wait_for_a_line(far: Far) -> None:
                 port.send(b"?")
 
     asyncio.run(main())
+
+
+@pytest.fixture
+def senders() -> Iterator[tuple[socket.socket, socket.socket]]:
+    """Two hosts that send datagrams: addresses of this machine."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        ours.bind(("127.0.0.1", 0))
+        other.bind(("127.0.0.2", 0))
+        yield ours, other
+
+
+def test_datagrams_of_one_host_alone_are_taken(
+    senders: tuple[socket.socket, socket.socket],
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        number = free.getsockname()[1]
+    port = DatagramPort("127.0.0.1", number, "localhost", longest=4)
+    port.open()
+    with pytest.raises(LinkError, match="is open already"):
+        port.open()
+    with pytest.raises(LinkError, match="cannot be opened"):
+        DatagramPort("127.0.0.1", number).open()
+    assert not port.wait(0.0)
+    for sender, data in ((0, b"1234"), (1, b"2"), (0, b"12345"), (0, b"3")):
+        senders[sender].sendto(data, ("127.0.0.1", number))
+    assert port.wait(1.0)
+    assert [item.data for item in port.receive(2)] == [b"1234"]
+    assert port.crowded
+    assert [item.data for item in port.receive(9)] == [b"3"]
+    assert not port.crowded
+    assert (port.foreign, port.stranger, port.overlong) == (1, "127.0.0.2", 1)
+    port.close()
+    port.close()
+    with pytest.raises(LinkError, match="is not open"):
+        port.receive(1)
+
+
+def test_sender_of_unknown_name_is_refused() -> None:
+    with pytest.raises(LinkError, match=r"the sender '\.\.' .* is not known"):
+        DatagramPort("127.0.0.1", 1024, "..").open()
