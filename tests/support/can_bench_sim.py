@@ -35,16 +35,19 @@ class CountingDrive(Cia402Drive):
     """A drive whose observer counts how often it lost its connection."""
 
     trips = 0
+    is_belt = True
 
     def connection_lost(self, t_ns: int, error: int) -> None:
         self.trips += bool(error)
         super().connection_lost(t_ns, error)
 
     def observed(self) -> Observed:
-        """Return what the motor gets: A; or m/s at 100 mm per turn, and the engaged clutch."""
+        """Return what the motor gets: A; rad/s; or m/s at 100 mm per turn, and the clutch."""
         state = self.state()
         driven: tuple[float, ...] = (float(state["current"]),) if "current" in state else ()
-        if not driven:
+        if not driven and not self.is_belt:
+            driven = (float(state["speed"]),)
+        elif not driven:
             engaged = not state["released"]
             driven = (float(state["speed"]) * TRAVEL / (2 * math.pi), float(engaged))
         watched_ms = self.dictionary.find(0x1016, 1).value & 0xFFFF
@@ -60,12 +63,16 @@ def _node(kind: str, hub: CanHub) -> Cia402Drive | Cia406Encoder:
         return CountingDrive("wheel", hub, 1, motor, Ratings(Mode.CST, 1.5, 2.0, 0.0295, 4096))
     if kind == "speed":
         return CountingDrive("belt", hub, 2, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
+    if kind == "rotary":
+        drive = CountingDrive("motor", hub, 3, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
+        drive.is_belt = False
+        return drive
     return Cia406Encoder("encoder", hub, 11, lambda t_ns: 0.0, Scale(4096, 4096))
 
 
 @contextmanager
 def can_peer(kind: str) -> Iterator[Peer]:
-    """A node that runs: `current`, `speed` or `encoder`."""
+    """A node that runs: `current`, `speed`, `rotary` or `encoder`."""
     path = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp")) / "bus"
     hub = CanHub("bus", path)
     node = _node(kind, hub)

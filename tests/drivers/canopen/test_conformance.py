@@ -10,6 +10,7 @@ from support.can_bench_sim import can_peer
 
 from rigd.sdk.check import check_driver
 from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.cia402_servo.rotary import RotaryServo
 from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_drivers.cia406_encoder import Cia406Encoder
 
@@ -36,6 +37,16 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
                 "speed_range": "2 m/s",
                 "travel": "100 mm/rev",
                 "clutch": True,
+            },
+        ),
+        (
+            RotaryServo,
+            "rotary",
+            {
+                "node": 3,
+                "counts_per_revolution": "4096 count/rev",
+                "speed_range": "100 rad/s",
+                "rated_torque": "1 N m",
             },
         ),
         (Cia406Encoder, "encoder", {"node": 11, "kind": "rotary"}),

@@ -22,7 +22,9 @@ from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, ProtocolError
 from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.speed import CLUTCH_ENGAGED, velocity_unit
+from rigd_drivers.cia402_servo.rotary import RotaryServo, RotaryServoConfig
+from rigd_drivers.cia402_servo.speed import CLUTCH_ENGAGED
+from rigd_drivers.cia402_servo.velocity import velocity_unit
 
 
 def test_enabling_sends_one_controlword_per_cycle_without_torque(connect: Connect) -> None:
@@ -331,6 +333,36 @@ def test_belt_moves_holds_and_releases(connect: Connect) -> None:
     driver.make_safe()
     sent = [(to, data.hex(" ")) for to, data in port.sent[first:]]
     assert sent == [(0x202, "00 00 00 00 00 00"), (0x302, "00 00 00 00"), (0x080, "")] * 2
+
+
+def test_shaft_behind_inverted_gear_has_its_own_scale(connect: Connect) -> None:
+    bus, port = connect(servo(2, mode=9))
+    options = {
+        "node": 2, "counts_per_revolution": "4096 count/rev", "speed_range": "20 rad/s",
+        "gear_ratio": 25, "inverted": True,
+    }  # fmt: skip
+    driver = RotaryServo(RotaryServoConfig.model_validate(options), bus)
+    driver.open()
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, ENABLED):
+        port.say(0x182, number(status, 2) + bytes(6))
+        port.say(0x282, bytes(4))
+        bus.begin(0)
+        driver.read(0)
+        driver.write([2 * math.pi])
+        bus.end(0)
+    # 1 rev/s of the shaft is 25 rev/s of the motor: 1 500 000 thousandths of a rev/min.
+    assert (0x202, number(0x0F, 2) + number(-1_500_000, 4)) in port.sent[-3:]
+    # 1000 per mille of 44.25 mN m, times 25.
+    port.say(0x182, number(ENABLED, 2) + number(1000, 2) + number(-25 * 4096, 4))
+    port.say(0x282, number(-1_500_000, 4))
+    bus.begin(0)
+    row = driver.read(0)
+    assert row == pytest.approx((2 * math.pi, 2 * math.pi, -1.10625, ENABLED))
+    driver.make_safe()
+    assert (0x202, bytes(6)) in port.sent[-2:]
+    plain = RotaryServo.declare(RotaryServoConfig.model_validate({**options, "torque": False}))
+    assert [channel.name for channel in plain.channels] == ["angle", "speed"]
 
 
 def test_clutch_state_is_in_the_status(connect: Connect) -> None:
