@@ -21,6 +21,7 @@ from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.supply import SimSupply
+from rigd_sim.wire.tracker import SimTracker
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 
@@ -39,6 +40,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "Scale": SimScale.faults,
     "Device that sends lines": SimLines.faults,
     "Supply": SimSupply.faults,
+    "Camera tracker": SimTracker.faults,
     "Modbus line": LINE_FAULTS,
     "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),
     "Modbus servo": beyond(SimModbusServo.faults, LINE_FAULTS),

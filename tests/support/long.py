@@ -339,6 +339,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_killed_with_the_relay_closed_it_opens[daemon-SIGKILL]",
             "test_watchdog_that_stays_up_prevents_arming",
         ),
+        "system/test_articulated_wire.py": ("test_fault_ends_the_run_named_and_safe",),
         "system/test_daemon.py": (
             "test_a_signal_ends_the_run_then_the_daemon[2-aborted]",
             "test_all_processes_killed_at_once_lose_no_sample",

@@ -105,6 +105,10 @@ ANGLE = Shipped(
     ("127.0.0.1:31764",),
 )  # fmt: skip
 LINES = Shipped("wire_lines.yaml", "lines-1", "/tmp/rigd-wire-lines", "", ())
+ROBOT = Shipped(
+    "wire_articulated.yaml", "articulated-wire-1", "/tmp/rigd-wire-robot", "articulated.yaml",
+    ("port: 31770",),
+)  # fmt: skip
 
 
 def free_ports(count: int) -> list[int]:

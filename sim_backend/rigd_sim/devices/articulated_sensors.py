@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Final, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 from annotated_types import Ge, Le
 
 from rigd.sdk import Channel, Declaration, DriverConfig, In, PlantSensor, ProtocolError, Row
 from rigd_sim.plants.articulated import layout
+from rigd_sim.plants.articulated.camera import Camera
 from rigd_sim.plants.articulated.plant import ArticulatedPlant
-
-#: Added to the seed of a plant: the draws of the frames, and of each marker in them.
-FRAME_SEED: Final = 1 << 42
-MARKER_SEED: Final = 1 << 43
 
 
 class ModuleConfig(DriverConfig):
@@ -70,6 +67,7 @@ class ArticulatedTracker(OfModule[ModuleConfig]):
 
     def __init__(self, config: ModuleConfig, link: ArticulatedPlant) -> None:
         super().__init__(config, link)
+        self._camera = Camera(link)
         self._seen = -1
 
     @classmethod
@@ -96,44 +94,15 @@ class ArticulatedTracker(OfModule[ModuleConfig]):
         frame = math.floor(since_s * camera.rate + 1e-6)
         if frame <= self._seen:
             return None
-        pose = plant.pose(self._shown(frame), frame / camera.rate)
+        pose = self._camera.true_pose(self._module, frame, frame / camera.rate)
         if pose is None:
             return None
         self._seen = frame
-        return self._measured(frame, *pose)
-
-    def _shown(self, frame: int) -> int:
-        """Return the module whose marker is taken for that of this one."""
-        plant = self.link
-        exchanged = plant.parameters.camera.exchanged * plant.config.noise
-        if _uniform(_draws(plant.seed + FRAME_SEED, frame)[0]) >= exchanged:
-            return self._module
-        return (self._module + 1) % len(plant.modules)
-
-    def _measured(self, frame: int, x: float, y: float, heading: float) -> PoseRow | None:
-        camera = self.link.parameters.camera
-        if self.link.config.noise:
-            seed = self.link.seed + MARKER_SEED * (1 + self._module)
-            draws = (*_draws(seed, 2 * frame), *_draws(seed, 2 * frame + 1))
-            if _uniform(draws[3]) < camera.lost:
-                return None
-            x = (1.0 + camera.scale_x) * x + camera.position_noise * draws[0]
-            y = (1.0 + camera.scale_y) * y + camera.position_noise * draws[1]
-            heading += camera.heading_noise * draws[2]
-        wrapped = math.remainder(heading, 2 * math.pi)
-        return PoseRow.of(x=x, y=y, heading=wrapped, frame=float(frame))
-
-
-def _draws(seed: int, index: int) -> tuple[float, float]:
-    """Return two standard normal numbers; compiled code is imported when a rig plays."""
-    from rigd.sdk.noise import normal_pair
-
-    return normal_pair(seed, index)
-
-
-def _uniform(normal: float) -> float:
-    """Return the number in (0, 1) that a standard normal number stands for."""
-    return 0.5 * (1.0 + math.erf(normal / math.sqrt(2.0)))
+        found = self._camera.measured(self._module, frame, pose)
+        if found is None:
+            return None
+        x, y, heading = found
+        return PoseRow.of(x=x, y=y, heading=heading, frame=float(frame))
 
 
 class TruthConfig(ModuleConfig):

@@ -103,7 +103,7 @@ def test_camera_errs_as_its_parameters_state() -> None:
 
 def test_camera_scale_stretches_its_axis() -> None:
     tracker = marker(made())
-    rows = [tracker._measured(frame, 0.3, 2.0, 0.1) for frame in range(2000)]
+    rows = [tracker._camera.measured(0, frame, (0.3, 2.0, 0.1)) for frame in range(2000)]
     found = np.array([row for row in rows if row is not None])
     assert found[:, 0].mean() == pytest.approx(0.3, abs=2e-4)
     assert found[:, 1].mean() == pytest.approx(2.02, abs=2e-4)

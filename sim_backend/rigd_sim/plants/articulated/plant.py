@@ -150,6 +150,11 @@ class ArticulatedPlant(Plant):
         self.advance(t_ns)
         return self._motors
 
+    def angle_of(self, spin: int) -> float:
+        """Return the angle in rad by which the motor of a spin has turned since the origin."""
+        place = self._robot.first_spin + 2 * len(self.commands) + spin
+        return float(self._state[place] * self._robot.spins["ratio"][spin])
+
     def truth(self, module: int) -> list[float]:
         """Return the hidden state of a module, in the order of ``layout.TRUTH``."""
         self._show(
@@ -202,7 +207,8 @@ class ArticulatedPlant(Plant):
         self.placed += 1
         x, y = (placing.position * scatter[:2]).tolist()
         state = self._robot.placed(x, y, placing.heading * scatter[2:])
-        counted = slice(self._energies, self._energies + 2)
+        # The motors have turned as far as before, and their energies are spent.
+        counted = slice(self._energies - len(self.commands), self._energies + 2)
         state[counted] = self._state[counted]
         self._state = state
         centres = self._robot.centres(state)
