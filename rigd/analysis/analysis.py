@@ -30,6 +30,8 @@ class Options:
     that the analysis has, ``law`` a friction law that is installed; empty: its own choice.
     ``compare`` asks which of the installed laws the data support. ``joint`` fits the groups with
     the constants of the rig in common. ``posterior`` asks for credible intervals besides.
+    ``processes`` is how many may compute side by side (:mod:`rigd.analysis.side_by_side`); it
+    changes no result.
     """
 
     starts: int = 8
@@ -42,6 +44,7 @@ class Options:
     compare: bool = False
     joint: bool = False
     posterior: bool = False
+    processes: int = 1
 
 
 class Evaluation(ABC):

@@ -100,6 +100,7 @@ def execute(args: argparse.Namespace) -> int:
 
     from rigd.analysis.analysis import Options
     from rigd.analysis.evaluation import evaluate
+    from rigd.analysis.side_by_side import cores
     from rigd.model.errors import ConfigError, Exit
 
     if not 1 <= args.starts <= 1000:
@@ -108,7 +109,7 @@ def execute(args: argparse.Namespace) -> int:
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
-        args.law, args.compare, args.joint, args.posterior,
+        args.law, args.compare, args.joint, args.posterior, cores(),
     )  # fmt: skip
     remarks = Remarks()
     evaluation = evaluate(

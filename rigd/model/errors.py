@@ -62,10 +62,22 @@ class RigdError(Exception):
     def __str__(self) -> str:
         return self.message if self.hint is None else f"{self.message}\n  {self.hint}"
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return how another process makes it, whatever the arguments of its class are."""
+        return _made_again, (type(self), self.args, self.__dict__)
+
     @property
     def one_line(self) -> str:
         """The same in one line, as the reason for the end of a run."""
         return self.message if self.hint is None else f"{self.message} ({self.hint})"
+
+
+def _made_again(
+    kind: type[RigdError], args: tuple[object, ...], state: dict[str, object]
+) -> RigdError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class ConfigError(RigdError):

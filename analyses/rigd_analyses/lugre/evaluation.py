@@ -32,7 +32,9 @@ def evaluate(
     if options.joint:
         return _evaluate_together(sweeps, options, notify)
     found, refused = each_group(
-        complete_groups(sweeps, options, notify), lambda group: identify(group.trials, options)
+        complete_groups(sweeps, options, notify),
+        lambda group: identify(group.trials, options),
+        options.processes,
     )
     fitted = [_fitted(group, result) for group, result in found]
     return ParameterEvaluation.of(sweeps, fitted, options, refused=refused)
@@ -44,7 +46,9 @@ def _evaluate_together(
     """Return the parameters of all groups in one fit; those of several masses are one group."""
     check_joint(sweeps, options)
     groups = complete_groups(sweeps, options, notify, masses(sweeps))
-    begun, refused = each_group(groups, lambda group: first_fit(group.trials, options))
+    begun, refused = each_group(
+        groups, lambda group: first_fit(group.trials, options), options.processes
+    )
     found = [group for group, _ in begun]
     results, account = identify_together(found, [first for _, first in begun], options)
     fitted = [_fitted(group, result) for group, result in zip(found, results, strict=True)]

@@ -75,6 +75,11 @@ def saving_figures(folder: Path) -> Iterator[FigureFiles]:
         _FILES.reset(token)
 
 
+def saving() -> bool:
+    """Whether figures are being saved: they are then drawn one after the other."""
+    return _FILES.get() is not None
+
+
 def save(figure: Figure, name: str, alt: str) -> None:
     """Write ``figure`` if figures are being saved."""
     files = _FILES.get()

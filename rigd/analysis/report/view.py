@@ -6,10 +6,15 @@ only when a report is requested.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from matplotlib.figure import Figure
 
 from rigd.analysis.report.comparison import GroupComparison, comparison
+from rigd.analysis.report.files import saving
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
 from rigd.analysis.report.models import HEADS, ModelRow, model_rows
 from rigd.analysis.report.plots import correlation, models, posterior, profile, residual, trial
@@ -22,6 +27,7 @@ from rigd.analysis.report.starts import StartTable, start_table
 from rigd.analysis.report.summary import SummaryRow, summary_rows
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.result import IdentificationResult, Profile, TrialFit
+from rigd.analysis.side_by_side import side_by_side
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,12 @@ class TrialView:
     label: str
     quality: str
     drawing: Drawing
+
+
+#: Names of trials with what is drawn of each.
+Views = dict[str, TrialView]
+#: Trials that are drawn one after the other, with their names and the signals of each axis.
+Part = list[tuple[str, TrialFit, Sequence[Panel]]]
 
 
 @dataclass(frozen=True)
@@ -84,8 +96,10 @@ class ReportView:
     chapters: tuple[Chapter, ...]
 
 
-def build_view(sections: Sequence[ReportSection]) -> ReportView:
+def build_view(sections: Sequence[ReportSection], processes: int = 1) -> ReportView:
     """Return the view of ``sections``, one per group; for :func:`..page.render`.
+
+    At most ``processes`` draw at once; one, if the figures are saved.
 
     Raises:
         ValueError: no sections, or two with the same label.
@@ -96,18 +110,53 @@ def build_view(sections: Sequence[ReportSection]) -> ReportView:
     double = sorted({label for label in labels if labels.count(label) > 1})
     if double:
         raise ValueError(f"sections of a report need labels of their own; twice: {double}")
-    chapters = tuple(_chapter(f"s{i}", section) for i, section in enumerate(sections, start=1))
-    return ReportView(comparison(sections), chapters)
+    processes = 1 if saving() else processes
+    anchors = [f"s{i}" for i in range(1, len(sections) + 1)]
+    named = list(zip(anchors, sections, strict=True))
+    parts = [part for anchor, section in named for part in _parts(anchor, section, processes)]
+    work: list[Callable[[], Chapter | GroupComparison | Views]] = [
+        *(partial(_chapter, *item) for item in named),
+        partial(comparison, sections),
+        *(partial(_trial_views, part) for part in parts),
+    ]
+    drawn = side_by_side(work, processes)
+    views = {name: view for item in drawn if isinstance(item, dict) for name, view in item.items()}
+    chapters = [item for item in drawn if isinstance(item, Chapter)]
+    whole = [_with_trials(*item, views) for item in zip(chapters, sections, strict=True)]
+    (compared,) = (item for item in drawn if isinstance(item, GroupComparison))
+    return ReportView(compared, tuple(whole))
+
+
+def _parts(anchor: str, section: ReportSection, count: int) -> list[Part]:
+    """Return the trials of ``section`` in up to ``count`` parts, each to be drawn by itself."""
+    trials = section.result.trials
+    shared = panels(trials)
+    length = max(1, math.ceil(len(trials) / count))
+    return [
+        [
+            (_trial_name(anchor, i), trials[i], shared)
+            for i in range(k, min(k + length, len(trials)))
+        ]
+        for k in range(0, len(trials), length)
+    ]
+
+
+def _trial_name(anchor: str, index: int) -> str:
+    return f"{anchor}-t{index + 1}"
+
+
+def _trial_views(part: Part) -> Views:
+    views: Views = {}
+    figure: Figure | None = None
+    for name, item, shared in part:
+        figure = trial.one_trial(item, shared, figure)
+        views[name] = _trial_view(name, item, shared, figure)
+    return views
 
 
 def _chapter(anchor: str, section: ReportSection) -> Chapter:
+    """Return the chapter of ``section`` without its trials."""
     result = section.result
-    shared = panels(result.trials)
-    views = tuple(
-        _trial_view(f"{anchor}-t{i}", item, shared) for i, item in enumerate(result.trials, start=1)
-    )
-    large = featured(result.trials) if result.trials else None
-    chosen = next((i for i, item in enumerate(result.trials) if item is large), None)
     return Chapter(
         anchor=anchor,
         label=section.label,
@@ -116,8 +165,8 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         rows=summary_rows([section]),
         facts=_facts(result),
         small_multiples=_small_multiples(anchor, result),
-        featured=None if chosen is None else views[chosen],
-        trials=tuple(view for i, view in enumerate(views) if i != chosen),
+        featured=None,
+        trials=(),
         residuals=_residuals(anchor, result),
         profiles=_profiles(anchor, result.profiles, _symbols(result)),
         models=_models(anchor, result),
@@ -125,6 +174,16 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         correlation=_correlation(anchor, result),
         starts=start_table(result),
     )
+
+
+def _with_trials(chapter: Chapter, section: ReportSection, views: Views) -> Chapter:
+    """Return ``chapter`` with those of ``views`` that are of its trials, one of them large."""
+    trials = section.result.trials
+    large = featured(trials) if trials else None
+    own = [views[_trial_name(chapter.anchor, i)] for i in range(len(trials))]
+    shown = next((view for view, trial in zip(own, trials, strict=True) if trial is large), None)
+    others = tuple(view for view in own if view is not shown)
+    return replace(chapter, result=section.result, featured=shown, trials=others)
 
 
 def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
@@ -140,7 +199,7 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _trial_view(name: str, fit: TrialFit, shared: Sequence[Panel]) -> TrialView:
+def _trial_view(name: str, fit: TrialFit, shared: Sequence[Panel], figure: Figure) -> TrialView:
     used = int(fit.used.sum())
     condition = "" if names_condition(fit) else f"{fit.condition}: "
     quality = (
@@ -152,8 +211,7 @@ def _trial_view(name: str, fit: TrialFit, shared: Sequence[Panel]) -> TrialView:
         f"Trial {fit.label}: {signals or 'no signals'}; measured and fitted {words(fit.output)} "
         f"and their difference over time; {quality}."
     )
-    drawing = draw(trial.one_trial(fit, shared), name, alt)
-    return TrialView(fit.label, quality, drawing)
+    return TrialView(fit.label, quality, draw(figure, name, alt))
 
 
 def _symbols(result: IdentificationResult) -> dict[str, str]:

@@ -75,6 +75,14 @@ def grid(
     return figure, found
 
 
+def wipe(ax: Axes) -> None:
+    """Remove what is drawn on linear axes; ticks are found again for what is drawn next."""
+    legend = ax.get_legend()
+    for artist in [*ax.lines, *ax.collections, *([legend] if legend is not None else [])]:
+        artist.remove()
+    ax.relim()
+
+
 def label(ax: Axes, x: str, x_unit: str, y: str, y_unit: str) -> None:
     """Name both axes with their units."""
     ax.set_xlabel(with_unit(x, x_unit))

@@ -1,0 +1,43 @@
+"""Functions that are called side by side, in processes that are copies of this one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+
+from rigd.analysis.side_by_side import side_by_side
+from rigd.analysis.system import Diverged
+
+
+def _fail(trial: int) -> int:
+    raise Diverged(trial, f"trial {trial}")
+
+
+def _end() -> int:
+    os._exit(3)
+
+
+def test_results_keep_order_of_functions() -> None:
+    squares = side_by_side([partial(pow, k, 2) for k in range(5)], processes=2)
+    assert squares == [0, 1, 4, 9, 16]
+
+
+def test_functions_run_in_processes_of_their_own() -> None:
+    assert os.getpid() not in side_by_side([os.getpid, os.getpid], processes=2)
+    assert side_by_side([os.getpid, os.getpid], processes=1) == [os.getpid()] * 2
+
+
+def test_error_of_a_copy_is_raised_whole() -> None:
+    work: list[Callable[[], int]] = [os.getpid, partial(_fail, 4)]
+    with pytest.raises(Diverged, match="trial 4") as found:
+        side_by_side(work, processes=2)
+    assert found.value.trial == 4
+    assert found.value.hint
+
+
+def test_process_that_ends_early_is_reported() -> None:
+    with pytest.raises(RuntimeError, match="exit code 3"):
+        side_by_side([os.getpid, _end], processes=2)
