@@ -62,10 +62,10 @@ def transitions(
     forward, driven, felt = np.zeros((count, 5, 5)), np.zeros((count, 5)), np.zeros((count, 3))
     static, late = q[1] * math.exp(q[2]), q[18]
     rate, by_state = np.zeros((4, 3)), np.zeros((4, 3, 3))
-    by_q, by_input = np.zeros((4, 3, rig.COUNT)), np.zeros((4, 3, 6))
+    by_q, by_input = np.zeros((4, 3, rig.COUNT)), np.zeros((4, 3, rig.COUNT))
     for stage in range(4):
         by_input[stage, 1, 5] = q[6] / q[9]
-    s = np.zeros((5, 6))
+    s = np.zeros((5, rig.COUNT))  # to the state before the step, and to the current; 0 beyond
     for k in range(count):
         v, w, z = states[k, 3], states[k, 4], states[k, 5]
         after = min(k + 1, count - 1)

@@ -145,32 +145,48 @@ def rates(
 
 @kernel
 def advance_derivatives(s: FloatArray, h: float, by_state: FloatArray, by_q: FloatArray) -> None:
-    """Advance the derivatives ``s`` (5, q) of position, angle, v, w, z by one step of ``h`` s."""
-    a, b, c, d = by_state[0], by_state[1], by_state[2], by_state[3]
-    a_q, b_q, c_q, d_q = by_q[0], by_q[1], by_q[2], by_q[3]
+    """Advance the derivatives ``s`` (5, 20) of position, angle, v, w, z by one step of ``h`` s.
+
+    ``by_state`` and ``by_q`` are those of :func:`rates`. Columns stand at distances that the
+    compiler knows, and what they share in names: only then it computes several columns at once,
+    in half the time.
+    """
+    t, q = s.ravel(), by_q.ravel()
     half, sixth = 0.5 * h, h / 6.0
-    for j in range(s.shape[1]):
-        v, w, z = s[2, j], s[3, j], s[4, j]
-        a_v = a_q[0, j] + a[0, 0] * v + a[0, 1] * w + a[0, 2] * z
-        a_w = a_q[1, j] + a[1, 0] * v + a[1, 1] * w + a[1, 2] * z
-        a_z = a_q[2, j] + a[2, 0] * v + a[2, 1] * w + a[2, 2] * z
+    a00, a01, a02 = by_state[0, 0, 0], by_state[0, 0, 1], by_state[0, 0, 2]
+    a10, a11, a12 = by_state[0, 1, 0], by_state[0, 1, 1], by_state[0, 1, 2]
+    a20, a21, a22 = by_state[0, 2, 0], by_state[0, 2, 1], by_state[0, 2, 2]
+    b00, b01, b02 = by_state[1, 0, 0], by_state[1, 0, 1], by_state[1, 0, 2]
+    b10, b11, b12 = by_state[1, 1, 0], by_state[1, 1, 1], by_state[1, 1, 2]
+    b20, b21, b22 = by_state[1, 2, 0], by_state[1, 2, 1], by_state[1, 2, 2]
+    c00, c01, c02 = by_state[2, 0, 0], by_state[2, 0, 1], by_state[2, 0, 2]
+    c10, c11, c12 = by_state[2, 1, 0], by_state[2, 1, 1], by_state[2, 1, 2]
+    c20, c21, c22 = by_state[2, 2, 0], by_state[2, 2, 1], by_state[2, 2, 2]
+    d00, d01, d02 = by_state[3, 0, 0], by_state[3, 0, 1], by_state[3, 0, 2]
+    d10, d11, d12 = by_state[3, 1, 0], by_state[3, 1, 1], by_state[3, 1, 2]
+    d20, d21, d22 = by_state[3, 2, 0], by_state[3, 2, 1], by_state[3, 2, 2]
+    for j in range(COUNT):
+        v, w, z = t[2 * COUNT + j], t[3 * COUNT + j], t[4 * COUNT + j]
+        a_v = q[j] + a00 * v + a01 * w + a02 * z
+        a_w = q[COUNT + j] + a10 * v + a11 * w + a12 * z
+        a_z = q[2 * COUNT + j] + a20 * v + a21 * w + a22 * z
         v_, w_, z_ = v + half * a_v, w + half * a_w, z + half * a_z
-        b_v = b_q[0, j] + b[0, 0] * v_ + b[0, 1] * w_ + b[0, 2] * z_
-        b_w = b_q[1, j] + b[1, 0] * v_ + b[1, 1] * w_ + b[1, 2] * z_
-        b_z = b_q[2, j] + b[2, 0] * v_ + b[2, 1] * w_ + b[2, 2] * z_
+        b_v = q[3 * COUNT + j] + b00 * v_ + b01 * w_ + b02 * z_
+        b_w = q[4 * COUNT + j] + b10 * v_ + b11 * w_ + b12 * z_
+        b_z = q[5 * COUNT + j] + b20 * v_ + b21 * w_ + b22 * z_
         v_, w_, z_ = v + half * b_v, w + half * b_w, z + half * b_z
-        c_v = c_q[0, j] + c[0, 0] * v_ + c[0, 1] * w_ + c[0, 2] * z_
-        c_w = c_q[1, j] + c[1, 0] * v_ + c[1, 1] * w_ + c[1, 2] * z_
-        c_z = c_q[2, j] + c[2, 0] * v_ + c[2, 1] * w_ + c[2, 2] * z_
+        c_v = q[6 * COUNT + j] + c00 * v_ + c01 * w_ + c02 * z_
+        c_w = q[7 * COUNT + j] + c10 * v_ + c11 * w_ + c12 * z_
+        c_z = q[8 * COUNT + j] + c20 * v_ + c21 * w_ + c22 * z_
         v_, w_, z_ = v + h * c_v, w + h * c_w, z + h * c_z
-        d_v = d_q[0, j] + d[0, 0] * v_ + d[0, 1] * w_ + d[0, 2] * z_
-        d_w = d_q[1, j] + d[1, 0] * v_ + d[1, 1] * w_ + d[1, 2] * z_
-        d_z = d_q[2, j] + d[2, 0] * v_ + d[2, 1] * w_ + d[2, 2] * z_
-        s[0, j] += h * v + h * sixth * (a_v + b_v + c_v)
-        s[1, j] += h * w + h * sixth * (a_w + b_w + c_w)
-        s[2, j] = v + sixth * (a_v + 2.0 * b_v + 2.0 * c_v + d_v)
-        s[3, j] = w + sixth * (a_w + 2.0 * b_w + 2.0 * c_w + d_w)
-        s[4, j] = z + sixth * (a_z + 2.0 * b_z + 2.0 * c_z + d_z)
+        d_v = q[9 * COUNT + j] + d00 * v_ + d01 * w_ + d02 * z_
+        d_w = q[10 * COUNT + j] + d10 * v_ + d11 * w_ + d12 * z_
+        d_z = q[11 * COUNT + j] + d20 * v_ + d21 * w_ + d22 * z_
+        t[j] += h * v + h * sixth * (a_v + b_v + c_v)
+        t[COUNT + j] += h * w + h * sixth * (a_w + b_w + c_w)
+        t[2 * COUNT + j] = v + sixth * (a_v + 2.0 * b_v + 2.0 * c_v + d_v)
+        t[3 * COUNT + j] = w + sixth * (a_w + 2.0 * b_w + 2.0 * c_w + d_w)
+        t[4 * COUNT + j] = z + sixth * (a_z + 2.0 * b_z + 2.0 * c_z + d_z)
 
 
 @kernel
