@@ -12,8 +12,11 @@ the truth with its stated uncertainty; slip-force takes the constants as exact, 
 if the intervals are right. Far below it they are too wide, or nothing varied: coverage then
 has no meaning.
 
-No peer is compared. mujoco.sysid installs (``pip install 'mujoco[sysid]'``, seen: 4.0.0) and has
-least squares with intervals for models of MuJoCo; LuGre friction would need a rollout of one's own.
+``--peers`` evaluates the same recordings, also those of rigs that the file has, by method A without
+the gate of output error and by plain least squares with s^2 (J'J)^-1 (:mod:`identify_plain`).
+mujoco.sysid is not compared. It installs (``pip install 'mujoco[sysid]'``, seen: 4.0.0) and has
+least squares with such intervals for models of MuJoCo; LuGre friction would need a rollout of one's
+own, and nothing of MuJoCo would be left but what plain least squares does.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +34,7 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from identify_plain import plain_least_squares
 from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
 from support.random_rigs import FLOORS, RandomRig, measured, random_rig
 
@@ -37,32 +42,82 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.result import IdentificationResult
+from rigd.analysis.source import open_sweep
 from rigd.model.errors import RigdError
-from rigd_analyses.lugre.reading import OUTPUT_ERROR
+from rigd_analyses.lugre.identify import identify_lugre
+from rigd_analyses.lugre.reading import OUTPUT_ERROR, arrays, rig_constants
 
 TARGET = 88.0  #: %, of the nominal 95
 SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
 PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
 #: What the paper's tests leave open on these floors; if it is quoted it must be right.
 OFTEN_OPEN: Final = ("V_s", "mu_c", "mu_s")
+METHOD_A, PLAIN = PEERS = ("method A without a gate", "plain least squares")
 Row = dict[str, Any]
 
 
-def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method: str = "") -> None:
+def study(
+    rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method: str = "",
+    peers: bool = False,
+) -> None:  # fmt: skip
     """Print the coverage of every interval over ``rigs`` experiments per floor."""
-    known = keep.read_text().splitlines() if keep is not None and keep.exists() else []
-    rows: list[Row] = [json.loads(line) for line in known]
-    done = {(row["floor"], row["number"]) for row in rows}
+    rows: dict[tuple[str, int], Row] = {}
+
+    def add(row: Row) -> None:
+        rows.setdefault((row["floor"], row["number"]), {}).update(row)
+
+    for line in keep.read_text().splitlines() if keep is not None and keep.exists() else []:
+        add(json.loads(line))
     for number in range(1, rigs + 1):
         for floor in floors:
-            if (floor, number) in done:
-                continue
-            rows.append(_experiment(floor, number, method))
-            if keep is not None:
-                with keep.open("a") as stream:
-                    stream.write(json.dumps(rows[-1]) + "\n")
+            new = []
+            if "found" not in rows.get((floor, number), {}):
+                new.append(_experiment(floor, number, method))
+            if peers and "peers" not in rows.get((floor, number), {}):
+                new.append(_peers(floor, number, method))
+            for row in new:
+                add(row)
+                if keep is not None:
+                    with keep.open("a") as stream:
+                        stream.write(json.dumps(row) + "\n")
     for floor in floors:
-        _report(floor, [row for row in rows if row["floor"] == floor and row["number"] <= rigs])
+        done = [row for (of, number), row in rows.items() if of == floor and number <= rigs]
+        _report(floor, [row for row in done if "found" in row])
+        for peer in PEERS:
+            _report_peer(floor, peer, [row["peers"][peer] for row in done if "peers" in row])
+
+
+def _peers(floor: str, number: int, method: str) -> Row:
+    """Return what the peers make of the same recording; a text, if one of them refuses it."""
+    with tempfile.TemporaryDirectory() as folder:
+        rig = random_rig(number, floor, Path(folder))
+        path = Path(folder) / "run.mcap"
+        ended = rig.record(path, seed=number)
+        if ended.exit_code:
+            found = dict.fromkeys(PEERS, f"the run was {ended.ending}: {ended.reason}")
+            return {"floor": floor, "number": number, "peers": found}
+        if method == OUTPUT_ERROR:
+            path = measured(path, number, floor)
+        sweep = open_sweep(path)
+        used = [(sweep, trial) for trial in sweep.trials]
+        trials, constants = arrays(used)
+        known = rig_constants(used, constants)
+        ways: dict[str, Callable[[], dict[str, Found]]] = {
+            METHOD_A: lambda: _outcome(rig, identify_lugre(trials, constants)),
+            PLAIN: lambda: plain_least_squares(trials, known, rig.truth, SLIP_M_S),
+        }
+        return {
+            "floor": floor,
+            "number": number,
+            "peers": {peer: _or_refused(way) for peer, way in ways.items()},
+        }
+
+
+def _or_refused(way: Callable[[], dict[str, Found]]) -> dict[str, Found] | str:
+    try:
+        return way()
+    except RigdError as error:
+        return str(error)
 
 
 def _experiment(floor: str, number: int, method: str) -> Row:
@@ -137,6 +192,15 @@ def _report(floor: str, rows: list[Row]) -> None:
     noted(f"{floor}: V_s, mu_c, mu_s quoted as known but missed", wrong, f"of {total}")
 
 
+def _report_peer(floor: str, peer: str, outcomes: list[dict[str, Found] | str]) -> None:
+    """Print the coverage of one peer; it is no figure of ours, so nothing judges it."""
+    whole = [item for item in outcomes if not isinstance(item, str)]
+    if whole:
+        print(f"{floor}, {peer}, {len(whole)} of {len(outcomes)} rigs not refused:")
+        for name in whole[0]:
+            print(_line(name, coverage([item[name] for item in whole])))
+
+
 def _line(name: str, item: Coverage) -> str:
     low, high = item.limits
     little = item.quoted > 1 and not item.varies
@@ -163,9 +227,10 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--floor", choices=FLOORS, help="one floor instead of all three")
     parser.add_argument("--method", choices=("slip-force", OUTPUT_ERROR), default="slip-force")
+    parser.add_argument("--peers", action="store_true", help="evaluate with the peers too")
     options = parser.parse_args()
     floors = FLOORS if options.floor is None else (options.floor,)
-    study(options.rigs, options.keep, floors, options.method)
+    study(options.rigs, options.keep, floors, options.method, options.peers)
     return 0
 
 
