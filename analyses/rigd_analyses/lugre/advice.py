@@ -24,8 +24,7 @@ OUT_OF_REACH = {
     "drive or a lighter carriage.",
     "mu_s": "It needs slow, constant slip near break-away: constant currents just above the one "
     "that moves the carriage, or slow current ramps.",
-    "mu_s-mu_c": "It needs the same test both far below and far above V_s; with the slip visited "
-    "here the four-parameter model with mu_s = mu_c is all the data support.",
+    "mu_s-mu_c": "It needs the same test both far below and far above V_s.",
 }
 SMOOTHED = (
     "The bias comes with the smoothing, not with the tests: no recording evaluated by this method "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rigd.analysis import DataError
+from rigd.analysis.report.rounding import span
 from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
 from rigd_analyses.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
 from rigd_analyses.lugre.spread import Spread
@@ -106,6 +107,6 @@ def friction_curve(
         y=centre,
         low=np.exp(low),
         high=np.exp(high),
-        note=f"Visited slip: {1e3 * visited[0]:.2g} to {1e3 * visited[1]:.2g} mm/s; beyond it the "
+        note=f"Visited slip: {span(*visited, 'm/s')}; beyond it the "
         "curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )

@@ -114,7 +114,10 @@ def derived(
     ends: tuple[float | None, float | None] = (None, None)
     verdict = Verdict.UNIDENTIFIABLE
     if low is None:
-        sentence = "mu_s = mu_c fits these data as well: a Stribeck effect is not shown."
+        sentence = (
+            "mu_s = mu_c fits these data as well: a Stribeck effect is not shown, and they support "
+            "a model with four parameters only."
+        )
     elif high is None or scans.speed.low is None or scans.speed.high is None:
         sentence = (
             "There is a Stribeck effect, but the data do not limit its height: it depends on V_s, "

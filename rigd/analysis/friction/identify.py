@@ -15,6 +15,7 @@ from rigd.analysis.friction.model import STEP, LawModel, SlipForce
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.identification import FittedSubject, identify_model
 from rigd.analysis.model import to_natural, to_scaled
+from rigd.analysis.report.rounding import span
 from rigd.analysis.result import (
     Curve,
     FloatArray,
@@ -96,8 +97,7 @@ def identify_law(
         words=law.parameters,
         account=data.account,
         period_s=data.period_s,
-        visited=f"slip from {1e3 * low:.2g} to {1e3 * high:.2g} mm/s; beyond it every statement "
-        "is extrapolation",
+        visited=f"slip from {span(low, high, 'm/s')}; beyond it every statement is extrapolation",
         curve=lambda best, cov, others: _curve(law, data, best, cov, others),
         trials=lambda theta: data.shown(model.predict(theta)),
         block_s=BLOCK_S,
@@ -178,6 +178,6 @@ def _curve(
     return Curve(
         name="friction_curve", x_name="V_r", x_unit="m/s", y_name="steady_friction", y_unit="1",
         x=slip, y=centre, low=centre - band, high=centre + band,
-        note=f"Visited slip: {1e3 * low:.2g} to {1e3 * high:.2g} mm/s; beyond it the curve would "
+        note=f"Visited slip: {span(low, high, 'm/s')}; beyond it the curve would "
         "be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from rigd.analysis.report.rounding import finer, number, places_for
+from rigd.analysis.report.rounding import number, places_for, span
 from rigd.analysis.report.section import Opening, ReportSection
 from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, ParameterEstimate, Verdict
 
@@ -48,11 +48,9 @@ def _curve(curve: Curve) -> str:
     band = _band(curve)
     if band is None or band > USABLE_BAND:
         return ""
-    ends, unit = finer([float(np.min(curve.x)), float(np.max(curve.x))], curve.x_unit)
-    low, high = (number(end, digits=2) for end in ends)
+    reach = span(float(np.min(curve.x)), float(np.max(curve.x)), curve.x_unit)
     share = number(100.0 * band, places_for(100.0 * band))
-    shown = "" if unit == "1" else f" {unit}"
-    return f"{curve.y_name}({curve.x_name}) from {low} to {high}{shown} (±{share} %)"
+    return f"{curve.y_name}({curve.x_name}) from {reach} (±{share} %)"
 
 
 def _band(curve: Curve) -> float | None:

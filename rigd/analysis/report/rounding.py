@@ -107,6 +107,13 @@ def finer(values: Sequence[float], unit: str) -> tuple[list[float], str]:
     return list(values), unit
 
 
+def span(low: float, high: float, unit: str) -> str:
+    """Return ``0.025 to 110 mm/s``: a range, to two digits."""
+    ends, unit = finer([low, high], unit)
+    shown = "" if unit == "1" else f" {unit}"
+    return f"{number(ends[0], digits=2)} to {number(ends[1], digits=2)}{shown}"
+
+
 def interval_places(low: float | None, high: float | None) -> int | None:
     """Return the decimal place at which half the width of an interval has two digits."""
     if low is None or high is None:

@@ -61,7 +61,10 @@ def derived(found: Found) -> list[ParameterEstimate]:
     ends: tuple[float | None, float | None] = (None, None)
     verdict = Verdict.UNIDENTIFIABLE
     if ratio.low is None:
-        sentence = "mu_s = mu_c fits these data as well: a Stribeck effect is not shown."
+        sentence = (
+            "mu_s = mu_c fits these data as well: a Stribeck effect is not shown, and they support "
+            "a model with four parameters only."
+        )
     elif ratio.high is None or _outside(found) or None in (line.low, line.high):
         sentence = (
             "There is a Stribeck effect, but the data do not limit its height: it depends on V_s, "

@@ -12,6 +12,7 @@ from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import fitted_point
 from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.report.rounding import span
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -98,7 +99,7 @@ def result(
         ),
         autocorrelation=tests.autocorrelation(white, block, period),
         preprocessing=_account(system, found, rejected),
-        visited=f"slip from {1e3 * found.visited[0]:.2g} to {1e3 * found.visited[1]:.2g} mm/s; "
+        visited=f"slip from {span(*found.visited, 'm/s')}; "
         "beyond it every statement, V_s included, is extrapolation",
         warnings=(
             *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
@@ -143,7 +144,7 @@ def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
         name="friction_curve", x_name="V_r", x_unit="m/s", y_name="g", y_unit="1",
         x=slip, y=centre,
         low=centre * np.exp(-below), high=centre * np.exp(above),
-        note=f"Visited slip: {1e3 * found.visited[0]:.2g} to {1e3 * found.visited[1]:.2g} mm/s; "
+        note=f"Visited slip: {span(*found.visited, 'm/s')}; "
         "beyond it the curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )  # fmt: skip
 
