@@ -7,6 +7,7 @@ import pytest
 from rigd.analysis.report import ReportSection
 from rigd.analysis.report.layout import panels
 from rigd.analysis.report.plots.trial import one_trial, small_multiples
+from rigd.analysis.report.svg import draw, drawing_style
 from rigd.analysis.result import Signal, TrialFit
 
 Maker = Callable[..., ReportSection]
@@ -33,6 +34,16 @@ def test_axes_of_signals_fits_and_residuals_never_overlap(
     for i, box in enumerate(boxes):
         for other in boxes[:i]:
             assert box.x1 <= other.x0 or other.x1 <= box.x0 or box.y1 <= other.y0
+
+
+def test_figure_drawn_over_is_that_of_its_trial(trials: tuple[TrialFit, ...]) -> None:
+    first, second = trials[0], replace(trials[1], t_s=3.0 * trials[1].t_s)
+    shared = panels([first, second])
+    with drawing_style():
+        figure = one_trial(first, shared)
+        draw(figure, "first", "")
+        again = draw(one_trial(second, shared, figure), "second", "")
+        assert again == draw(one_trial(second, shared), "second", "")
 
 
 def test_each_trial_has_small_axes_on_one_scale(trials: tuple[TrialFit, ...]) -> None:
