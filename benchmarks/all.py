@@ -26,6 +26,7 @@ BENCHES = (
     "plant",
     "articulated",
     "simulated_run",
+    "derived",
     "simulated_bus",
     "can_cycle",
     "modbus_codec",

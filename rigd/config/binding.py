@@ -72,7 +72,12 @@ def _note(
     if kind == "extra_forbidden":
         known = () if spot.parent is None else _names(spot.parent)
         place = document.key_place(where)
-        problems.add(place, f"unknown key {where[-1]!r}", suggest(str(where[-1]), known))
+        comma = document.get(where) is None and not str(where[-1]).isidentifier()
+        problems.add(
+            place, f"unknown key {where[-1]!r}",
+            "inside braces a comma begins the next key: quote a text that has a comma" if comma
+            else suggest(str(where[-1]), known),
+        )  # fmt: skip
         return
     is_key = detail["loc"][-1:] == ("[key]",)  # pydantic's word for the key itself
     written = _written(str(where[-1]) if is_key else document.get(where))

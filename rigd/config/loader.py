@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
+from rigd.config.derived import add_derived
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.following import read_following
 from rigd.config.links import check_link, read_links
@@ -110,6 +111,7 @@ def _build(document: Document) -> RigConfig:
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown
+    rig = add_derived(document, source.derived, rig, problems)
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})

@@ -183,6 +183,23 @@ class InterlockSource(Source):
     """Message for the operator when it trips."""
 
 
+class DerivedSource(Source):
+    """A channel that the cycle computes from other channels."""
+
+    formula: Annotated[str, Field(alias="is"), StringConstraints(min_length=1, max_length=300)]
+    """The formula, such as `traction.force / load.force`; docs/derived.md lists its functions."""
+    unit: QuantityText | None = None
+    """Unit of the result; by default what follows from the formula."""
+    where: Annotated[str, StringConstraints(min_length=1, max_length=300)] | None = None
+    """The condition for a value, such as `load.force > 5 N`; the value is NaN without it."""
+    lowpass: QuantityText | None = None
+    """Cut-off frequency of a filter of second order behind the formula."""
+    reset: Literal["run", "trial"] = "run"
+    """When integrals, filters and counts begin anew: only with the run, or with every trial."""
+    doc: Annotated[str, StringConstraints(max_length=200)] = ""
+    """What it is, in one line."""
+
+
 class PlantSource(Documented):
     """The physics behind a simulated rig, with the options of its model."""
 
@@ -220,6 +237,10 @@ class RigSource(Source):
     """Connections that devices share, by name."""
     devices: Annotated[dict[Name, DeviceSource], Field(min_length=1, max_length=64)]
     """The devices by name."""
+    derived: Annotated[
+        dict[ChannelName, DerivedSource], BeforeValidator(_nothing_is_empty), Field(max_length=64)
+    ] = {}
+    """Channels computed in every cycle from others, by name, as `group.channel`."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
     """Conditions that end a run; `[]` if there are none."""
     remote: RemoteSource | None = None

@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic_ns
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
@@ -25,6 +26,9 @@ from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.sdk import Driver
+
+if TYPE_CHECKING:
+    from rigd.derived.evaluator import Evaluator
 
 #: Between two programs setpoints are held for this time at most, then they go to rest: the next
 #: program may come from another process.
@@ -84,6 +88,7 @@ class Cycle:
         interlocks: InterlockBank,
         clock: Clock,
         control: Control,
+        evaluator: Evaluator | None = None,
     ) -> None:
         self.rig = rig
         self.limiter = limiter
@@ -114,8 +119,19 @@ class Cycle:
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [_Read.of(mount) for mount in rig.mounts]
         self._steady = [
-            i for i, mount in enumerate(rig.mounts) if mount.driver.declaration.every_cycle
-        ]
+            i for i, mount in enumerate(rig.mounts)
+            if mount.driver.declaration.every_cycle and not isinstance(mount.driver, Derived)
+        ]  # fmt: skip
+        self._evaluator = evaluator
+        if evaluator is not None:
+            late_ns = [
+                0 if mount.driver.declaration.every_cycle else silent_ns
+                for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
+            ]
+            evaluator.bind(
+                rig.readings, rig.device_of, late_ns, rig.setpoints,
+                self._values, self._stamps, limiter.applied,
+            )  # fmt: skip
         self._hold_until_ns = 0
         self._settle_ns = max(self._silent_ns, default=0)
         self._begun_ns = 0
@@ -191,6 +207,11 @@ class Cycle:
         self.segment = ""
         self._hold_until_ns = 0
 
+    def begin_trial(self) -> None:
+        """Let derived channels that begin anew with each trial do so."""
+        if self._evaluator is not None:
+            self._evaluator.begin_trial()
+
     def _bound(self, program: CycleProgram | None) -> Player | None:
         return None if program is None else Player(program, self._watched, self.rig.setpoints)
 
@@ -211,7 +232,7 @@ class Cycle:
         t_ns = clock.start_ns + slot * clock.period_ns
         if self._slot < 0:
             self._begun_ns = t_ns
-            self._stamps = [t_ns] * len(self._stamps)
+            self._stamps[:] = [t_ns] * len(self._stamps)
         self._slot = slot
         self._playing = ""
 

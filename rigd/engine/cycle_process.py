@@ -166,12 +166,12 @@ class CycleProcess:
             case m.Play(serial, last_received, trial, program, then, file):
                 if file:
                     program, then = pickle.loads((self._folder / file).read_bytes())
-                self._trial = trial
+                self._begin_trial(trial)
                 if program is not None:
                     self._cycle.load(program, then)
                 self._begin(serial, last_received)
             case m.Rest(serial, last_received, trial):
-                self._trial = trial
+                self._begin_trial(trial)
                 self._cycle.load(None)
                 self._begin(serial, last_received)
             case m.Request(_, stop, reason):
@@ -188,6 +188,11 @@ class CycleProcess:
                 self._reply(command)
             case _:
                 raise TypeError(f"unknown command: {command!r}")
+
+    def _begin_trial(self, trial: int) -> None:
+        if trial not in (self._trial, NO_TRIAL):
+            self._cycle.begin_trial()
+        self._trial = trial
 
     def _reply(self, question: m.Question[Any]) -> None:
         """Answer a question that can be answered at once."""

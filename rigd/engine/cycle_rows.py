@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.plant_blocks import PlantBlocks
@@ -29,6 +30,7 @@ class _Pushed(NamedTuple):
     commands: slice
     has_status: bool
     every_cycle: bool
+    computed: bool  #: a row is of its cycle, however old the readings in it are
     ring: RowSink
     every: int
     window: Windows | None
@@ -67,6 +69,7 @@ class CycleRows:
                         mount.commands,
                         declared.has_status,
                         declared.every_cycle,
+                        isinstance(mount.driver, Derived),
                         rings[name],
                         every,
                         window,
@@ -94,7 +97,8 @@ class CycleRows:
         ``values`` and ``setpoints`` are the tables of the rig; ``stamps`` are the times of the
         values, ``fresh`` is whether this cycle has read them.
         """
-        for position, places, commands, has_status, steady, ring, every, window in self._devices:
+        for pushed in self._devices:
+            position, places, commands, has_status, steady, computed, ring, every, window = pushed
             new = fresh[position]
             if slot % every or not (new or steady):
                 continue
@@ -109,7 +113,7 @@ class CycleRows:
                 row.append(word if new else word | STALE)
             else:
                 row += setpoints[commands]
-            ring.push(stamps[position] if new else t_ns, row)
+            ring.push(stamps[position] if new and not computed else t_ns, row)
 
     def push_own(self, t_ns: int, slot: int, row: Sequence[float]) -> None:
         """Push the cycle's own counters and times."""

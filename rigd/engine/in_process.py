@@ -74,9 +74,20 @@ class InProcessHost:
         blocks = {item.name: BlockQueue(item) for item in streams if item.name in in_blocks}
         cycle.connect(rings, record, self._emit, blocks=blocks)
         self._rings: dict[str, RowRing | BlockQueue] = {**rings, **blocks}
-        self.trial = NO_TRIAL  #: trial number of the events
+        self._trial = NO_TRIAL
         self._cycles = 0
         self._flushed_ns = monotonic_ns()
+
+    @property
+    def trial(self) -> int:
+        """Trial number of the events; a new trial begins as it is set."""
+        return self._trial
+
+    @trial.setter
+    def trial(self, number: int) -> None:
+        if number not in (self._trial, NO_TRIAL):
+            self.cycle.begin_trial()
+        self._trial = number
 
     @property
     def t_ns(self) -> int:
@@ -217,7 +228,7 @@ class InProcessHost:
         self._emit(self.cycle.t_ns, kind, data)
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
-        self._sink.event(t_ns, kind, self.trial, data)
+        self._sink.event(t_ns, kind, self._trial, data)
 
     def make_safe(self) -> Sequence[str]:
         """Bring every device to its safe state; return the errors, one sentence each."""

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.derived.driver import Derived, DerivedConfig
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
@@ -19,6 +21,9 @@ from rigd.engine.plant_blocks import PlantBlocks
 from rigd.model.channels import Stream
 from rigd.model.errors import Blocked
 from rigd.sdk import BlockDriver, Driver, Link, Plant
+
+if TYPE_CHECKING:
+    from rigd.derived.evaluator import Evaluator
 
 #: ``stand_in(device)``: returns the driver that replaces an off-cycle device in the cycle.
 StandIn = Callable[[DeviceConfig], Driver]
@@ -60,8 +65,9 @@ def wire(
     if rig.plant is not None:
         plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
     links = {name: setup.link_class(setup.config) for name, setup in rig.links.items()}
+    evaluator = _evaluator(rig)
     devices: dict[str, tuple[str, Driver]] = {
-        name: (device.driver, _driver(device, plant, links, stand_in))
+        name: (device.driver, _driver(device, plant, links, stand_in, evaluator))
         for name, device in rig.devices.items()
     }
     mounted = mount(devices, links)
@@ -79,7 +85,18 @@ def wire(
         rig.interlocks, mounted.readings, units, mounted.device_of, mounted.setpoints
     )
     limiter = Limiter(limits, rig.period_ns * 1e-9)
-    return Wiring(Cycle(mounted, limiter, interlocks, clock, control), plant)
+    return Wiring(Cycle(mounted, limiter, interlocks, clock, control, evaluator), plant)
+
+
+def _evaluator(rig: RigConfig) -> Evaluator | None:
+    """Return what computes the derived channels of ``rig``: one graph for all; None without."""
+    configs = (device.config for device in rig.devices.values())
+    graphs = [config.graph for config in configs if isinstance(config, DerivedConfig)]
+    if not graphs:
+        return None
+    from rigd.derived.evaluator import Evaluator  # it loads numba
+
+    return Evaluator(graphs[0])
 
 
 def _driver(
@@ -87,7 +104,10 @@ def _driver(
     plant: Plant | None,
     links: Mapping[str, Link],
     stand_in: StandIn | None,
+    evaluator: Evaluator | None,
 ) -> Driver:
+    if evaluator is not None and isinstance(device.config, DerivedConfig):
+        return Derived(device.config, evaluator)
     if issubclass(device.driver_class, Driver):
         return _fast(device, plant if device.link is None else links[device.link])
     if in_cycle(device):

@@ -31,19 +31,17 @@ _STATUS = re.compile(
     re.DOTALL,
 )
 #: Operators of other languages, and the replacement, by first character.
-_FOREIGN = re.compile(r"\s(?:or|OR|AND|not)\s|\|\||&&?|[<>=!]=|=")
-_ANY = (
-    "give a list, which ends the step by any of its items: ['a.x > 1 m', 'b.y < 2 m']; "
-    "'and' joins conditions of an item"
-)
+_FOREIGN = re.compile(r"\s(?:OR|AND|not)\s|\|\||&&?|[<>=!]=|=")
+_ANY = "join with 'or', or give a list: ['a.x > 1 m', 'b.y < 2 m']; 'and' binds more tightly"
 _COMPARE = "compare with '>' or '<'; a measured value never equals a number"
 _INSTEAD = {
-    **dict.fromkeys("oO|", _ANY),
+    **dict.fromkeys("O|", _ANY),
     **dict.fromkeys("A&", "join with 'and'"),
     **dict.fromkeys("<>=!", _COMPARE),
     "n": "write the opposite comparison, or 'DEVICE is not WORD'",
 }
 _JOIN = re.compile(r"\sand\s")
+_EITHER = re.compile(r"\sor\s")
 
 
 def read_until(
@@ -62,18 +60,20 @@ def read_until(
     rows = []
     for index, text in enumerate(texts):
         where = (*path, index) if is_list else path
-        row: list[Condition | StatusCondition] = []
         start = 0
-        for clause in _JOIN.split(text):
-            status = _STATUS.match(clause)
-            if status is not None:
-                word = _read_status(reader, where, status, start, scope, rig)
-                row += [] if word is None else [word]
-            elif condition := _read_clause(reader, where, clause, start, scope, rig):
-                row.append(condition)
-                check_reachable(reader, where, start, condition, rig, limits)
-            start += len(clause) + len(" and ")
-        rows.append(tuple(row))
+        for alternative in _EITHER.split(text):
+            row: list[Condition | StatusCondition] = []
+            for clause in _JOIN.split(alternative):
+                status = _STATUS.match(clause)
+                if status is not None:
+                    word = _read_status(reader, where, status, start, scope, rig)
+                    row += [] if word is None else [word]
+                elif condition := _read_clause(reader, where, clause, start, scope, rig):
+                    row.append(condition)
+                    check_reachable(reader, where, start, condition, rig, limits)
+                start += len(clause) + len(" and ")
+            start += len(" or ") - len(" and ")
+            rows.append(tuple(row))
     return tuple(rows)
 
 

@@ -164,8 +164,8 @@ class MoveSource(Source):
     set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
     """Setpoints as `device.setpoint`; those not named keep their value."""
     until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
-    """Ends the step: `carriage.position > 1.15 m`; any item of a list; `and` joins conditions in an
-    item.
+    """Ends the step: `carriage.position > 1.15 m`; any item of a list; `and` and `or` join
+    conditions, `and` before `or`.
     """
     wait: Annotated[Time | None, Field(alias="for")] = None
     """Ends the step after this time."""

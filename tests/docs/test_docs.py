@@ -39,6 +39,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 DOCUMENTS = (
     "procedures.md",
     "rigs.md",
+    "derived.md",
     "recordings.md",
     "identification.md",
     "slip_force.md",
@@ -68,6 +69,7 @@ SERVED = frozenset({"remote.md"})
 UNCHECKED = {
     "procedures.md": 1,
     "rigs.md": 0,
+    "derived.md": 0,
     "recordings.md": 0,
     "identification.md": 3,
     "slip_force.md": 0,

@@ -147,6 +147,17 @@ def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
     assert values == [0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.35, 1.5]
 
 
+def test_or_gives_alternatives_and_binds_more_tightly(compile_text: Compile, small: str) -> None:
+    text = small.replace(
+        "until: carriage.position > 1 m",
+        "until: carriage.position > 1 m and wheel_servo.current < 1 A or carriage.position > 1.2 m",
+    )
+    (program,) = compile_text(text).trials[0].steps
+    assert isinstance(program, CycleProgram)
+    rows = [[condition.channel for condition in row] for row in program.segments[0].until]
+    assert rows == [["carriage.position", "wheel_servo.current"], ["carriage.position"]]
+
+
 @pytest.mark.parametrize(
     ("source", "profile"),
     [

@@ -1,0 +1,128 @@
+"""What derived channels cost: 32 of them, in a cycle and in a simulated run, beside none.
+
+The rig without them and the rig with them play the same trial in turn, in CPU time. The peer of the
+graph is the same arithmetic in plain Python, one closure for each channel, as a script of a lab has
+it; and the filter of scipy that takes a sample at a time.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from typing import Any
+
+import numpy as np
+from figures import at_least, at_most, noted
+from scipy import signal
+
+from rigd.config.loader import parse_rig
+from rigd.config.rig import RigConfig
+from rigd.engine.clock import VirtualClock
+from rigd.engine.control import Control
+from rigd.engine.in_process import InProcessHost
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import wire
+from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.program import CycleProgram, Recorded, Segment
+from rigd.sdk.shipped import shipped_folder
+
+ROUNDS = 7
+SECONDS = 8.0
+FOUR = """\
+  {g}.speed{n}: {{is: derivative(wheel_encoder.angle) * rig.wheel_radius, lowpass: 50 Hz}}
+  {g}.slip{n}: {{is: {g}.speed{n} - derivative(carriage.position)}}
+  {g}.done{n}: {{is: integral(abs({g}.slip{n}) * 5 N), reset: trial}}
+  {g}.mean{n}: {{is: "mean({g}.slip{n}, 0.1 s)", where: {g}.speed{n} > 1 mm/s}}
+"""
+
+
+class Nowhere:
+    """Discards rows and events."""
+
+    def write(self, stream: str, rows: Rows) -> None:
+        """Discard rows."""
+
+    def event(self, *args: object) -> None:
+        """Discard an event."""
+
+    def flush(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def rig_with(groups: int) -> RigConfig:
+    """Return the rig of the first paper with 32 derived channels in ``groups`` groups, or none."""
+    path = shipped_folder("configs") / "sim_lugre.yaml"
+    derived = "".join(FOUR.format(g=f"s{n % groups}", n=n) for n in range(8)) if groups else ""
+    text = f"derived:\n{derived}interlocks:\n" if groups else "interlocks:\n"
+    return parse_rig(path.read_text().replace("interlocks:\n", text, 1), path)
+
+
+def play(rig: RigConfig) -> float:
+    """Return the CPU time of a cycle in us, with everything recorded to nowhere."""
+    clock = VirtualClock(rig.period_ns, 1_790_000_000_000_000_000)
+    cycle = wire(rig, clock, Control(), 1).cycle
+    record = {stream.name: Recorded() for stream in cycle.rig.streams}
+    host = InProcessHost(cycle, clock, virtual=True, sink=Nowhere(), record=record)
+    host.open()
+    host.arm()
+    profiles = {
+        "wheel_servo.current": ConstantProfile(0.2),
+        "longitudinal_belt.engaged": ConstantProfile(0.0),
+    }
+    program = CycleProgram((Segment("go", profiles, duration_s=SECONDS),))
+    began = time.process_time()
+    host.play(program)
+    host.drain()
+    return 1e6 * (time.process_time() - began) / (1e3 * SECONDS)
+
+
+def plain_python(count: int) -> float:
+    """Return the CPU time in us of 8 such groups in plain Python, per cycle."""
+    rng = np.random.default_rng(1)
+    angles, positions = rng.normal(size=(2, count)).cumsum(axis=1).tolist()
+    sos = signal.butter(2, 50, fs=1000, output="sos")
+    groups: list[dict[str, Any]] = [
+        {"zi": np.zeros((1, 2)), "done": 0.0, "last": 0.0, "window": []} for _ in range(8)
+    ]
+    before = (0.0, 0.0)
+    began = time.process_time()
+    for angle, position in zip(angles, positions, strict=True):
+        for group in groups:
+            raw = np.array([(angle - before[0]) * 1e3 * 0.05])
+            out, group["zi"] = signal.sosfilt(sos, raw, zi=group["zi"])
+            slip = float(out[0]) - (position - before[1]) * 1e3
+            group["done"] += 0.5e-3 * (abs(slip) + group["last"]) * 5
+            group["last"] = abs(slip)
+            window = group["window"]
+            window.append(slip)
+            if len(window) > 100:
+                window.pop(0)
+            _ = sum(window) / len(window)
+        before = angle, position
+    return 1e6 * (time.process_time() - began) / count
+
+
+def main() -> None:
+    """Play both rigs in turn and report what the channels add."""
+    rigs = [rig_with(groups) for groups in (0, 1, 8)]
+    for rig in rigs:
+        play(rig)
+    rows = [[play(rig) for rig in rigs] for _ in range(ROUNDS)]
+    bare, one, eight = (statistics.median(column) for column in zip(*rows, strict=True))
+    print(f"a cycle in virtual time, in us: {bare:.1f}, with 32 channels in a group {one:.1f}, "
+          f"in eight groups {eight:.1f}")  # fmt: skip
+    at_most("32 derived channels in a group, added to a cycle", one - bare, 40, "us")
+    at_most("32 derived channels in eight groups, added to a cycle", eight - bare, 40, "us")
+    at_most(
+        "32 derived channels in a group, virtual time longer by", 100 * (one / bare - 1), 20, "%"
+    )
+    peer = plain_python(400)
+    noted("the same 32 channels in plain Python with scipy's filter", peer, "us per cycle")
+    at_least("plain Python / rigd", peer / (eight - bare), 5)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""Reads derived channels: formulas to a graph, each group of channels to a device of the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from rigd.config.document import Document, KeyPath
+from rigd.config.problems import Problems, suggest
+from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.config.source import DerivedSource
+from rigd.derived.dimensions import alike, named, plain
+from rigd.derived.driver import DERIVED, Derived, DerivedConfig
+from rigd.derived.formula import read_formula
+from rigd.derived.functions import FUNCTIONS, Call
+from rigd.derived.graph import Builder, Graph, Op, Term
+from rigd.derived.quantities import FormulaError
+from rigd.model.channels import ECHO, Channel
+from rigd.model.units import parse_unit, si_symbol
+
+#: Name of the recorded stream that belongs to the cycle itself.
+_CYCLE: Final = "cycle"
+
+
+def add_derived(
+    document: Document, sources: Mapping[str, DerivedSource], rig: RigConfig, problems: Problems
+) -> RigConfig:
+    """Return ``rig`` with the derived channels of ``sources``; problems are noted."""
+    if not sources:
+        return rig
+    for name in sources:
+        group = name.partition(".")[0]
+        if group in rig.devices or group in (_CYCLE, "rig"):
+            problems.add(
+                document.key_place(("derived", name)),
+                f"{group} is {'a device of this rig' if group in rig.devices else 'taken'}: its "
+                "channels cannot be computed",
+                f"choose another name before the dot, such as '{group}_derived'",
+            )
+            return rig
+    reader = _Reader(document, sources, rig, problems)
+    found = {name: reader.channel(name) for name in sources}
+    if any(term is None for term in found.values()):
+        return rig
+    terms = {name: term for name, term in found.items() if term is not None}
+    graph = Graph(
+        rows=tuple(reader.builder.rows),
+        parameters=tuple(reader.builder.parameters),
+        states=reader.builder.states,
+        inputs=tuple(reader.builder.inputs),
+        outputs={name: term.row for name, term in terms.items()},
+        uses={name: term.uses for name, term in terms.items()},
+    )
+    devices = {
+        group: _device(group, names, graph, reader) for group, names in graph.groups().items()
+    }
+    return replace(rig, devices={**rig.devices, **devices})
+
+
+def _device(group: str, names: list[str], graph: Graph, reader: _Reader) -> DeviceConfig:
+    uses = frozenset[str]().union(*(graph.uses[name] for name in names))
+    ages = [reader.rig.devices[name.partition(".")[0]].declaration.oldest_s for name in uses]
+    config = DerivedConfig(
+        graph=graph,
+        group=group,
+        channels=tuple(reader.described(name) for name in names),
+        oldest=max(ages, default=0.0),
+    )
+    return DeviceConfig(
+        name=group,
+        driver=DERIVED,
+        driver_class=Derived,
+        config=config,
+        declaration=Derived.declare(config),
+        limits={},
+    )
+
+
+@dataclass
+class _Reader:
+    document: Document
+    sources: Mapping[str, DerivedSource]
+    rig: RigConfig
+    problems: Problems
+    builder: Builder = field(default_factory=Builder)
+    _known: dict[str, Term | None] = field(default_factory=dict)
+    _units: dict[str, str] = field(default_factory=dict)
+    _open: list[str] = field(default_factory=list)
+
+    def described(self, name: str) -> Channel:
+        """Return the derived channel ``name`` with its unit."""
+        source = self.sources[name]
+        text = source.doc or source.formula
+        return Channel(name.partition(".")[2], self._units[name], text)
+
+    def channel(self, name: str) -> Term | None:
+        """Return the term of the derived channel ``name``; None with its problem noted."""
+        if name not in self._known:
+            self._open.append(name)
+            self._known[name] = self._read(name, self.sources[name])
+            self._open.pop()
+        return self._known[name]
+
+    def _read(self, name: str, source: DerivedSource) -> Term | None:
+        path: KeyPath = ("derived", name)
+        term = self._formula((*path, "is"), source.formula, source)
+        condition = None
+        if source.where is not None:
+            condition = self._formula((*path, "where"), source.where, source)
+            if condition is None:
+                return None
+            if not condition.is_condition:
+                self.problems.add(
+                    self.document.place((*path, "where")), "expected a condition",
+                    "compare with '<' or '>', such as 'load.force > 5 N'",
+                )  # fmt: skip
+                return None
+        if term is None or not self._unit(path, name, term, source):
+            return None
+        if condition is not None:
+            unknown = self.builder.constant(float("nan"), term.dimension)
+            term = self.builder.add(Op.WHERE, condition, term, unknown, dimension=term.dimension)
+        return term if source.lowpass is None else self._filtered(path, source, term)
+
+    def _filtered(self, path: KeyPath, source: DerivedSource, term: Term) -> Term | None:
+        """Return ``term`` behind the filter of the key `lowpass`."""
+        place = (*path, "lowpass")
+        given = self._formula(place, source.lowpass or "", source)
+        if given is None:
+            return None
+        call = Call(self.builder, self._period_s, 0, (0, 0), "such as 'lowpass: 50 Hz'")
+        self.builder.reset = source.reset == "trial"
+        try:
+            return FUNCTIONS["lowpass"].make(call, (term, given))
+        except FormulaError as error:
+            self.problems.add(self.document.place(place), str(error), error.hint)
+            return None
+
+    @property
+    def _period_s(self) -> float:
+        return self.rig.period_ns * 1e-9
+
+    def _formula(self, path: KeyPath, text: str, source: DerivedSource) -> Term | None:
+        def find(name: str, offset: int) -> Term:
+            term = self._find(name, offset)
+            self.builder.reset = source.reset == "trial"  # another channel was read meanwhile
+            return term
+
+        self.builder.reset = source.reset == "trial"
+        try:
+            return read_formula(text, self.builder, find, self._period_s)
+        except FormulaError as error:
+            place = self.document.inside(path, error.offset)
+            self.problems.add(place, str(error), error.hint)
+        except _Noted:
+            pass  # the problem of the other channel is noted at its own place
+        return None
+
+    def _find(self, name: str, offset: int) -> Term:
+        if name in self._open:
+            circle = " uses ".join((*self._open[self._open.index(name) :], name))
+            raise FormulaError(
+                f"a channel cannot be computed from itself: {circle}", offset,
+                "use delay(...) of a measured channel, or another quantity",
+            )  # fmt: skip
+        if name in self.sources:
+            term = self.channel(name)
+            if term is None:
+                raise _Noted
+            return term
+        if name.startswith("rig."):
+            constant = self.rig.constants.get(name.removeprefix("rig."))
+            if constant is None:
+                known = [f"rig.{item}" for item in self.rig.constants]
+                raise FormulaError(f"unknown constant {name!r}", offset, suggest(name, known))
+            return self.builder.constant(constant.value, constant.unit.dimension)
+        channel = self.rig.recorded(name)
+        if channel is None:
+            known = [
+                f"{device.name}.{item}"
+                for device in self.rig.devices.values()
+                for item in (
+                    *(channel.name for channel in device.channels),
+                    *(f"{setpoint.name}{ECHO}" for setpoint in device.setpoints),
+                )
+            ]
+            raise FormulaError(
+                f"unknown channel {name!r}", offset, suggest(name, [*known, *self.sources])
+            )
+        uses = frozenset({name}) if self.rig.channel(name) else frozenset[str]()
+        return self.builder.input(name, parse_unit(channel.unit).dimension, uses)
+
+    def _unit(self, path: KeyPath, name: str, term: Term, source: DerivedSource) -> bool:
+        """Keep the unit of the channel; return whether the given unit fits the formula."""
+        self._units[name] = si_symbol(plain(term.dimension))
+        if source.unit is None:
+            return True
+        place = self.document.place((*path, "unit"))
+        try:
+            unit = parse_unit(source.unit)
+        except ValueError as error:
+            self.problems.add(place, str(error))
+            return False
+        if not alike(unit.dimension, term.dimension):
+            self.problems.add(
+                place, f"the formula gives {named(plain(term.dimension))}, not {source.unit}",
+                f"write 'unit: {self._units[name]}', or correct the formula",
+            )  # fmt: skip
+            return False
+        if unit.factor != 1.0:
+            self.problems.add(
+                place, f"{source.unit} is not an SI unit: channels are recorded in SI units",
+                f"write 'unit: {self._units[name]}'",
+            )  # fmt: skip
+            return False
+        self._units[name] = source.unit
+        return True
+
+
+class _Noted(Exception):
+    """A channel that a formula uses is wrong; its own problem is noted."""

@@ -1,0 +1,119 @@
+"""Computes the graph of a rig's derived channels once per cycle, from the tables of the cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from rigd.derived.graph import Graph
+from rigd.derived.kernel import NEVER, evaluate, gather
+from rigd.model.channels import ECHO
+
+
+class Evaluator:
+    """Computes the graph of a rig; :meth:`bind` connects it to the tables of the cycle."""
+
+    def __init__(self, graph: Graph) -> None:
+        rows = [(r.op, r.a, r.b, r.c, r.parameter, r.state, r.size) for r in graph.rows]
+        count = len(rows)
+        self._graph = graph
+        self._rows = np.array(rows, dtype=np.int64).reshape(count, 7)
+        self._parameters = np.array([*graph.parameters, 0.0])
+        self._state = np.full(graph.states + 1, math.nan)
+        self._inputs = np.full(len(graph.inputs), math.nan)
+        self._stamps = np.zeros(len(graph.inputs), dtype=np.int64)
+        self._late_ns = np.zeros(len(graph.inputs), dtype=np.int64)
+        self._values = np.full(count, math.nan)
+        self._oldest = np.zeros(count, dtype=np.int64)
+        self._newest = np.zeros(count, dtype=np.int64)
+        self._stepped = np.full(count, NEVER, dtype=np.int64)
+        self._resets = self._reset_places()
+        groups = graph.groups()
+        layout: list[int] = []
+        for names in groups.values():
+            used = frozenset[str]().union(*(graph.uses[name] for name in names))
+            places = [place for place, name in enumerate(graph.inputs) if name in used]
+            layout += [len(names), *(graph.outputs[name] for name in names), len(places), *places]
+        self._layout = np.array(layout, dtype=np.int64)
+        self._results = np.zeros(len(graph.outputs) + len(groups))
+        self._taken = np.zeros(len(groups), dtype=np.int64)
+        #: The rows of all groups, one after the other, each with its status last.
+        self.results: list[float] = self._results.tolist()
+        #: The time of the oldest reading of each group, on the clock of the cycle, in ns.
+        self.taken_ns: list[int] = []
+        self._sources: list[tuple[int, int, int]] = []
+        self._echoes: list[tuple[int, int]] = []
+        self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
+        self._begun_ns = 0
+        self._done_ns = -1
+
+    def bind(
+        self,
+        readings: Mapping[str, int],
+        device_of: Sequence[int],
+        late_ns: Sequence[int],
+        setpoints: Mapping[str, int],
+        values: Sequence[float],
+        stamps: Sequence[int],
+        applied: Sequence[float],
+    ) -> None:
+        """Connect to the cycle's tables: ``values``, ``stamps`` of devices, setpoints ``applied``.
+
+        The tables stay the same objects. ``late_ns`` has the age above which the row of each device
+        counts as stale. An input that the rig lacks is NaN.
+        """
+        self._cycle = values, stamps, applied
+        for place, name in enumerate(self._graph.inputs):
+            if name in readings:
+                index = readings[name]
+                device = device_of[index]
+                self._sources.append((place, index, device))
+                self._late_ns[place] = late_ns[device]
+            elif name.removesuffix(ECHO) in setpoints:
+                self._echoes.append((place, setpoints[name.removesuffix(ECHO)]))
+
+    def compute(self, t_ns: int) -> None:
+        """Compute all channels for the cycle at ``t_ns``; a second call does nothing."""
+        if t_ns == self._done_ns:
+            return
+        if self._done_ns < 0:
+            self._begun_ns = t_ns
+        self._done_ns = t_ns
+        begun_ns, inputs, times = self._begun_ns, self._inputs, self._stamps
+        values, stamps, applied = self._cycle
+        now_ns = t_ns - begun_ns
+        for place, index, device in self._sources:
+            inputs[place] = values[index]
+            times[place] = stamps[device] - begun_ns
+        for place, index in self._echoes:
+            inputs[place] = applied[index]
+            times[place] = now_ns
+        evaluate(
+            now_ns, inputs, times, self._rows, self._parameters, self._state,
+            self._values, self._oldest, self._newest, self._stepped,
+        )  # fmt: skip
+        gather(
+            now_ns, self._layout, self._values, self._oldest, times, self._late_ns,
+            self._results, self._taken,
+        )  # fmt: skip
+        self.results = self._results.tolist()
+        self.taken_ns = [begun_ns + taken for taken in self._taken.tolist()]
+
+    def begin_trial(self) -> None:
+        """Empty the memory of the channels that begin anew with each trial."""
+        for row, places in self._resets:
+            self._state[places] = math.nan
+            self._stepped[row] = NEVER
+
+    def _reset_places(self) -> list[tuple[int, slice]]:
+        rows = self._graph.rows
+        starts = sorted({row.state for row in rows} | {self._graph.states})
+        following = dict(pairwise(starts))
+        return [
+            (index, slice(row.state, following[row.state]))
+            for index, row in enumerate(rows)
+            if row.reset
+        ]

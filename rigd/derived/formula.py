@@ -1,0 +1,282 @@
+"""Reads a formula such as ``derivative(wheel.angle) * 0.03 m - carriage.speed`` into a graph.
+
+Python's own parser reads it; only the nodes and functions that this module names are accepted.
+Units are checked through every operation (:mod:`rigd.derived.dimensions`).
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rigd.derived.dimensions import alike, named, over, plain, times
+from rigd.derived.functions import FUNCTIONS, Call, Constant, reachable
+from rigd.derived.graph import Builder, Op, Term
+from rigd.derived.quantities import STAND_IN, FormulaError, Prepared, prepare
+from rigd.model.units import NO_DIMENSION, Dimension, si_symbol
+
+#: Most characters of a formula; people cannot read a longer one.
+MAX_LENGTH: Final = 300
+#: How deep a formula may nest.
+MAX_DEPTH: Final = 30
+_MAX_POWER: Final = 4
+#: ``find(name, offset)``: returns the term of the channel or constant ``name``.
+Find = Callable[[str, int], Term]
+
+_BINARY: Final = {ast.Add: Op.ADD, ast.Sub: Op.SUBTRACT, ast.Mult: Op.MULTIPLY, ast.Div: Op.DIVIDE}
+_VERBS: Final = {Op.ADD: "add", Op.SUBTRACT: "subtract"}
+
+
+def read_formula(text: str, builder: Builder, find: Find, period_s: float) -> Term:
+    """Return the term of ``text``; its rows are added to ``builder``.
+
+    ``period_s`` is that of the cycle.
+
+    Raises:
+        FormulaError: it is no formula, a unit does not fit, or a name is unknown; with the place.
+    """
+    if len(text) > MAX_LENGTH:
+        raise FormulaError(f"a formula has at most {MAX_LENGTH} characters")
+    if (taken := re.search(rf"\b{STAND_IN}\d", text)) is not None:
+        raise FormulaError(f"unknown name {taken[0]!r}", taken.start())
+    prepared = prepare(text)
+    strange = next((at for at, letter in enumerate(prepared.text) if not letter.isascii()), None)
+    if strange is not None:
+        raise FormulaError(f"cannot read {prepared.text[strange]!r}", prepared.original(strange))
+    lead = len(prepared.text) - len(prepared.text.lstrip())
+    try:
+        tree = ast.parse(prepared.text.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        column = (getattr(error, "offset", None) or 1) - 1 + lead
+        found = text[prepared.original(column) :][:20]
+        message = (
+            f"cannot read the formula at {found!r}" if found else "the formula is not complete"
+        )
+        raise FormulaError(
+            message, min(prepared.original(column), len(text)), _hint(text)
+        ) from None
+    reader = _Reader(builder, find, period_s, prepared, lead)
+    return reader.read(tree.body, 0)
+
+
+def _hint(text: str) -> str | None:
+    if "&" in text or "|" in text or "!" in text:
+        return "write 'and', 'or', 'not' and 'abs(...)'"
+    if "${" in text:
+        return "channels are written bare, as device.channel; constants as rig.NAME"
+    return "write channels as device.channel and quantities as '5 N'"
+
+
+@dataclass
+class _Reader:
+    builder: Builder
+    find: Find
+    period_s: float
+    prepared: Prepared
+    lead: int
+
+    def at(self, node: ast.AST) -> int:
+        column: int = getattr(node, "col_offset", 0)
+        return self.prepared.original(column + self.lead)
+
+    def read(self, node: ast.expr, depth: int) -> Term:
+        if depth > MAX_DEPTH:
+            raise FormulaError(f"the formula nests deeper than {MAX_DEPTH}", self.at(node))
+        match node:
+            case ast.Name(id=name) if name.startswith(STAND_IN):
+                return self.builder.constant(*self.prepared.quantities[int(name[len(STAND_IN) :])])
+            case ast.Name(id=name):
+                hint = "channels are written as device.channel"
+                if name in FUNCTIONS:
+                    hint = f"it is a function: {FUNCTIONS[name].usage}"
+                raise FormulaError(f"unknown name {name!r}", self.at(node), hint)
+            case ast.Attribute(value=ast.Name(id=device), attr=channel):
+                return self.find(f"{device}.{channel}", self.at(node))
+            case ast.BinOp(op=ast.Pow()):
+                return self.power(node, depth)
+            case ast.BinOp(op=operator) if type(operator) in _BINARY:
+                return self.binary(node, _BINARY[type(operator)], depth)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                term = self.number(operand, depth)
+                return self.fold(Op.NEGATE, (term,), term.dimension)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.number(operand, depth)
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return self.builder.add(Op.NOT, self.condition(operand, depth), is_condition=True)
+            case ast.Compare():
+                return self.compare(node, depth)
+            case ast.BoolOp(op=operator, values=values):
+                op = Op.AND if isinstance(operator, ast.And) else Op.OR
+                term, *others = [self.condition(value, depth) for value in values]
+                for other in others:
+                    term = self.builder.add(op, term, other, is_condition=True)
+                return term
+            case ast.Call(func=ast.Name(id=name)):
+                return self.call(name, node, depth)
+            case ast.IfExp():
+                raise FormulaError(
+                    "'if' is not known here", self.at(node), FUNCTIONS["where"].usage
+                )
+        raise FormulaError("a formula cannot contain this", self.at(node), _hint_for(node))
+
+    def number(self, node: ast.expr, depth: int) -> Term:
+        term = self.read(node, depth + 1)
+        if term.is_condition:
+            raise FormulaError(
+                "expected a quantity, found a condition", self.at(node), FUNCTIONS["where"].usage
+            )
+        return term
+
+    def condition(self, node: ast.expr, depth: int) -> Term:
+        term = self.read(node, depth + 1)
+        if not term.is_condition:
+            raise FormulaError(
+                "expected a condition, found a quantity", self.at(node), "compare it: 'x > 5 N'"
+            )
+        return term
+
+    def fold(self, op: Op, terms: Sequence[Term], dimension: Dimension) -> Term:
+        """Return the term of ``op``; of constants, its value, computed now."""
+        values = [term.constant for term in terms]
+        known = [value for value in values if value is not None]
+        if len(known) == len(values):
+            return self.builder.constant(_value(op, known), dimension)
+        return self.builder.add(op, *terms, dimension=dimension)
+
+    def binary(self, node: ast.BinOp, op: Op, depth: int) -> Term:
+        left, right = self.number(node.left, depth), self.number(node.right, depth)
+        if op in _VERBS:
+            if not alike(left.dimension, right.dimension):
+                raise FormulaError(
+                    f"cannot {_VERBS[op]} {named(right.dimension)} and {named(left.dimension)}",
+                    self.at(node.right), _missing(left, right),
+                )  # fmt: skip
+            same = left.dimension == right.dimension
+            dimension = left.dimension if same else plain(left.dimension)
+        elif op is Op.MULTIPLY:
+            dimension = times(left.dimension, right.dimension)
+        elif right.constant == 0:
+            raise FormulaError("division by zero", self.at(node.right))
+        else:
+            dimension = over(left.dimension, right.dimension)
+        return self.fold(op, (left, right), dimension)
+
+    def power(self, node: ast.BinOp, depth: int) -> Term:
+        base, power = self.number(node.left, depth), self.number(node.right, depth)
+        count = power.constant
+        fits = count is not None and power.dimension == NO_DIMENSION
+        if count is None or not fits or count not in range(2, _MAX_POWER + 1):
+            raise FormulaError(
+                f"a power is a whole number from 2 to {_MAX_POWER}", self.at(node.right),
+                "write '1 / x' and sqrt(x) for other powers",
+            )  # fmt: skip
+        term = base
+        for _ in range(int(count) - 1):
+            term = self.fold(Op.MULTIPLY, (term, base), times(term.dimension, base.dimension))
+        return term
+
+    def compare(self, node: ast.Compare, depth: int) -> Term:
+        terms = [self.number(item, depth) for item in (node.left, *node.comparators)]
+        parts = []
+        for place, operator in enumerate(node.ops):
+            left, right = terms[place], terms[place + 1]
+            if not alike(left.dimension, right.dimension):
+                raise FormulaError(
+                    f"cannot compare {named(left.dimension)} with {named(right.dimension)}",
+                    self.at(node.comparators[place]), _missing(left, right),
+                )  # fmt: skip
+            match operator:
+                case ast.Lt():
+                    parts.append(self.builder.add(Op.LESS, left, right, is_condition=True))
+                case ast.Gt():
+                    parts.append(self.builder.add(Op.LESS, right, left, is_condition=True))
+                case ast.LtE():
+                    parts.append(self.builder.add(Op.NOT_ABOVE, left, right, is_condition=True))
+                case ast.GtE():
+                    parts.append(self.builder.add(Op.NOT_ABOVE, right, left, is_condition=True))
+                case _:
+                    raise FormulaError(
+                        "compare with '<' or '>'", self.at(node.comparators[place]),
+                        "a measured value never equals a number",
+                    )  # fmt: skip
+        term, *others = parts
+        for other in others:
+            term = self.builder.add(Op.AND, term, other, is_condition=True)
+        return term
+
+    def call(self, name: str, node: ast.Call, depth: int) -> Term:
+        known = FUNCTIONS.get(name)
+        if known is None:
+            raise FormulaError(f"unknown function {name!r}", self.at(node), reachable(name))
+        if node.keywords or any(isinstance(item, ast.Starred) for item in node.args):
+            raise FormulaError(f"{name} takes values only", self.at(node), known.usage)
+        if len(node.args) != len(known.takes):
+            raise FormulaError(
+                f"{name} takes {len(known.takes)} values, found {len(node.args)}",
+                self.at(node), known.usage,
+            )  # fmt: skip
+        terms: list[Term] = []
+        tables: list[list[Constant]] = []
+        for kind, item in zip(known.takes, node.args, strict=True):
+            if kind == "condition":
+                terms.append(self.condition(item, depth))
+            elif kind == "list":
+                if not isinstance(item, ast.List):
+                    raise FormulaError("expected a list '[...]'", self.at(item), known.usage)
+                tables.append([self.fixed(one, depth, known.usage) for one in item.elts])
+            elif kind == "constant":
+                terms.append(self.constant(item, depth, known.usage))
+            else:
+                terms.append(self.number(item, depth))
+        places = [self.at(item) for item in node.args]
+        call = Call(self.builder, self.period_s, self.at(node), places, known.usage, tables)
+        return known.make(call, terms)
+
+    def fixed(self, node: ast.expr, depth: int, usage: str) -> Constant:
+        term = self.constant(node, depth, usage)
+        return Constant(math.nan if term.constant is None else term.constant, term.dimension)
+
+    def constant(self, node: ast.expr, depth: int, usage: str) -> Term:
+        term = self.number(node, depth)
+        if term.constant is None:
+            raise FormulaError("expected a fixed quantity here", self.at(node), usage)
+        return term
+
+
+def _hint_for(node: ast.expr) -> str | None:
+    match node:
+        case ast.Tuple():
+            return "use a decimal point, not a comma"
+        case ast.BinOp(op=ast.BitXor()):
+            return "write a power as 'x ** 2'"
+        case ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+            return "write 'and', 'or' and 'abs(...)'"
+    return "channels, quantities, + - * / **, < >, and, or, not, and functions"
+
+
+def _missing(left: Term, right: Term) -> str | None:
+    """Return a hint if a fixed number beside a quantity has no unit."""
+    for number, other in ((left, right), (right, left)):
+        if number.constant is not None and number.dimension == NO_DIMENSION:
+            return f"give the number its unit, such as '{si_symbol(other.dimension)}'"
+    return None
+
+
+def _value(op: Op, values: Sequence[float]) -> float:
+    first, second = (*values, 0.0)[:2]
+    match op:
+        case Op.ADD:
+            return first + second
+        case Op.SUBTRACT:
+            return first - second
+        case Op.MULTIPLY:
+            return first * second
+        case Op.DIVIDE:
+            return first / second if second else math.nan
+        case Op.NEGATE:
+            return -first
+    raise ValueError(f"{op.name} is not folded")

@@ -1,0 +1,179 @@
+"""Defines the graph of derived channels as plain data: one row of numbers for each operation.
+
+A row is evaluated after the rows that it uses, so one pass from first to last computes all. A row
+with memory (an integral, a filter) has its own part of one flat array of states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum, unique
+
+from rigd.model.units import NO_DIMENSION, Dimension
+
+
+@unique
+class Op(IntEnum):
+    """The operations of a graph; :mod:`rigd.derived.kernel` computes them."""
+
+    CONSTANT = 0
+    INPUT = 1
+    ADD = 2
+    SUBTRACT = 3
+    MULTIPLY = 4
+    DIVIDE = 5
+    NEGATE = 6
+    ABS = 7
+    SQRT = 8
+    SIN = 9
+    COS = 10
+    TAN = 11
+    ATAN2 = 12
+    MIN = 13
+    MAX = 14
+    LESS = 15
+    NOT_ABOVE = 16
+    AND = 17
+    OR = 18
+    NOT = 19
+    WHERE = 20
+    HOLD = 21
+    DEADBAND = 22
+    LOOKUP = 23
+    DERIVATIVE = 24
+    LOWPASS = 25
+    INTEGRAL = 26
+    MEAN = 27
+    RMS = 28
+    HIGHEST = 29
+    LOWEST = 30
+    RATE_LIMIT = 31
+    DELAY = 32
+    EDGES = 33
+
+
+#: The first operation that only acts on a new value: those before compute in every cycle.
+FIRST_BLOCK = Op.DERIVATIVE
+
+#: Numbers of memory of an operation; those over a window add two for each sample of it.
+MEMORY = {
+    Op.HOLD: 1,
+    Op.DERIVATIVE: 2,
+    Op.LOWPASS: 6,
+    Op.INTEGRAL: 3,
+    Op.RATE_LIMIT: 1,
+    Op.EDGES: 3,
+    Op.MEAN: 5,
+    Op.RMS: 5,
+    Op.HIGHEST: 2,
+    Op.LOWEST: 2,
+    Op.DELAY: 2,
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One operation: rows ``a``, ``b``, ``c`` go in; it begins at ``state`` and ``parameter``.
+
+    ``size`` counts the samples of a window or the points of a table. ``reset`` is whether the
+    memory is emptied at the start of a trial.
+    """
+
+    op: Op
+    a: int = 0
+    b: int = 0
+    c: int = 0
+    parameter: int = 0
+    state: int = 0
+    size: int = 0
+    reset: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All derived channels of a rig.
+
+    ``inputs`` are the channels that they use, in the order of the table of inputs: readings
+    (``device.channel``) and setpoints as written (``device.setpoint_setpoint``). ``outputs`` maps
+    each derived channel to its row, ``uses`` to the channels that devices measure for it.
+    """
+
+    rows: tuple[Row, ...]
+    parameters: tuple[float, ...]
+    states: int
+    inputs: tuple[str, ...]
+    outputs: dict[str, int]
+    uses: dict[str, frozenset[str]]
+
+    def groups(self) -> dict[str, list[str]]:
+        """Return the names of the channels of each group, in order."""
+        found: dict[str, list[str]] = {}
+        for name in self.outputs:
+            found.setdefault(name.partition(".")[0], []).append(name)
+        return found
+
+
+@dataclass(frozen=True)
+class Term:
+    """A part of a formula: its row, its dimension, and its value if it never changes.
+
+    ``is_condition``: it is 1 or 0 (true or false). ``uses`` are the channels of devices in it.
+    """
+
+    row: int
+    dimension: Dimension = NO_DIMENSION
+    constant: float | None = None
+    is_condition: bool = False
+    uses: frozenset[str] = frozenset()
+
+
+@dataclass
+class Builder:
+    """Collects the rows of a graph."""
+
+    rows: list[Row] = field(default_factory=list)
+    parameters: list[float] = field(default_factory=list)
+    states: int = 0
+    inputs: list[str] = field(default_factory=list)
+    #: Whether what is added now begins anew with each trial.
+    reset: bool = False
+
+    def constant(self, value: float, dimension: Dimension = NO_DIMENSION) -> Term:
+        """Return a term with a value that never changes, in SI."""
+        self.rows.append(Row(Op.CONSTANT, parameter=self._keep(value)))
+        return Term(len(self.rows) - 1, dimension, value)
+
+    def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Term:
+        """Return the term of a channel or a setpoint of a device."""
+        if name not in self.inputs:
+            self.inputs.append(name)
+        self.rows.append(Row(Op.INPUT, a=self.inputs.index(name)))
+        return Term(len(self.rows) - 1, dimension, uses=uses)
+
+    def add(
+        self,
+        op: Op,
+        *terms: Term,
+        dimension: Dimension = NO_DIMENSION,
+        parameters: tuple[float, ...] = (),
+        size: int = 0,
+        is_condition: bool = False,
+    ) -> Term:
+        """Return the term of an operation on ``terms``."""
+        a, b, c = (*(term.row for term in terms), 0, 0, 0)[:3]
+        first = len(self.parameters)
+        self.parameters += parameters
+        state, memory = self.states, MEMORY.get(op, 0)
+        if memory:
+            self.states += memory + (2 * size if op in WINDOWED else 0)
+        self.rows.append(Row(op, a, b, c, first, state, size, self.reset and bool(memory)))
+        uses = frozenset[str]().union(*(term.uses for term in terms))
+        return Term(len(self.rows) - 1, dimension, None, is_condition, uses)
+
+    def _keep(self, value: float) -> int:
+        self.parameters.append(value)
+        return len(self.parameters) - 1
+
+
+#: Operations that keep the samples of a window, with their times.
+WINDOWED = frozenset({Op.MEAN, Op.RMS, Op.HIGHEST, Op.LOWEST, Op.DELAY})

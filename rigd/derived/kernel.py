@@ -1,0 +1,358 @@
+"""Computes a graph of derived channels, compiled once for all graphs: a graph is data.
+
+Every value has two times: ``oldest``, of the oldest channel of a device in it, which is the age of
+the value; and ``newest``, at which a block with memory (a derivative, a filter) takes a step. A
+channel that comes at 25 Hz is thus differentiated over its own 40 ms, in a cycle of any rate.
+
+NaN means that a value is not known; a value that is not finite becomes NaN. NaN goes through every
+operation. What a block with memory does about it stands in ``docs/derived.md`` and beside each
+block here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.derived.graph import Op
+from rigd.model.kernel import kernel
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+#: A time before all others: of what never changes.
+NEVER: Final = -(2**62)
+
+_CONSTANT, _INPUT = int(Op.CONSTANT), int(Op.INPUT)
+_ADD, _SUBTRACT = int(Op.ADD), int(Op.SUBTRACT)
+_MULTIPLY, _DIVIDE = int(Op.MULTIPLY), int(Op.DIVIDE)
+_NEGATE, _ABS, _SQRT = int(Op.NEGATE), int(Op.ABS), int(Op.SQRT)
+_SIN, _COS, _TAN, _ATAN2 = int(Op.SIN), int(Op.COS), int(Op.TAN), int(Op.ATAN2)
+_MIN, _MAX = int(Op.MIN), int(Op.MAX)
+_LESS, _NOT_ABOVE = int(Op.LESS), int(Op.NOT_ABOVE)
+_AND, _OR, _NOT = int(Op.AND), int(Op.OR), int(Op.NOT)
+_WHERE, _HOLD, _DEADBAND, _LOOKUP = int(Op.WHERE), int(Op.HOLD), int(Op.DEADBAND), int(Op.LOOKUP)
+_DERIVATIVE, _LOWPASS, _INTEGRAL = int(Op.DERIVATIVE), int(Op.LOWPASS), int(Op.INTEGRAL)
+_MEAN, _RMS, _HIGHEST, _LOWEST = int(Op.MEAN), int(Op.RMS), int(Op.HIGHEST), int(Op.LOWEST)
+_RATE_LIMIT, _DELAY, _EDGES = int(Op.RATE_LIMIT), int(Op.DELAY), int(Op.EDGES)
+
+
+@kernel
+def evaluate(
+    t_ns: int,
+    inputs: Floats,
+    stamps: Times,
+    rows: Times,
+    parameters: Floats,
+    state: Floats,
+    values: Floats,
+    oldest: Times,
+    newest: Times,
+    stepped: Times,
+) -> None:
+    """Compute ``values``, ``oldest`` and ``newest`` of every row for the cycle at ``t_ns``.
+
+    ``inputs`` are the values of the n channels used, ``stamps`` their times in ns, all since the
+    start of the run, so that seconds keep their digits. ``rows`` has
+    shape (m, 7): operation, a, b, c, parameter, state, size. ``stepped`` (m) has the time at which
+    each block took its last step.
+    """
+    for row in range(rows.shape[0]):
+        op, a, b, c = rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3]
+        p, s, size = rows[row, 4], rows[row, 5], rows[row, 6]
+        if op == _CONSTANT:
+            values[row], oldest[row], newest[row] = parameters[p], t_ns, NEVER
+            continue
+        if op == _INPUT:
+            values[row], oldest[row], newest[row] = inputs[a], stamps[a], stamps[a]
+            if not math.isfinite(values[row]):
+                values[row] = math.nan
+            continue
+        x, y = values[a], values[b]
+        oldest[row], newest[row] = oldest[a], newest[a]
+        if op <= _DIVIDE or _ATAN2 <= op <= _OR or op in (_WHERE, _HOLD):
+            oldest[row] = min(oldest[a], oldest[b])
+            newest[row] = max(newest[a], newest[b])
+        if op == _WHERE:
+            oldest[row] = min(oldest[row], oldest[c])
+            newest[row] = max(newest[row], newest[c])
+        if op < _DERIVATIVE:
+            values[row] = _plain(op, x, y, values[c], parameters, p, size, state, s)
+        elif newest[row] > stepped[row]:
+            passed_s = 1e-9 * (newest[row] - stepped[row])
+            first = stepped[row] == NEVER
+            stepped[row] = newest[row]
+            values[row] = _block(op, x, newest[row], passed_s, first, parameters, p, state, s, size)
+        if math.isinf(values[row]):
+            values[row] = math.nan
+
+
+@kernel
+def gather(
+    t_ns: int,
+    layout: Times,
+    values: Floats,
+    oldest: Times,
+    stamps: Times,
+    late_ns: Times,
+    results: Floats,
+    taken: Times,
+) -> None:
+    """Collect the row of every group in ``results``, one after the other, each with its status.
+
+    ``layout`` has for each group the number of its channels, their rows, the number of its inputs
+    and these. ``taken`` gets the time of the oldest reading of each group. The status is 2^31 if an
+    input is older than its ``late_ns``, else 0.
+    """
+    at = place = 0
+    for group in range(taken.shape[0]):
+        count = layout[at]
+        earliest = t_ns
+        for row in layout[at + 1 : at + 1 + count]:
+            results[place] = values[row]
+            earliest = min(earliest, oldest[row])
+            place += 1
+        at += 1 + count
+        count = layout[at]
+        late = False
+        for read in layout[at + 1 : at + 1 + count]:
+            late = late or t_ns - stamps[read] > late_ns[read]
+        at += 1 + count
+        results[place], taken[group] = 2147483648.0 if late else 0.0, earliest
+        place += 1
+
+
+@kernel
+def _plain(
+    op: int, x: float, y: float, z: float, parameters: Floats, p: int, size: int,
+    state: Floats, s: int,
+) -> float:  # fmt: skip
+    """Return the value of an operation that computes in every cycle."""
+    if op == _ADD:
+        return x + y
+    if op == _SUBTRACT:
+        return x - y
+    if op == _MULTIPLY:
+        return x * y
+    if op == _DIVIDE:
+        return x / y if y != 0.0 else math.nan
+    if op == _NEGATE:
+        return -x
+    if op == _ABS:
+        return abs(x)
+    if op == _SQRT:
+        return math.sqrt(x) if x >= 0.0 else math.nan
+    if op == _SIN:
+        return math.sin(x)
+    if op == _COS:
+        return math.cos(x)
+    if op == _TAN:
+        return math.tan(x)
+    if op == _NOT:
+        return 1.0 - x
+    if op == _DEADBAND:
+        if math.isnan(x):
+            return x
+        band = parameters[p]
+        return x - band if x > band else (x + band if x < -band else 0.0)
+    if op == _LOOKUP:
+        return _interpolated(x, parameters, p, size)
+    if op == _HOLD:  # an unknown condition forgets the value: what is held would look known
+        if math.isnan(y):
+            state[s] = math.nan
+        elif y != 0.0:
+            state[s] = x
+        value: float = state[s]
+        return value
+    if op == _WHERE:
+        if math.isnan(x):
+            return math.nan
+        return y if x != 0.0 else z
+    if math.isnan(x) or math.isnan(y):
+        return math.nan
+    if op == _ATAN2:
+        return math.atan2(x, y)
+    if op == _MIN:
+        return x if x < y else y
+    if op == _MAX:
+        return x if x > y else y
+    if op == _LESS:
+        return 1.0 if x < y else 0.0
+    if op == _NOT_ABOVE:
+        return 1.0 if x <= y else 0.0
+    if op == _AND:
+        return x * y
+    return x if x > y else y  # OR
+
+
+@kernel
+def _interpolated(x: float, parameters: Floats, p: int, size: int) -> float:
+    """Return the value at ``x`` of a table of ``size`` points; NaN outside of it."""
+    if not parameters[p] <= x <= parameters[p + size - 1]:
+        return math.nan
+    low, high = 0, size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if parameters[p + middle] <= x:
+            low = middle
+        else:
+            high = middle
+    x0, x1 = parameters[p + low], parameters[p + high]
+    y0, y1 = parameters[p + size + low], parameters[p + size + high]
+    value: float = y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+    return value
+
+
+@kernel
+def _block(
+    op: int, x: float, t_ns: int, passed_s: float, first: bool, parameters: Floats, p: int,
+    state: Floats, s: int, size: int,
+) -> float:  # fmt: skip
+    """Take a step of a block with memory for the new value ``x``; return what it gives.
+
+    The memory of a block that was emptied is NaN.
+    """
+    if op == _DERIVATIVE:  # the difference to the last value; after NaN it begins anew
+        last = state[s]
+        state[s] = x
+        return (x - last) / passed_s if not first else math.nan
+    if op == _LOWPASS:
+        return _lowpass(x, passed_s, parameters[p], state, s)
+    if op in (_INTEGRAL, _EDGES):
+        return _total(op, x, passed_s, state, s)
+    if op == _RATE_LIMIT:
+        last, most = state[s], parameters[p] * passed_s
+        if math.isnan(last) or math.isnan(x) or abs(x - last) <= most:
+            state[s] = x
+        else:
+            state[s] = last + most if x > last else last - most
+        value: float = state[s]
+        return value
+    return _windowed(op, x, t_ns, parameters[p], state, s, size)
+
+
+@kernel
+def _total(op: int, x: float, passed_s: float, state: Floats, s: int) -> float:
+    """Take a step of an integral (by trapezoids), or of a count from false to true.
+
+    What passes during a NaN is not known, and with it the total: it is NaN until it is reset.
+    """
+    total, last, lost = state[s], state[s + 1], state[s + 2] == 1.0
+    if lost or math.isnan(x):
+        state[s + 2] = 1.0 if lost or not math.isnan(total) else 0.0
+        return math.nan
+    state[s + 1] = x
+    if math.isnan(total):
+        state[s] = 0.0
+    elif op == _INTEGRAL:
+        state[s] = total + 0.5 * (last + x) * passed_s
+    elif x > last:
+        state[s] = total + 1.0
+    value: float = state[s]
+    return value
+
+
+@kernel
+def _lowpass(x: float, passed_s: float, omega: float, state: Floats, s: int) -> float:
+    """Take a step of a Butterworth filter of second order, exact for a value held since then.
+
+    y'' + sqrt(2) w y' + w^2 y = w^2 x, for any time between steps. It delays slow signals by
+    sqrt(2) / w. It begins, also after NaN, settled at the value.
+    """
+    if math.isnan(x) or math.isnan(state[s]):
+        state[s], state[s + 1] = x, 0.0
+        return x
+    if passed_s != state[s + 2]:
+        decay = omega / math.sqrt(2.0)
+        fade = math.exp(-decay * passed_s)
+        sine, cosine = fade * math.sin(decay * passed_s), fade * math.cos(decay * passed_s)
+        state[s + 2] = passed_s
+        state[s + 3], state[s + 4], state[s + 5] = sine, cosine, decay
+    sine, cosine, decay = state[s + 3], state[s + 4], state[s + 5]
+    off, speed = state[s] - x, state[s + 1]
+    state[s] = x + off * (cosine + sine) + speed * sine / decay
+    state[s + 1] = speed * (cosine - sine) - 2.0 * decay * off * sine
+    value: float = state[s]
+    return value
+
+
+@kernel
+def _windowed(
+    op: int, x: float, t_ns: int, window_s: float, state: Floats, s: int, size: int
+) -> float:
+    """Add ``x`` to the samples of the last ``window_s`` and return what ``op`` makes of them.
+
+    A NaN makes the result NaN for as long as it is in the window. The samples are a ring of
+    ``size`` values, then their ages; the first two numbers are where it begins and how many it has.
+    """
+    head = 5 if op in (_MEAN, _RMS) else 2
+    if math.isnan(state[s]):
+        state[s], state[s + 1] = 0.0, 0.0
+        if head == 5:
+            state[s + 2], state[s + 3], state[s + 4] = 0.0, 0.0, 0.0
+    begin, count, ring = int(state[s]), int(state[s + 1]), s + head
+    now_s = 1e-9 * t_ns
+    while count > 0:
+        age_s = now_s - state[ring + size + begin]
+        if count < size and (age_s < window_s - 1e-9 if op != _DELAY else True):
+            break
+        if head == 5:
+            _take(state, s, state[ring + begin], op, -1.0)
+        begin = begin + 1 if begin + 1 < size else 0
+        count -= 1
+    place = begin + count
+    place = place if place < size else place - size
+    state[ring + place], state[ring + size + place] = x, now_s
+    count += 1
+    if head == 5:
+        _take(state, s, x, op, 1.0)
+    state[s], state[s + 1] = float(begin), float(count)
+    if op == _DELAY:
+        return _delayed(now_s - window_s, state, s, ring, size)
+    if head == 5:
+        if state[s + 4] > 0.0:
+            return math.nan
+        mean = (state[s + 2] + state[s + 3]) / count
+        return math.sqrt(mean if mean > 0.0 else 0.0) if op == _RMS else mean
+    result = state[ring + begin]
+    for index in range(count):
+        place = begin + index
+        value = state[ring + (place if place < size else place - size)]
+        if math.isnan(value):
+            return math.nan
+        if (value > result) if op == _HIGHEST else (value < result):
+            result = value
+    found: float = result
+    return found
+
+
+@kernel
+def _take(state: Floats, s: int, x: float, op: int, sign: float) -> None:
+    """Add ``sign * x`` (or its square) to the sum of a window, compensated after Neumaier."""
+    term = sign * (x * x if op == _RMS else x)
+    if not math.isfinite(term):
+        state[s + 4] += sign
+        return
+    total = state[s + 2]
+    added = total + term
+    state[s + 3] += (total - added) + term if abs(total) >= abs(term) else (term - added) + total
+    state[s + 2] = added
+
+
+@kernel
+def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> float:
+    """Return the newest sample that is not later than ``then_s``; older ones are dropped."""
+    begin, count = int(state[s]), int(state[s + 1])
+    result = math.nan
+    while count > 1:
+        after = begin + 1 if begin + 1 < size else 0
+        if state[ring + size + after] > then_s + 1e-9:
+            break
+        begin, count = after, count - 1
+    if state[ring + size + begin] <= then_s + 1e-9:
+        result = state[ring + begin]
+    state[s], state[s + 1] = float(begin), float(count)
+    return result

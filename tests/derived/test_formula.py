@@ -1,0 +1,116 @@
+"""Formulas as written: their units, and what is wrong with them at which character."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rigd.derived.dimensions import named, plain
+from rigd.derived.formula import read_formula
+from rigd.derived.graph import Builder, Term
+from rigd.derived.quantities import FormulaError
+from rigd.model.units import parse_unit
+
+UNITS = {
+    "load.force": "N", "pull.force": "N", "wheel.angle": "rad", "wheel.speed": "rad/s",
+    "cart.speed": "m/s", "cart.position": "m", "card.input": "V", "drive.torque": "N m",
+    "s.m": "m",
+}  # fmt: skip
+
+
+def read(text: str) -> Term:
+    builder = Builder()
+
+    def find(name: str, offset: int) -> Term:
+        if name not in UNITS:
+            raise FormulaError(f"unknown channel {name!r}", offset)
+        return builder.input(name, parse_unit(UNITS[name]).dimension, frozenset({name}))
+
+    return read_formula(text, builder, find, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("pull.force / load.force", "1"),
+        ("wheel.speed * 0.03 m - cart.speed", "m/s"),
+        ("derivative(wheel.angle)", "rad/s"),
+        ("derivative(wheel.angle) * 30 mm > cart.speed", "1"),
+        ("integral(pull.force * cart.speed)", "N m"),
+        ("drive.torque * wheel.speed", "N m/s"),
+        ("sqrt(cart.speed ** 2 + (2 m/s) ** 2)", "m/s"),
+        ("sin(wheel.angle) + cos(2 rad) + tan(30 deg)", "1"),
+        ("atan2(pull.force, load.force)", "rad"),
+        ("lookup(card.input, [0 V, 5 V], [0 N, 100 N])", "N"),
+        ("max(abs(load.force), 1 mN)", "N"),
+        ("where(load.force > 5 N and not cart.speed > 1 m/s, pull.force, 0 N)", "N"),
+        ("2 m / s.m", "1"),
+        ("3 m/s * 2 s - cart.position", "m"),
+        ("5 1/s + 3 Hz", "1/s"),
+        ("ratelimit(load.force, 5 N/s)", "N"),
+        ("mean(hold(pull.force, load.force > 1 N), 0.5 s)", "N"),
+        ("edges(load.force > 5 N if_ )".replace(" if_ ", ""), "1"),
+        ("1 N < load.force < 3 N or 50 % > 1", "1"),
+        ("- 3 kg m/s^2 + +load.force", "N"),
+    ],
+)
+def test_formula_has_unit(text: str, unit: str) -> None:
+    assert named(plain(read(text).dimension)) == named(plain(parse_unit(unit).dimension))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("2 * 3 mm", 6e-3), ("30 deg - 0.1 rad", math.pi / 6 - 0.1), ("-(4 m / 2 s) * 3", -6.0)],
+)
+def test_fixed_part_is_computed_once(text: str, value: float) -> None:
+    assert read(text).constant == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "token", "part"),
+    [
+        ("load.force + cart.speed", "cart", "cannot add m/s and N"),
+        ("load.force - 5", "5", "give the number its unit, such as 'N'"),
+        ("load.force > 3 m", "3", "cannot compare N with m"),
+        ("wheel.angle + 0.3", "0.3", "cannot add a plain number and rad"),
+        ("load.force + 3 furlong", "furlong", "unknown unit 'furlong'"),
+        ("load.force * 0,5 N", ",5", "decimal point"),
+        ("load.forse * 2", "load", "unknown channel 'load.forse'"),
+        ("load * 2", "load", "unknown name 'load'"),
+        ("deriv(load.force)", "deriv", "did you mean 'derivative'?"),
+        ("derivative(load.force, 5 Hz)", "derivative", "takes 1 values, found 2"),
+        ("lowpass(load.force, load.force)", "load.force)", "expected a fixed quantity"),
+        ("lowpass(load.force, 5 s)", "5 s", "expected 1/s, found s"),
+        ("lowpass(load.force, 400 Hz)", "400", "too fast for a cycle of 1000 Hz"),
+        ("mean(load.force, 1 h)", "1 h", "too long"),
+        ("sin(load.force)", "load", "expected an angle in rad"),
+        ("sqrt(load.force)", "load", "no root with a unit"),
+        ("where(load.force, 1, 2)", "load", "expected a condition"),
+        ("abs(load.force > 1 N)", "load", "found a condition"),
+        ("load.force == 5 N", "5", "compare with '<' or '>'"),
+        ("load.force if cart.speed > 1 m/s else 0 N", "load", "where("),
+        ("load.force ^ 2", "load", "write a power as 'x ** 2'"),
+        ("load.force ** 0.5", "0.5", "whole number from 2 to 4"),
+        ("[x for x in load.force]", "[", "cannot contain"),
+        ("load.force.real", "load", "cannot contain"),
+        ("__import__('os').system('ls')", "__import__", "cannot contain"),
+        ("lambda: 1", "lambda", "cannot contain"),
+        ("(load.force", "(", "cannot read"),
+        ("load.force +", "", "cannot read the formula"),
+        ("${current} * 2", "$", "channels are written bare"),
+        ("lookup(card.input, [0 V, 0 V], [1 N, 2 N])", "[0 V", "do not increase"),
+        ("lookup(card.input, [0 V], [1 N])", "[0 V", "2 to 200"),
+        ("load.force / 0", "0", "division by zero"),
+        ("_q0 * 2", "_q0", "unknown name"),
+        ("(" * 60 + "load.force" + ")" * 60 + " * é", "é", "cannot read 'é'"),
+        ("-" * 200 + "load.force", "", "nests deeper than 30"),
+        ("load.force * " * 40 + "2", "", "at most 300 characters"),
+    ],
+)
+def test_wrong_formula_names_cause_and_place(text: str, token: str, part: str) -> None:
+    with pytest.raises(FormulaError) as caught:
+        read(text)
+    assert part in f"{caught.value} {caught.value.hint}"
+    if token:
+        assert caught.value.offset == text.index(token)

@@ -1,0 +1,171 @@
+"""The compiled graph: equal to a slow second form for any formula, and to closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+from support.formula_reference import Part
+
+from rigd.derived.evaluator import Evaluator
+from rigd.derived.formula import read_formula
+from rigd.derived.graph import Builder, Graph, Term
+
+PERIOD_NS = 1_000_000
+START_NS = 1_790_000_000_000_000_000
+
+
+class Bound:
+    """A formula of the channels ``dev_a.x`` and ``dev_b.x``, played cycle by cycle."""
+
+    def __init__(self, text: str, *, reset: bool = False) -> None:
+        builder = Builder(reset=reset)
+
+        def find(name: str, offset: int) -> Term:
+            return builder.input(name, (0,) * 7, frozenset({name}))
+
+        term = read_formula(text, builder, find, PERIOD_NS * 1e-9)
+        graph = Graph(
+            tuple(builder.rows), tuple(builder.parameters), builder.states, tuple(builder.inputs),
+            {"f.x": term.row}, {"f.x": term.uses},
+        )  # fmt: skip
+        self.values, self.stamps = [math.nan, math.nan], [START_NS, START_NS]
+        self.evaluator = Evaluator(graph)
+        places = {"dev_a.x": 0, "dev_b.x": 1}
+        self.evaluator.bind(places, (0, 1), (0, 0), {}, self.values, self.stamps, [])
+
+    def cycle(self, number: int, a: float | None, b: float | None = None) -> float:
+        """Return the value of cycle ``number``; None is a device without a new row."""
+        t_ns = START_NS + number * PERIOD_NS
+        for device, value in enumerate((a, b)):
+            if value is not None:
+                self.values[device], self.stamps[device] = value, t_ns
+        self.evaluator.compute(t_ns)
+        return self.evaluator.results[0]
+
+    def play(self, values: Sequence[float]) -> list[float]:
+        return [self.cycle(number, value) for number, value in enumerate(values)]
+
+
+numbers = st.sampled_from([-3.0, -0.5, 0.25, 1.0, 2.0]).map(lambda x: Part("number", number=x))
+leaves = st.one_of(st.builds(Part, st.sampled_from(["a", "b"])), numbers)
+
+
+def conditions(parts: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
+    compared = st.builds(lambda k, *p: Part(k, p), st.sampled_from(["<", "<="]), parts, parts)
+    joined = st.builds(lambda k, *p: Part(k, p), st.sampled_from(["and", "or"]), compared, compared)
+    return st.one_of(compared, joined, compared.map(lambda part: Part("not", (part,))))
+
+
+def wider(parts: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
+    pairs = st.sampled_from(["+", "-", "*", "/", "min", "max"])
+    single = st.sampled_from(["negative", "abs", "sqrt", "derivative", "integral"])
+    fixed = st.sampled_from(
+        [("lowpass", 20.0), ("lowpass", 250.0), ("ratelimit", 40.0), ("deadband", 0.5)]
+        + [(kind, window) for kind in ("mean", "rms", "highest", "lowest", "delay")
+           for window in (0.001, 0.004, 0.0075)]
+    )  # fmt: skip
+    condition = conditions(parts)
+    return st.one_of(
+        st.builds(lambda k, x, y: Part(k, (x, y)), pairs, parts, parts),
+        st.builds(lambda k, x: Part(k, (x,)), single, parts),
+        st.builds(lambda f, x: Part(f[0], (x,), f[1]), fixed, parts),
+        st.builds(lambda c, x, y: Part("where", (c, x, y)), condition, parts, parts),
+        st.builds(lambda x, c: Part("hold", (x, c)), parts, condition),
+        condition.map(lambda part: Part("edges", (part,))),
+    )
+
+
+formulas = st.recursive(leaves, wider, max_leaves=6)
+readings = st.one_of(st.none(), st.sampled_from([-2.0, -0.1, 0.0, 0.3, 1.5, 4.0, math.nan]))
+
+
+@settings(max_examples=150, deadline=None)
+@given(formula=formulas, rows=st.lists(st.tuples(readings, readings), min_size=1, max_size=25))
+def test_compiled_graph_equals_slow_second_form(
+    formula: Part, rows: list[tuple[float | None, float | None]]
+) -> None:
+    bound = Bound(formula.text())
+    inputs, times = {"a": math.nan, "b": math.nan}, {"a": 0.0, "b": 0.0}
+    for number, (a, b) in enumerate(rows):
+        now_s = number * 1e-3
+        for name, value in (("a", a), ("b", b)):
+            if value is not None:
+                inputs[name], times[name] = value, now_s
+        expected = formula.value(inputs, times)
+        found = bound.cycle(number, a, b)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), number
+        oldest = (bound.evaluator.taken_ns[0] - START_NS) * 1e-9
+        assert oldest == pytest.approx(formula.oldest(times, now_s), abs=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    formula=formulas,
+    rows=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=25),
+)
+def test_no_reading_makes_a_value_infinite(formula: Part, rows: list[float]) -> None:
+    bound = Bound(formula.text())
+    for number, value in enumerate(rows):
+        assert not math.isinf(bound.cycle(number, value, value))
+
+
+def test_low_pass_has_step_response_of_butterworth() -> None:
+    found = Bound("lowpass(dev_a.x, 50 Hz)").play([0.0] + 60 * [1.0])
+    system = signal.butter(2, 2 * math.pi * 50, analog=True)
+    _, expected = signal.step(system, T=np.arange(61) * 1e-3)
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_low_pass_delays_ramp_by_stated_time() -> None:
+    found = Bound("lowpass(dev_a.x, 20 Hz)").play([1e-3 * n for n in range(400)])
+    delay_s = math.sqrt(2) / (2 * math.pi * 20)
+    # A reading counts from the one before on, which is half a cycle less.
+    assert 0.399 - found[-1] == pytest.approx(delay_s - 0.5e-3, rel=1e-3)
+
+
+def test_slow_channel_is_differentiated_over_its_own_interval() -> None:
+    bound = Bound("derivative(dev_a.x)")
+    found = [bound.cycle(n, 0.5 * n if n % 40 == 0 else None) for n in range(200)]
+    assert found[40:] == pytest.approx([500.0] * 160)
+
+
+def test_integral_of_sine_is_cosine() -> None:
+    times = np.arange(1000) * 1e-3
+    found = Bound("integral(dev_a.x)").play([math.sin(7 * t) for t in times])
+    assert found == pytest.approx((1 - np.cos(7 * times)) / 7, abs=2e-6)
+
+
+def test_integral_over_unknown_value_stays_unknown_until_reset() -> None:
+    bound = Bound("integral(dev_a.x)", reset=True)
+    found = bound.play([1.0, 1.0, math.nan, 1.0, 1.0])
+    assert found[:2] == pytest.approx([0.0, 1e-3])
+    assert all(math.isnan(value) for value in found[2:])
+    bound.evaluator.begin_trial()
+    assert [bound.cycle(n, 1.0) for n in (5, 6)] == pytest.approx([0.0, 1e-3])
+
+
+def test_reset_belongs_to_channels_that_ask_for_it() -> None:
+    bound = Bound("integral(dev_a.x)")
+    bound.play([1.0, 1.0])
+    bound.evaluator.begin_trial()
+    assert bound.cycle(2, 1.0) == pytest.approx(2e-3)
+
+
+def test_table_interpolates_and_is_unknown_beyond() -> None:
+    bound = Bound("lookup(dev_a.x, [0, 1, 3], [10, 20, 0])")
+    assert bound.play([0.0, 0.5, 1.0, 2.0, 3.0, 3.1, -0.1, math.nan]) == pytest.approx(
+        [10, 15, 20, 10, 0, math.nan, math.nan, math.nan], nan_ok=True
+    )
+
+
+def test_long_window_keeps_its_digits() -> None:
+    rng = np.random.default_rng(1)
+    values = np.concatenate((1e9 * rng.normal(size=2000), rng.normal(size=3000)))
+    found = Bound("mean(dev_a.x, 1 s)").play(values.tolist())
+    assert found[-1] == pytest.approx(float(np.mean(values[-1000:])), abs=1e-12)
