@@ -83,9 +83,8 @@ def evaluate(
             values[row] = _plain(op, x, y, values[c], parameters, p, size, state, s)
         elif newest[row] > stepped[row]:
             passed_s = 1e-9 * (newest[row] - stepped[row])
-            first = stepped[row] == NEVER
             stepped[row] = newest[row]
-            values[row] = _block(op, x, newest[row], passed_s, first, parameters, p, state, s, size)
+            values[row] = _block(op, x, newest[row], passed_s, parameters, p, state, s, size)
         if math.isinf(values[row]):
             values[row] = math.nan
 
@@ -208,17 +207,20 @@ def _interpolated(x: float, parameters: Floats, p: int, size: int) -> float:
 
 @kernel
 def _block(
-    op: int, x: float, t_ns: int, passed_s: float, first: bool, parameters: Floats, p: int,
+    op: int, x: float, t_ns: int, passed_s: float, parameters: Floats, p: int,
     state: Floats, s: int, size: int,
 ) -> float:  # fmt: skip
     """Take a step of a block with memory for the new value ``x``; return what it gives.
 
     The memory of a block that was emptied is NaN.
     """
-    if op == _DERIVATIVE:  # the difference to the last value; after NaN it begins anew
-        last = state[s]
+    if op == _DERIVATIVE:  # begins at 0; after NaN the change since the last value is not known
+        last, begun = state[s], state[s + 1] == 1.0
         state[s] = x
-        return (x - last) / passed_s if not first else math.nan
+        if begun or math.isnan(x):
+            return (x - last) / passed_s
+        state[s + 1] = 1.0
+        return 0.0
     if op == _LOWPASS:
         return _lowpass(x, passed_s, parameters[p], state, s)
     if op in (_INTEGRAL, _EDGES):
@@ -344,15 +346,13 @@ def _take(state: Floats, s: int, x: float, op: int, sign: float) -> None:
 
 @kernel
 def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> float:
-    """Return the newest sample that is not later than ``then_s``; older ones are dropped."""
+    """Return the newest sample not later than ``then_s``, or the first; older ones are dropped."""
     begin, count = int(state[s]), int(state[s + 1])
-    result = math.nan
     while count > 1:
         after = begin + 1 if begin + 1 < size else 0
         if state[ring + size + after] > then_s + 1e-9:
             break
         begin, count = after, count - 1
-    if state[ring + size + begin] <= then_s + 1e-9:
-        result = state[ring + begin]
     state[s], state[s + 1] = float(begin), float(count)
+    result: float = state[ring + begin]
     return result

@@ -87,10 +87,10 @@ class Part:
         inside = [value for time, value in history if now_s - time < self.number - 1e-9]
         match self.kind:
             case "derivative":
-                if len(history) < 2:
-                    return NAN
-                (before_s, before), (after_s, after) = history[-2:]
-                return (after - before) / (after_s - before_s)
+                if len(_since_known(history)) == 1:
+                    return 0.0
+                (before_s, before), (after_s, after) = (*history[:1], *history)[-2:]
+                return NAN if math.isnan(after) else (after - before) / (after_s - before_s)
             case "integral":
                 known = _since_known(history)
                 return sum(
@@ -113,7 +113,7 @@ class Part:
                 return NAN if any(map(math.isnan, inside)) else min(inside)
             case "delay":
                 then = [value for time, value in history if time <= now_s - self.number + 1e-9]
-                return then[-1] if then else NAN
+                return then[-1] if then else values[0]
             case "ratelimit":
                 if math.isnan(x) or math.isnan(self.held):
                     self.held = x
