@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from rigd.derived.graph import Graph
-from rigd.derived.kernel import NEVER, evaluate, gather
+from rigd.derived.kernel import NEVER, evaluate, gather, warm
 from rigd.model.channels import ECHO
 
 
@@ -48,6 +48,7 @@ class Evaluator:
         self._echoes: list[tuple[int, int]] = []
         self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
         self._begun_ns = 0
+        warm()
         self._done_ns = -1
 
     def bind(

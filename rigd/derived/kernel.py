@@ -356,3 +356,11 @@ def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> floa
     state[s], state[s + 1] = float(begin), float(count)
     result: float = state[ring + begin]
     return result
+
+
+def warm() -> None:
+    """Load the compiled functions, or compile them: no cycle has time for that."""
+    floats, times = np.zeros(0), np.zeros(0, dtype=np.int64)
+    table = np.zeros((0, 7), dtype=np.int64)
+    evaluate(0, floats, times, table, floats, floats, floats, times, times, times)
+    gather(0, times, floats, times, times, times, floats, times)

@@ -15,6 +15,7 @@ from rigd.engine.process_host import ProcessHost, Watched
 from rigd.engine.rates import ring_rows
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.slow.off_cycle import OffCycleDevices
+from rigd.engine.wiring import evaluator_of
 from rigd.procedure.program import Recorded
 
 
@@ -26,6 +27,7 @@ def prepare(
     Raises:
         RecordingError: the folder still contains data of an earlier run, or has no room.
     """
+    evaluator_of(rig)  # compiled here, if it is not yet: the cycle process must be in time
     folder.prepare(
         job,
         {

@@ -65,7 +65,7 @@ def wire(
     if rig.plant is not None:
         plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
     links = {name: setup.link_class(setup.config) for name, setup in rig.links.items()}
-    evaluator = _evaluator(rig)
+    evaluator = evaluator_of(rig)
     devices: dict[str, tuple[str, Driver]] = {
         name: (device.driver, _driver(device, plant, links, stand_in, evaluator))
         for name, device in rig.devices.items()
@@ -88,8 +88,11 @@ def wire(
     return Wiring(Cycle(mounted, limiter, interlocks, clock, control, evaluator), plant)
 
 
-def _evaluator(rig: RigConfig) -> Evaluator | None:
-    """Return what computes the derived channels of ``rig``: one graph for all; None without."""
+def evaluator_of(rig: RigConfig) -> Evaluator | None:
+    """Return what computes the derived channels of ``rig``: one graph for all; None without.
+
+    The first call after an installation compiles it, which takes seconds.
+    """
     configs = (device.config for device in rig.devices.values())
     graphs = [config.graph for config in configs if isinstance(config, DerivedConfig)]
     if not graphs:

@@ -28,9 +28,20 @@ FAULT = """\
 """
 
 
+#: A slow device and one of another pace in a formula.
+DERIVED = """\
+derived:
+  both.product: {is: gauge.force * climate.humidity}
+  both.passed: {is: "integral(where(gauge.force < 1 kN, 1, 1))"}
+
+interlocks:
+"""
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
-    with wire_rig(tmp_path_factory.mktemp("wire"), shipped=LINES) as rig:
+    folder = tmp_path_factory.mktemp("wire")
+    with wire_rig(folder, replaced={"interlocks:\n": DERIVED}, shipped=LINES) as rig:
         yield rig
 
 
@@ -57,6 +68,11 @@ def test_run_records_what_the_lines_show(bench: WireRig, tmp_path: Path) -> None
     assert len(gauge) >= 10
     assert np.abs(climate["temperature"] - 294.65).max() < 0.2
     assert np.abs(climate["humidity"] - 0.45).max() < 0.01
+    both = recording.read("both")
+    assert len(both) >= 190  # one row per cycle, though the devices are slow
+    assert np.abs(both["product"] + 12.5 * 0.45).max() < 0.3
+    assert not np.any(both["status"])
+    assert both["passed"][-1] == pytest.approx(2.0, abs=0.5)
 
 
 def test_run_ends_at_unreadable_lines_with_cause(bench: WireRig, tmp_path: Path) -> None:
