@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rigd.derived.dimensions import alike, named, over, plain, times
-from rigd.derived.functions import FUNCTIONS, Call, Constant, reachable
+from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
 from rigd.derived.graph import Builder, Op, Term
 from rigd.derived.quantities import STAND_IN, FormulaError, Prepared, prepare
 from rigd.model.units import NO_DIMENSION, Dimension, si_symbol
@@ -220,7 +220,7 @@ class _Reader:
                 self.at(node), known.usage,
             )  # fmt: skip
         terms: list[Term] = []
-        tables: list[list[Constant]] = []
+        tables: list[list[Fixed]] = []
         for kind, item in zip(known.takes, node.args, strict=True):
             if kind == "condition":
                 terms.append(self.condition(item, depth))
@@ -236,9 +236,9 @@ class _Reader:
         call = Call(self.builder, self.period_s, self.at(node), places, known.usage, tables)
         return known.make(call, terms)
 
-    def fixed(self, node: ast.expr, depth: int, usage: str) -> Constant:
+    def fixed(self, node: ast.expr, depth: int, usage: str) -> Fixed:
         term = self.constant(node, depth, usage)
-        return Constant(math.nan if term.constant is None else term.constant, term.dimension)
+        return Fixed(math.nan if term.constant is None else term.constant, term.dimension)
 
     def constant(self, node: ast.expr, depth: int, usage: str) -> Term:
         term = self.number(node, depth)

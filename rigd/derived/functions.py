@@ -26,7 +26,7 @@ _ANGLE: Final = parse_unit("rad").dimension
 Kind = Literal["quantity", "condition", "constant", "list"]
 
 
-class Constant(NamedTuple):
+class Fixed(NamedTuple):
     """A fixed quantity in a list: its value in SI, and its dimension."""
 
     value: float
@@ -42,7 +42,7 @@ class Call:
     offset: int
     places: Sequence[int]
     usage: str
-    tables: Sequence[Sequence[Constant]] = ()
+    tables: Sequence[Sequence[Fixed]] = ()
 
     def wrong(self, message: str, argument: int = 0) -> FormulaError:
         """Return the error that ``argument`` is wrong."""

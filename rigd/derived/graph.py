@@ -72,7 +72,7 @@ MEMORY = {
 
 
 @dataclass(frozen=True)
-class Row:
+class GraphRow:
     """One operation: rows ``a``, ``b``, ``c`` go in; it begins at ``state`` and ``parameter``.
 
     ``size`` counts the samples of a window or the points of a table. ``reset`` is whether the
@@ -98,7 +98,7 @@ class Graph:
     each derived channel to its row, ``uses`` to the channels that devices measure for it.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[GraphRow, ...]
     parameters: tuple[float, ...]
     states: int
     inputs: tuple[str, ...]
@@ -131,7 +131,7 @@ class Term:
 class Builder:
     """Collects the rows of a graph."""
 
-    rows: list[Row] = field(default_factory=list)
+    rows: list[GraphRow] = field(default_factory=list)
     parameters: list[float] = field(default_factory=list)
     states: int = 0
     inputs: list[str] = field(default_factory=list)
@@ -140,14 +140,14 @@ class Builder:
 
     def constant(self, value: float, dimension: Dimension = NO_DIMENSION) -> Term:
         """Return a term with a value that never changes, in SI."""
-        self.rows.append(Row(Op.CONSTANT, parameter=self._keep(value)))
+        self.rows.append(GraphRow(Op.CONSTANT, parameter=self._keep(value)))
         return Term(len(self.rows) - 1, dimension, value)
 
     def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Term:
         """Return the term of a channel or a setpoint of a device."""
         if name not in self.inputs:
             self.inputs.append(name)
-        self.rows.append(Row(Op.INPUT, a=self.inputs.index(name)))
+        self.rows.append(GraphRow(Op.INPUT, a=self.inputs.index(name)))
         return Term(len(self.rows) - 1, dimension, uses=uses)
 
     def add(
@@ -166,7 +166,7 @@ class Builder:
         state, memory = self.states, MEMORY.get(op, 0)
         if memory:
             self.states += memory + (2 * size if op in WINDOWED else 0)
-        self.rows.append(Row(op, a, b, c, first, state, size, self.reset and bool(memory)))
+        self.rows.append(GraphRow(op, a, b, c, first, state, size, self.reset and bool(memory)))
         uses = frozenset[str]().union(*(term.uses for term in terms))
         return Term(len(self.rows) - 1, dimension, None, is_condition, uses)
 
