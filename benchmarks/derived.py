@@ -111,13 +111,13 @@ def main() -> None:
     for rig in rigs:
         play(rig)
     rows = [[play(rig) for rig in rigs] for _ in range(ROUNDS)]
-    bare, one, eight = (statistics.median(column) for column in zip(*rows, strict=True))
-    print(f"a cycle in virtual time, in us: {bare:.1f}, with 32 channels in a group {one:.1f}, "
+    bare, single, eight = (statistics.median(column) for column in zip(*rows, strict=True))
+    print(f"a cycle in virtual time, in us: {bare:.1f}, with 32 channels in a group {single:.1f}, "
           f"in eight groups {eight:.1f}")  # fmt: skip
-    at_most("32 derived channels in a group, added to a cycle", one - bare, 40, "us")
+    at_most("32 derived channels in a group, added to a cycle", single - bare, 40, "us")
     at_most("32 derived channels in eight groups, added to a cycle", eight - bare, 40, "us")
     at_most(
-        "32 derived channels in a group, virtual time longer by", 100 * (one / bare - 1), 20, "%"
+        "32 derived channels in a group, virtual time longer by", 100 * (single / bare - 1), 20, "%"
     )
     peer = plain_python(400)
     noted("the same 32 channels in plain Python with scipy's filter", peer, "us per cycle")

@@ -227,7 +227,7 @@ class _Reader:
             elif kind == "list":
                 if not isinstance(item, ast.List):
                     raise FormulaError("expected a list '[...]'", self.at(item), known.usage)
-                tables.append([self.fixed(one, depth, known.usage) for one in item.elts])
+                tables.append([self.fixed(point, depth, known.usage) for point in item.elts])
             elif kind == "constant":
                 terms.append(self.constant(item, depth, known.usage))
             else:

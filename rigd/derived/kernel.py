@@ -218,7 +218,8 @@ def _block(
         last, begun = state[s], state[s + 1] == 1.0
         state[s] = x
         if begun or math.isnan(x):
-            return (x - last) / passed_s
+            rate: float = (x - last) / passed_s
+            return rate
         state[s + 1] = 1.0
         return 0.0
     if op == _LOWPASS:

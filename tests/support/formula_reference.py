@@ -94,15 +94,15 @@ class Part:
             case "integral":
                 known = _since_known(history)
                 return sum(
-                    0.5 * (one + two) * (two_s - one_s)
-                    for (one_s, one), (two_s, two) in itertools.pairwise(known)
+                    0.5 * (before + after) * (after_s - before_s)
+                    for (before_s, before), (after_s, after) in itertools.pairwise(known)
                 ) if known else NAN  # fmt: skip
             case "edges":
                 known = _since_known(history)
                 if not known or any(math.isnan(value) for _, value in known):
                     return NAN
                 pairs = itertools.pairwise(known)
-                return float(sum(two > one for (_, one), (_, two) in pairs))
+                return float(sum(after > before for (_, before), (_, after) in pairs))
             case "mean":
                 return sum(inside) / len(inside)
             case "rms":
