@@ -17,6 +17,7 @@ from rigd.panel.messages import (
     LiveLink,
     LiveState,
     LiveStatus,
+    PageDescription,
     PageEvent,
     PageStatus,
     RigLink,
@@ -50,7 +51,7 @@ class Hub:
             set()
         )  # browsers that have received the past, and now get frames
         self._status: PageStatus | None = None
-        self._description: Description | None = None
+        self._description: PageDescription | None = None
         self._latest: LatestValues | None = None
         self._events: deque[PageEvent] = deque(maxlen=KEPT_EVENTS)
         self._status_s = -SILENCE_S
@@ -155,9 +156,8 @@ class Hub:
         while True:
             if self._description is None and self.alive:
                 try:
-                    self._description = await self._rig.request(
-                        Kind.ASK, "describe", {}, Description
-                    )
+                    found = await self._rig.request(Kind.ASK, "describe", {}, Description)
+                    self._description = PageDescription.of(found)
                     self._put(LiveDescription(describe=self._description))
                     await self._fill_events()
                 except RigdError as error:

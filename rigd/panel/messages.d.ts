@@ -48,18 +48,6 @@ declare namespace Api {
     unauthenticated_ended: number;
     accept_pauses: number;
   }
-  interface Description {
-    rig: string;
-    title: string;
-    simulated: boolean;
-    streams: StreamView[];
-    setpoints: SetpointView[];
-    interlocks: InterlockView[];
-    actions: ActionView[];
-    role: Role;
-    roles: Record<string, Role>;
-    sizes: Sizes;
-  }
   interface DryRun {
     ok: boolean;
     duration_s: number;
@@ -116,7 +104,7 @@ declare namespace Api {
   }
   interface LiveDescription {
     kind: "describe";
-    describe: Description;
+    describe: PageDescription;
   }
   interface LiveEvent {
     kind: "event";
@@ -145,6 +133,19 @@ declare namespace Api {
     level: "info" | "warning" | "error";
     text: string;
   }
+  interface PageDescription {
+    rig: string;
+    title: string;
+    simulated: boolean;
+    streams: StreamView[];
+    setpoints: SetpointView[];
+    interlocks: InterlockView[];
+    actions: ActionView[];
+    role: Role;
+    roles: Record<string, Role>;
+    sizes: Sizes;
+    poses: PagePose[];
+  }
   interface PageEvent {
     v: 1;
     seq: number;
@@ -164,6 +165,14 @@ declare namespace Api {
     max: string | null;
     swept: boolean;
     factor: number;
+  }
+  interface PagePose {
+    body: string;
+    stream: number;
+    x: number;
+    y: number;
+    heading: number | null;
+    watched: boolean;
   }
   interface PageProcedure {
     procedure: ProcedureFile;
@@ -392,7 +401,7 @@ declare namespace Api {
   }
   type LiveMessage = LiveDescription | LiveEvent | LiveLatest | LiveLink | LiveSkipped | LiveStatus;
   interface Asks {
-    describe: { args: NoArguments; result: Description };
+    describe: { args: NoArguments; result: PageDescription };
     procedures: { args: NoArguments; result: Procedures };
     procedure: { args: ProcedureName; result: PageProcedure };
     check: { args: Checked; result: CheckReport };

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, StringConstraints
 from pydantic.json_schema import models_json_schema
 
+from rigd.model.poses import poses_of
 from rigd.model.units import parse_unit
 from rigd.remote.protocol import VERBS, Kind, Message, RigEvent, Status, Verb
 from rigd.remote.protocol.results import (
@@ -199,6 +200,47 @@ class RigLink(Message):
     """Time since the last status; None if there was no status."""
 
 
+class PagePose(Message):
+    """A body in a plane (:class:`rigd.model.poses.Pose`), by places in its stream."""
+
+    body: str
+    stream: int
+    """The number of the stream."""
+    x: int
+    y: int
+    heading: int | None
+    """None if it is not measured."""
+    watched: bool
+    """Whether an interlock watches the stream."""
+
+
+class PageDescription(Description):
+    """The description of the rig with the poses that the page draws in a plane."""
+
+    poses: tuple[PagePose, ...] = ()
+
+    @classmethod
+    def of(cls, description: Description) -> PageDescription:
+        """Return ``description`` with its poses."""
+        streams = {stream.name: stream for stream in description.streams}
+        watched = {item.source.partition(".")[0] for item in description.interlocks}
+        poses = []
+        for pose in poses_of(description.streams):
+            stream = streams[pose.stream]
+            place = {channel.name: at for at, channel in enumerate(stream.channels)}
+            poses.append(
+                PagePose(
+                    body=pose.body,
+                    stream=stream.number,
+                    x=place[pose.x],
+                    y=place[pose.y],
+                    heading=None if pose.heading is None else place[pose.heading],
+                    watched=pose.stream in watched,
+                )
+            )
+        return cls(**dict(description), poses=tuple(poses))
+
+
 class LiveStatus(Message):
     """The status, at every change and twice a second."""
 
@@ -210,7 +252,7 @@ class LiveDescription(Message):
     """The description of the rig, when the page opens and after a restart of the daemon."""
 
     kind: Literal["describe"] = "describe"
-    describe: Description
+    describe: PageDescription
 
 
 class LiveLatest(Message):
@@ -247,6 +289,7 @@ LiveMessage = LiveState | LiveEvent | LiveSkipped
 
 #: What the page receives instead of a message of the protocol.
 _COMPLETED: Mapping[type[Message], type[Message]] = {
+    Description: PageDescription,
     ProcedureView: PageProcedure,
     RunView: PageRun,
 }
@@ -255,6 +298,8 @@ _COMPLETED: Mapping[type[Message], type[Message]] = {
 def complete(answer: Message) -> Message:
     """Return the answer to a question, with the additional data for the page."""
     match answer:
+        case Description():
+            return PageDescription.of(answer)
         case ProcedureView():
             return PageProcedure.of(answer)
         case RunView():

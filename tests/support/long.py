@@ -283,6 +283,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_an_undelivered_stop_can_be_withdrawn",
             "test_page_cut_off_shows_it_and_recovers",
         ),
+        "panel/test_plane.py": (
+            "test_bodies_shown_are_those_last_chosen",
+            "test_held_plane_shows_that_time",
+            "test_plane_has_room",
+        ),
         "panel/test_presses.py": (
             "test_a_key_pressed_elsewhere_presses_no_button",
             "test_a_pointer_pressed_elsewhere_presses_no_button",

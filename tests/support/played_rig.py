@@ -48,6 +48,7 @@ from rigd.remote.protocol.arguments import (
     ReportPiece,
     Since,
     StartArguments,
+    StreamName,
 )
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.limits import VERSION
@@ -295,7 +296,7 @@ class PlayedRig:
             describe=self._describe,
             events=self._events,
             latest=self._latest,
-            history=lambda _, wanted: History(frame=past(wanted.stream)),
+            history=self._history,
             lease=lambda _, __: lease.view(),
             procedures=lambda _, __: LISTED,
             procedure=_procedure,
@@ -340,6 +341,9 @@ class PlayedRig:
             for name, value in self.carriage.values.items()
         }
         return LatestValues(t_ns=time.time_ns(), values=values)
+
+    def _history(self, _: Requester, wanted: StreamName) -> History:
+        return History(frame=past(wanted.stream))
 
     def _fetch(self, _: Requester, wanted: PieceArguments) -> PieceView:
         self._line(wanted.run)

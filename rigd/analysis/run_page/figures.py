@@ -23,6 +23,7 @@ from rigd.analysis.report.plots.axes import Margins, grid, unit_text, words
 from rigd.analysis.report.trace import thin
 from rigd.analysis.run_page.bounds import SETPOINT, Bound
 from rigd.analysis.run_page.groups import Groups
+from rigd.analysis.run_page.paths import BodyPath
 from rigd.analysis.run_page.samples import Attempt, Samples, Trace
 
 WIDTH: Final = 11.0
@@ -38,6 +39,9 @@ APART: Final = 0.15
 SPARSE: Final = 0.5
 #: Columns of one of several trials in one panel.
 OVERLAY_COLUMNS: Final = 80
+#: The height of a plane with bodies, and what it shows beyond their paths, as a share of these.
+PLANE_INCHES: Final = 2.6
+PLANE_ROOM: Final = 1.12
 DASHED: Final = (0, (4, 2))
 
 
@@ -135,17 +139,69 @@ def all_trials(
             else:
                 _lines(ax, channel, samples, attempts, groups)
         _draw_bounds(ax, item, bounds)
-    if groups.by:
-        handles = [Line2D([], [], color=shade, linewidth=2.0) for shade in groups.colours]
-        figure.legend(
-            handles,
-            groups.labels,
-            loc="upper left",
-            ncols=6,
-            bbox_to_anchor=(0.05, 1.0),
-            fontsize=8,
-        )
+    _name_groups(figure, groups)
     return figure
+
+
+def planes(
+    paths: Mapping[str, Mapping[int, BodyPath]], extent: Sequence[float], groups: Groups
+) -> Figure:
+    """Return a plane for each body with its paths, both axes and all planes to one scale.
+
+    Args:
+        paths: the paths by attempt of each body.
+        extent: least and greatest x, least and greatest y of all, in m.
+        groups: the colours of the attempts.
+    """
+    columns = min(2, len(paths))
+    rows = math.ceil(len(paths) / columns)
+    margins = Margins(top=0.24 + STRIP_INCHES + 0.1, down=0.62, bottom=0.42)
+    height = margins.top + margins.bottom + rows * PLANE_INCHES + (rows - 1) * margins.down
+    figure, axes = grid(rows, columns, WIDTH, height, margins=margins)
+    for ax in axes[len(paths) :]:
+        ax.remove()
+    for ax, (body, found) in zip(axes, paths.items(), strict=False):
+        for index, path in found.items():
+            _walked(ax, path, groups.colours[groups.of[index]] if groups.of else series(0))
+        _fill_plane(ax, extent, WIDTH)
+        ax.set_title(words(body), pad=3)
+        ax.set_xlabel("x [m]")
+        ax.set_ylabel("y [m]")
+    _name_groups(figure, groups)
+    return figure
+
+
+def _walked(ax: Axes, path: BodyPath, shade: str) -> None:
+    """Draw a path from its dot to its arrow, which has the last heading."""
+    ax.plot(path.x, path.y, color=shade, linewidth=1.0)
+    ends = np.flatnonzero(np.isfinite(path.x))[[0, -1]]
+    ax.plot(path.x[ends[:1]], path.y[ends[:1]], color=shade, marker=".", markersize=5)
+    if path.heading is None:
+        return
+    ax.plot(
+        path.x[ends[1:]], path.y[ends[1:]], color=shade, markersize=8,
+        marker=(3, 0, math.degrees(path.heading) - 90.0),
+    )  # fmt: skip
+
+
+def _fill_plane(ax: Axes, extent: Sequence[float], width: float) -> None:
+    """Let an axes of the figure's ``width`` in inches hold ``extent`` at one scale."""
+    box = ax.get_position()
+    sides = np.array([box.width * width, PLANE_INCHES])
+    low, high = np.array(extent[::2]), np.array(extent[1::2])
+    per_inch = max(float(np.max((high - low) / sides)) * PLANE_ROOM, 1e-9)
+    middle, half = (low + high) / 2, per_inch * sides / 2
+    ax.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    ax.set_ylim(middle[1] - half[1], middle[1] + half[1])
+
+
+def _name_groups(figure: Figure, groups: Groups) -> None:
+    if not groups.by:
+        return
+    handles = [Line2D([], [], color=shade, linewidth=2.0) for shade in groups.colours]
+    figure.legend(
+        handles, groups.labels, loc="upper left", ncols=6, bbox_to_anchor=(0.05, 1.0), fontsize=8
+    )
 
 
 def _bands(ax: Axes, channel: str, samples: Samples, groups: Groups) -> None:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from rigd.analysis.report.trace import COLUMNS, thin
 from rigd.analysis.resample import stale_rows
+from rigd.analysis.run_page.paths import BodyPath, path_of
 from rigd.model.channels import STATUS_FIELD, Stream
+from rigd.model.poses import Pose, poses_of
 from rigd.model.rows import TIME_FIELD
 from rigd.record import Recording, Step
 
@@ -21,6 +23,9 @@ FloatArray = NDArray[np.float64]
 
 #: Rows of a stream that are in memory at once: 100 MB of 12 channels.
 PIECE_ROWS: Final = 1_000_000
+#: Points of all paths of a body in a plane, and of one at least.
+PATH_POINTS: Final = 6_000
+LEAST_PATH_POINTS: Final = 40
 #: A stream of the engine about its own cycle, no device: its content is given in words.
 CYCLE: Final = "cycle"
 
@@ -89,7 +94,7 @@ class Samples:
     """The samples read: traces of the attempts to draw, bands by group, extremes, stale rows.
 
     Channels are named ``device.channel``. Traces count from the beginning of their attempt, bands
-    from that of the shared time.
+    from that of the shared time. The paths in a plane are by body, then by attempt.
     """
 
     time: SharedTime
@@ -97,6 +102,7 @@ class Samples:
     bands: dict[int, dict[str, Band]] = field(default_factory=dict)
     extremes: dict[str, tuple[float, float]] = field(default_factory=dict)
     stale: dict[int, int] = field(default_factory=dict)
+    paths: dict[str, dict[int, BodyPath]] = field(default_factory=dict)
 
 
 def shared_time(
@@ -151,11 +157,14 @@ def gather(
     lost: dict[str, list[int]] = {}
     for gap in recording.gaps:
         lost.setdefault(gap.stream, []).append(gap.start_ns)
+    points = max(LEAST_PATH_POINTS, PATH_POINTS // max(len(attempts), 1))
+    streams = [(stream, poses_of([stream])) for stream in shown_streams(recording)]
     for attempt in attempts:
-        for stream in shown_streams(recording):
+        for stream, poses in streams:
             for rows, share in _pieces(recording, stream.name, attempt):
                 columns = share * draw.get(attempt.index, 0)
                 _take(samples, attempt, stream, rows, groups, columns, lost.get(stream.name, []))
+                _walk(samples, attempt, poses, rows, math.ceil(share * points))
     return samples
 
 
@@ -214,6 +223,17 @@ def _take(
             trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in lost_ns])
             traces = samples.traces.setdefault(attempt.index, {})
             traces[name] = _joined(traces.get(name), trace)
+
+
+def _walk(
+    samples: Samples, attempt: Attempt, poses: Sequence[Pose], rows: NDArray[np.void], points: int
+) -> None:
+    for pose in poses:
+        path = path_of(pose, rows, points)
+        if path is not None:
+            paths = samples.paths.setdefault(pose.body, {})
+            before = paths.get(attempt.index)
+            paths[attempt.index] = path if before is None else before.then(path)
 
 
 def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArray) -> None:

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from rigd.analysis.report.layout import spread
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.rounding import number
@@ -79,6 +81,7 @@ class RunPageView:
     same: tuple[Fact, ...]  #: those that do not
     rows: tuple[TrialRow, ...]
     overview: Drawing | None
+    plane: Drawing | None  #: the paths of bodies, if the recording has poses
     trials: tuple[RunTrialView, ...]
     left: int  #: trials that are not drawn one by one
     channels: tuple[ChannelRow, ...]
@@ -114,6 +117,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
         same=same_in_all(info.trials, names),
         rows=trial_rows(info, names, events, samples),
         overview=_overview(shown, samples, attempts, groups, bounds) if info.trials else None,
+        plane=_plane(samples, groups),
         trials=tuple(
             _trial(attempts[index], info, events, played, samples, shown, bounds)
             for index in chosen
@@ -229,6 +233,41 @@ def _overview(
     alt = f"Every channel of {len(attempts)} trials over the time since each began.{by}"
     return draw(figure, "overview", alt, f"{what}{by} Each point stands for its least and greatest "
                 "sample: no peak is hidden.")  # fmt: skip
+
+
+def _plane(samples: Samples, groups: Groups) -> Drawing | None:
+    """Return the paths of all bodies in the plane; None if the recording has no poses."""
+    extents = {
+        body: [
+            (float(np.nanmin(part)), float(np.nanmax(part)))
+            for part in (
+                np.concatenate([path.x for path in paths.values()]),
+                np.concatenate([path.y for path in paths.values()]),
+            )
+        ]
+        for body, paths in samples.paths.items()
+    }
+    if not extents:
+        return None
+    whole = [
+        find(extent[axis][end] for extent in extents.values())
+        for axis in (0, 1)
+        for end, find in ((0, min), (1, max))
+    ]
+    reached = "; ".join(
+        f"{words(body)}: x {number(x[0])} to {number(x[1])} m, y {number(y[0])} to {number(y[1])} m"
+        for body, (x, y) in extents.items()
+    )
+    by = f" Colours: {words(groups.by)}." if groups.by else ""
+    caption = (
+        f"Both axes, and all planes, have one scale.{by} A dot: where a trial began. An arrow: "
+        "where the body was at its end, and which way it headed. A path is interrupted while the "
+        "body was not seen."
+    )
+    figure = figures.planes(samples.paths, whole, groups)
+    return draw(
+        figure, "plane", f"Paths in the plane, by the channels x and y. {reached}.", caption
+    )
 
 
 def _trial(

@@ -48,7 +48,7 @@ function set(wanted) {
 
 /**
  * The channels drawn at first: quantities with limits, because those must be watched.
- * @param {Api.Description} describe
+ * @param {Api.PageDescription} describe
  */
 function usual({ streams, setpoints, interlocks }) {
   const units = new Map(streams.flatMap((item) => item.channels.map(({ name, unit }) => [`${item.name}.${name}`, unit])));

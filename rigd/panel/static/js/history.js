@@ -2,6 +2,7 @@
 
 const SIZE = 1 << 15; // points of a level
 const FACTOR = 8; // points of a level that are merged into a point of the next
+const USUAL = 15; // points that tell how often points come
 const LEVELS = 4; // at 1000 points/s: 33 s, 4 min, 35 min, 4.6 h
 
 /** One level: a ring of times with the lowest and highest of each channel. */
@@ -125,6 +126,53 @@ export class History {
     if (index < level.first || level.count === 0) return NaN;
     const place = index & (SIZE - 1);
     return (level.low[channel][place] + level.high[channel][place]) / 2;
+  }
+
+  /**
+   * The newest point at or before `t` in which all of `channels` have values, as [time, ...highest]; null if
+   * there is none. The middle of an angle that wraps would be none of its values.
+   * @param {number[]} channels
+   * @param {number} t
+   * @returns {number[] | null}
+   */
+  last(channels, t) {
+    const level = this.levels.find((item) => item.count > 0 && item.time(item.first) <= t);
+    if (level === undefined) return null;
+    let index = level.find(t);
+    if (index === level.count || level.time(index) > t) index -= 1;
+    for (; index >= level.first; index--) {
+      const place = index & (SIZE - 1);
+      const point = [level.t[place], ...channels.map((channel) => level.high[channel][place])];
+      if (!point.some(Number.isNaN)) return point;
+    }
+    return null;
+  }
+
+  /** The usual time between the newest points, in s: half of them are closer. NaN if there are none. */
+  interval() {
+    const level = this.levels[0];
+    const times = Array.from({ length: Math.min(level.count, USUAL) }, (_, back) => level.time(level.count - 1 - back));
+    const waits = times.slice(1).map((t, back) => times[back] - t);
+    return waits.sort((a, b) => a - b)[waits.length >> 1] ?? NaN;
+  }
+
+  /**
+   * The points from `start` to `end`, about `most` at most, each as [time, ...middle between the extremes];
+   * NaN if a value is missing.
+   * @param {number[]} channels
+   * @param {number} start
+   * @param {number} end
+   * @param {number} most
+   */
+  points(channels, start, end, most) {
+    const level = this.#levelFor(start, end, most / 16);
+    const stop = level.find(end);
+    const found = [];
+    for (let index = level.find(start); index < stop; index++) {
+      const place = index & (SIZE - 1);
+      found.push([level.t[place], ...channels.map((channel) => (level.low[channel][place] + level.high[channel][place]) / 2)]);
+    }
+    return found;
   }
 
   /**

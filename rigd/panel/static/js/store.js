@@ -4,7 +4,7 @@
  * @typedef {"connecting" | "ok" | "no_panel" | "no_rig"} Link
  * @typedef {object} Known
  * @property {Api.SessionView | null} me this session
- * @property {Api.Description | null} describe
+ * @property {Api.PageDescription | null} describe
  * @property {Api.PageStatus | null} status
  * @property {Api.LatestValues | null} latest
  * @property {Api.RigLink | null} panel

@@ -1,4 +1,4 @@
-// The traces: one plot for each unit, all over the same stretch of time.
+// The plane with its bodies, and the traces: one plot for each unit; all over the same stretch of time.
 
 import { channelInfo } from "./infos.js";
 import { chosen, watchChosen } from "./choice.js";
@@ -6,12 +6,14 @@ import { el, fill, flag, icon, setText } from "./dom.js";
 import { clock, duration } from "./format.js";
 import { newestTime } from "./histories.js";
 import { watchFrames } from "./link.js";
+import { Plane } from "./plane.js";
 import { Plot } from "./plot.js";
-import { known, watch } from "./store.js";
+import { known, read, rigNow, watch } from "./store.js";
 
 const SPANS = [5, 20, 60, 300, 1800];
 const LEAST_S = 0.02;
 const MOST_S = 5 * 3600;
+const LATE_S = 1; // live data that are older than this are not of now
 const SLOWEST_S = 0.2; // least time between drawings while frames arrive
 
 /** @param {HTMLElement} root */
@@ -38,6 +40,8 @@ export function mountTraces(root) {
   root.append(noData);
   /** @type {Plot[]} */
   let plots = [];
+  /** @type {Plane | null} */
+  let plane = null;
   let isDirty = true;
   let hasMore = false; // than was drawn
   let drawnTo = -Infinity; // live data are drawn again when they have moved by half a pixel
@@ -108,8 +112,10 @@ export function mountTraces(root) {
       : `held at ${clock(view.end * 1000)}, ${duration(newestTime() - view.end)} behind`);
   }
 
+  const parts = () => [...(plane === null ? [] : [plane]), ...plots];
+
   function rebuild() {
-    for (const plot of plots) plot.destroy();
+    for (const part of parts()) part.destroy();
     /** @type {Map<string, import("./infos.js").Info[]>} */
     const byUnit = new Map();
     for (const name of chosen()) {
@@ -118,10 +124,12 @@ export function mountTraces(root) {
     }
     plots = [...byUnit].map(([symbol, infos], place) =>
       new Plot(area, symbol, infos, actions, place === byUnit.size - 1));
+    const { poses = [] } = read("describe");
+    plane = poses.length ? new Plane(poses) : null;
     setText(empty, plots.length ? "" : "Choose channels to draw: press the dots in the list of channels.");
-    fill(area, ...plots.map((plot) => plot.element), plots.length ? null : empty);
-    root.style.setProperty("--plots", String(plots.length));
-    for (const plot of plots) plot.resize();
+    fill(area, ...parts().map((part) => part.element), plots.length ? null : empty);
+    root.style.setProperty("--plots", String(plots.length + (plane === null ? 0 : 3)));
+    for (const part of parts()) part.resize();
     isDirty = true;
   }
 
@@ -130,12 +138,13 @@ export function mountTraces(root) {
     if (!isDirty || !root.offsetParent) return;
     isDirty = hasMore = false;
     const end = actions.now();
-    const isWaiting = !Number.isFinite(end) && plots.length > 0;
+    const isWaiting = !Number.isFinite(end) && parts().length > 0;
     noData.hidden = !isWaiting;
     flag(area, "data-waiting", isWaiting);
     if (!Number.isFinite(end)) return;
     drawnTo = end;
     for (const plot of plots) plot.draw(end - view.span, end);
+    plane?.draw(end - view.span, end, view.end ?? Math.max(end, rigNow() / 1e3 - LATE_S));
     root.dataset.drawn = String(Number(root.dataset.drawn ?? 0) + 1);
   }
 
@@ -149,12 +158,13 @@ export function mountTraces(root) {
   watch("describe", rebuild);
   watch("link", () => root.classList.toggle("stale", known.link !== "ok"));
   new ResizeObserver(() => {
-    for (const plot of plots) plot.resize();
+    for (const part of parts()) part.resize();
     isDirty = true;
   }).observe(area);
   setInterval(() => {
     toolbar();
-    if (view.end === null) isDirty ||= hasMore; // such as the past of a stream, which ends with that of another stream
+    // The past of a stream ends with that of another stream; bodies become lost without more data.
+    if (view.end === null) isDirty ||= hasMore || plane !== null;
   }, 1000);
   toolbar();
   draw();
