@@ -39,7 +39,8 @@ def read_points(
     """Return the points of the sweep as written; one empty point without a sweep.
 
     The first parameter of the grid changes slowest, the rows of ``zip`` fastest. An override
-    (``--set``) of a parameter of the grid leaves that single value. Problems are noted.
+    (``--set``) of a parameter of the grid leaves that single value, overrides of all parameters of
+    ``zip`` leave that single row. Problems are noted.
 
     Raises:
         TooLong: all trials together have more than ``most_steps`` steps.
@@ -56,9 +57,18 @@ def read_points(
     for name in rows:
         if name in grid:
             reader.note_key(("sweep", "zip", name), f"{name} is also in grid", "remove one")
-        if name in parameters.overrides:
-            reader.problems.add(None, f"--set {name}: the sweep takes {name} row by row from 'zip'",
-                                "change the sweep in the file")  # fmt: skip
+    given = [name for name in rows if name in parameters.overrides]
+    others = [name for name in rows if name not in given]
+    if given and others:
+        for name in given:
+            reader.problems.add(
+                None,
+                f"--set {name}: the sweep takes {name} row by row from 'zip', with "
+                f"{', '.join(others)}",
+                f"set {', '.join(others)} too, for a single row, or change the sweep in a copy of "
+                "the file",
+            )
+        return []
     lengths = {name: len(values) for name, values in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name}: {length}" for name, length in lengths.items())

@@ -187,9 +187,13 @@ def test_overrides_are_checked(
     assert not caught.value.others
 
 
-def test_override_of_a_row_is_refused(compile_text: Compile, small: str) -> None:
-    with pytest.raises(ConfigError, match="row by row"):
-        compile_text(small.replace("  grid:", "  zip:"), current="1 A")
+def test_override_of_part_of_a_row_is_refused(compile_text: Compile, small: str) -> None:
+    text = small.replace(" and go at ${speed}", "")
+    text = text.replace("  grid:", "  zip:\n    speed: [1 mm/s, 2 mm/s, 3 mm/s]")
+    with pytest.raises(ConfigError, match="row by row from 'zip', with speed") as caught:
+        compile_text(text, current="1 A")
+    assert not caught.value.others
+    assert len(compile_text(text, current="1 A", speed="2 mm/s").trials) == 1
 
 
 def test_zip_with_unequal_lengths_is_refused(compile_text: Compile, small: str) -> None:
