@@ -17,7 +17,7 @@ setup: $(VENV)/.ready ## make .venv with everything
 $(VENV)/.ready: pyproject.toml scripts/setup
 	scripts/setup $(VENV)
 
-demo: setup ## the campaigns of two published rigs, simulated: run, record, identify, report
+demo: setup ## the campaigns of three published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
