@@ -113,6 +113,16 @@ class OutOfRange(Good):
         return MotorRow.of(speed=1e3, load=50.0, status=1)
 
 
+class Ahead(Good):
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        self.taken_ns = t_ns + 10**9
+        return super().read(t_ns)
+
+
+class Standing(Good):
+    taken_ns = 1
+
+
 class Mute(Good):
     def read(self, t_ns: int) -> Sequence[float] | None:
         return None
@@ -233,6 +243,8 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("rows", OurBit, "bits are 0 to 30"),
     ("rows", Undefined, "speed is nan"),
     ("rows", OutOfRange, "beyond its range"),
+    ("rows", Ahead, "taken_ns of a row is after the cycle"),
+    ("rows", Standing, "taken_ns of a row is not after that of the row before"),
     ("rows", Mute, "gave no row"),
     ("bounded", Waiting, "read takes"),
     ("bounded", Hanging, "did not return"),

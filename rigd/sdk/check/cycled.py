@@ -45,7 +45,7 @@ def _rows(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         found.arm()
         problems: set[str] = set()
-        rows = 0
+        rows, last_ns = 0, None
         for outcome in found.cycles(
             max(CYCLES * PERIOD_S, 3 * found.driver.declaration.silent_s, 2.0)
         ):
@@ -54,6 +54,12 @@ def _rows(subject: Subject) -> Iterator[str]:
             elif outcome.value is not None:
                 rows += 1
                 problems.update(row_problems(found.driver.declaration, outcome.value))
+                taken_ns = found.driver.taken_ns
+                if taken_ns is not None and taken_ns > time.monotonic_ns():
+                    problems.add("taken_ns of a row is after the cycle that read it")
+                if taken_ns is not None and last_ns is not None and taken_ns <= last_ns:
+                    problems.add("taken_ns of a row is not after that of the row before")
+                last_ns = taken_ns
             if problems or rows >= CYCLES:
                 break
         yield from sorted(problems)
@@ -250,7 +256,8 @@ RULES: Final = (
     Rule(
         "rows",
         "read() returns a row as declared: a finite number per channel, within the channel's "
-        "range, and an int last if it has a status; None while there is nothing new",
+        "range, and an int last if it has a status; None while there is nothing new; taken_ns, if "
+        "it is set, rises with each row and is not after the cycle",
         _rows,
         "",
     ),
