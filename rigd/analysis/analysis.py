@@ -130,7 +130,7 @@ class Validates(Protocol):
 class Designs(Protocol):
     """What an analysis has besides if tests can be designed for its models."""
 
-    def design(self, request: DesignRequest, tell: Callable[[str], None]) -> Designed:
+    def design(self, request: DesignRequest, notify: Callable[[str], None]) -> Designed:
         """Return tests that make the intervals of the targets narrow, for `rigd design`.
 
         ``notify`` gets a line before each step that takes long.

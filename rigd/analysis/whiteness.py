@@ -67,8 +67,9 @@ def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
             place = np.minimum(np.searchsorted(edges, frequency[inside], "right") - 1, BANDS - 1)
             np.add.at(power, place, spectrum[inside])
             np.add.at(counts, place, 2.0)
-        level = float(np.median(power / np.maximum(counts, 1.0)))
-        for band in np.flatnonzero(counts):
+        there = np.flatnonzero(counts)  # a short trial has no frequency in some bands
+        level = float(np.median(power[there] / counts[there]))
+        for band in there:
             ratio = power[band] / counts[band] / level
             if ratio < LOUD:
                 continue

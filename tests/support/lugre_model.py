@@ -15,6 +15,12 @@ from rigd_analyses.lugre.rig.system import FITTED_NAMES
 #: Friction of the simulated rig (configs/plants/lugre.yaml).
 PVC: Final = np.array([0.0044, 0.12, np.log(0.15 / 0.12), 49.933, 0.372, 2.8084])
 RIPPLE: Final = 0.3
+#: What the recordings show of the sensors and the drive.
+SENSOR_ROWS: Final = {
+    rows.PERIOD: 1e-3, rows.CURRENT_NOISE: 6e-3, rows.ANGLE_COUNT: 3.03e-4,
+    rows.POSITION_COUNT: 3.07e-5, rows.ACCELERATION_NOISE: 0.03, rows.TOP_SPEED: 1.9,
+    rows.VOLTAGE_AT_REST: 7.5, rows.VOLTAGE_SLOPE: 0.1867,
+}  # fmt: skip
 
 
 def fitted_constants() -> dict[str, float]:
@@ -31,12 +37,8 @@ def fitted_constants() -> dict[str, float]:
 
 def saved_model(folder: Path, **change: Any) -> Path:
     """Write the file to ``folder``, with ``change`` in it, and return its path."""
-    settings = {
-        rows.PERIOD: 1e-3, rows.CURRENT_NOISE: 6e-3, rows.ANGLE_COUNT: 3.03e-4,
-        rows.POSITION_COUNT: 3.07e-5, rows.ACCELERATION_NOISE: 0.03, rows.TOP_SPEED: 1.9,
-        rows.VOLTAGE_AT_REST: 7.5, rows.VOLTAGE_SLOPE: 0.1867,
-        **{rows.FITTED + name: value for name, value in fitted_constants().items()},
-    }  # fmt: skip
+    fitted = {rows.FITTED + name: value for name, value in fitted_constants().items()}
+    settings = {**SENSOR_ROWS, **fitted}
     names = [item.name for item in PARAMETERS]
     point = {
         "names": change.get("names", names),

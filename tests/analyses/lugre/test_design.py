@@ -10,23 +10,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_model import PVC, fitted_constants, saved_model
+from support.lugre_model import PVC, SENSOR_ROWS, fitted_constants, saved_model
 
 from rigd.analysis import ConfigError, DataError
 from rigd.analysis.design import choose, half_widths
-from rigd.analysis.designing import design
+from rigd.analysis.designing import Ground, design
+from rigd.analysis.validation.saved import SavedModel, read_models
 from rigd.config.loader import load_rig
 from rigd.dry_run import dry_run
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
-from rigd_analyses.lugre.design.design import PREPARED_S
+from rigd_analyses.lugre.design.design import PREPARED_S, subject_of
 from rigd_analyses.lugre.design.motion import Limits, Sensors, refusal
 from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
 from rigd_analyses.lugre.design.subject import Subject, obtained
 from rigd_analyses.lugre.reading import known_constants
 from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig import sensors as rows
 from rigd_analyses.lugre.rig.sensors import CURRENT_NOISE
+from rigd_analyses.lugre.rig.system import MASS
 
 #: Of the simulated rig (configs/plants/lugre.yaml).
 SENSORS = Sensors(1e-3, 6e-3, 3.03e-4, 3.07e-5, 0.03, 7.5, 0.1867)
@@ -157,6 +160,22 @@ def test_what_cannot_be_designed_is_refused(
     base = load_procedure("constant_current")
     with pytest.raises((ConfigError, DataError), match=message):
         design(model, load_rig("lugre-1"), base, minutes, targets, "designed")
+
+
+def test_model_saved_without_a_fitted_mass_takes_the_stated_one(tmp_path: Path) -> None:
+    old = {rows.FITTED + name: x for name, x in fitted_constants().items() if name != "mass"}
+    (saved,) = read_models(saved_model(tmp_path, settings={**SENSOR_ROWS, **old}))
+    assert subject_of(_ground(saved)).shared[MASS] == 4.2
+
+
+def _ground(saved: SavedModel) -> Ground:
+    plan = compile_procedure(
+        load_procedure("constant_current"), load_rig("lugre-1"), {"floor": "pvc"}
+    ).identify
+    assert plan is not None
+    values = {name: value for name, value in plan.constants.items() if not isinstance(value, str)}
+    limits = {"carriage_position": (-0.02, 1.6)}
+    return Ground(saved, {**values, "mass": 4.2}, {}, limits, ())
 
 
 def _subject(limits: Limits) -> Subject:

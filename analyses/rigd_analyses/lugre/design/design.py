@@ -19,7 +19,7 @@ from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
 from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, obtained, slip_of
 from rigd_analyses.lugre.model import PARAMETERS, V_S
-from rigd_analyses.lugre.reading import CONSTANTS, DRIVE, FRICTION_MASS, known_constants
+from rigd_analyses.lugre.reading import CONSTANTS, DRIVE, FRICTION_MASS, MASS, known_constants
 from rigd_analyses.lugre.rig import sensors as rows
 from rigd_analyses.lugre.rig.parts import LEAST_TRIALS
 from rigd_analyses.lugre.rig.system import FITTED_NAMES
@@ -161,12 +161,14 @@ def subject_of(ground: Ground) -> Subject:
     values["bearing_torque"] *= share
     settings = saved.get(*SETTINGS)
     given = settings if isinstance(settings, dict) else {}
-    wanted = [rows.FITTED + name for name in FITTED_NAMES]
+    wanted = [rows.FITTED + name for name in FITTED_NAMES if name != MASS]
     if missing := [name for name in wanted if name not in given]:
         raise saved.error(
             f"the model lacks {missing[0]!r}, which output error fits", SETTINGS, hint=AGAIN
         )
     fitted = [row(name) for name in wanted]
+    # A model that was saved before the mass had an uncertainty took it as stated.
+    fitted.append(row(rows.FITTED + MASS) if rows.FITTED + MASS in given else values[MASS])
     limited = saved.get(*SETTINGS, rows.VOLTAGE_AT_REST) is not None
     sensors = Sensors(
         row(rows.PERIOD), row(rows.CURRENT_NOISE), row(rows.ANGLE_COUNT), row(rows.POSITION_COUNT),
