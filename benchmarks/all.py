@@ -45,6 +45,7 @@ BENCHES = (
     "panel_fuzz",
     "identify",
     "validate_tables",
+    "lateral_tables",
     "angle_accuracy",
     "angle_campaign",
     "kill_table",

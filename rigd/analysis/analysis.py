@@ -32,6 +32,7 @@ class Options:
     the constants of the rig in common. ``posterior`` asks for credible intervals besides.
     ``processes`` is how many may compute side by side (:mod:`rigd.analysis.side_by_side`); it
     changes no result.
+    ``model`` is a saved model that gives what the recordings do not determine well.
     """
 
     starts: int = 8
@@ -45,6 +46,7 @@ class Options:
     joint: bool = False
     posterior: bool = False
     processes: int = 1
+    model: Path | None = None
 
 
 class Evaluation(ABC):

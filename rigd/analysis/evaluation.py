@@ -27,6 +27,7 @@ _REFUSED: Final[dict[OptionName, tuple[str, str]]] = {
     "law": ("--law: model {} fits no friction law of choice", "leave it out"),
     "joint": ("--joint: model {} shares no constants between groups", "leave it out"),
     "posterior": ("--posterior: model {} has no posterior to sample", "leave it out"),
+    "model": ("--model: model {} takes no parameters of another model", "leave it out"),
     "compare": ("--compare: model {} fits no friction laws to compare", "leave it out"),
     "by_recording": (
         "--group-by recording: model {} evaluates all recordings as one",

@@ -55,6 +55,11 @@ class Group:
         return tuple(dict.fromkeys(sweep.path for sweep, _ in self.trials))
 
     @property
+    def rigs(self) -> tuple[str, ...]:
+        """The rigs that recorded the trials, by name."""
+        return tuple(sorted({sweep.info.rig for sweep, _ in self.trials}))
+
+    @property
     def conditions(self) -> dict[str, str]:
         """What `group_by` names, with the values that the trials have in common."""
         found = conditions(*self.trials[0])
@@ -123,6 +128,7 @@ class ParameterEvaluation(Evaluation):
     recordings: tuple[tuple[Path, ...], ...]  #: those of each section
     provenance: Provenance
     conditions: tuple[Mapping[str, str], ...] = ()  #: of each section, as `group_by` names them
+    rigs: tuple[tuple[str, ...], ...] = ()  #: those that recorded each section
     joint: JointAccount | None = None  #: of groups that share constants
     refused: tuple[RefusedGroup, ...] = ()
     processes: int = 1  #: that may draw the report side by side
@@ -172,8 +178,9 @@ class ParameterEvaluation(Evaluation):
         titles = dict.fromkeys(item.result.title for item in fitted)
         recordings = tuple(item.group.recordings for item in fitted)
         values = tuple(item.group.conditions for item in fitted)
+        rigs = tuple(item.group.rigs for item in fitted)
         return cls(
-            ", ".join(titles), sections, recordings, origin, values, joint, tuple(refused),
+            ", ".join(titles), sections, recordings, origin, values, rigs, joint, tuple(refused),
             options.processes,
         )  # fmt: skip
 
@@ -204,10 +211,11 @@ class ParameterEvaluation(Evaluation):
                 "group": section.label,
                 "conditions": dict(values),
                 "recordings": [str(path) for path in paths],
+                "rigs": list(rigs),
                 **section.result.to_json(),
             }
-            for section, paths, values in zip(
-                self.sections, self.recordings, self.conditions, strict=True
+            for section, paths, values, rigs in zip(
+                self.sections, self.recordings, self.conditions, self.rigs, strict=True
             )
         ]
         alone = len(groups) == 1 and not self.refused

@@ -23,6 +23,7 @@ examples:
   rigd identify FILE --joint                       floors and masses in one fit
   rigd identify FILE --posterior                   credible intervals, two minutes
   rigd identify FILE --method slip-force           without simulating the rig
+  rigd identify LATERAL --model MODEL.json         friction along the guide as known
   rigd identify FILE --compare                     which friction law the data support
   rigd identify FILE --law lugre-4                 the parameters of another law
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
@@ -86,6 +87,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="say which of the installed friction laws the data support",
     )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="MODEL",
+        help="of a lateral sweep: the friction along the guide, as `rigd identify --json` wrote it",
+    )
     add_evaluated(parser)
 
 
@@ -109,7 +116,7 @@ def execute(args: argparse.Namespace) -> int:
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
-        args.law, args.compare, args.joint, args.posterior, cores(),
+        args.law, args.compare, args.joint, args.posterior, cores(), args.model,
     )  # fmt: skip
     remarks = Remarks()
     evaluation = evaluate(

@@ -197,6 +197,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd design --model oe.json --minutes 5 --rig lugre-1",
         "rigd identify FILE --plan constant_current",
     ),
+    "../docs/lateral.md": ("rigd identify LATERAL --model MODEL.json",),
     "../docs/recordings.md": ("rigd report FILE --trials 7,12-15",),
     "../docs/calibration.md": (
         'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "A. Miller"',

@@ -145,6 +145,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/approach_angle/test_conformance.py": (),
         "analyses/approach_angle/test_paper_simulated.py": (),
+        "analyses/lugre/lateral/test_carried.py": (
+            "test_friction_of_another_floor_is_named",
+            "test_known_friction_needs_one_current",
+        ),
         "analyses/lugre/lateral/test_conformance.py": (),
         "analyses/lugre/lateral/test_identify.py": (
             "test_half_the_lever_gives_no_number",

@@ -140,12 +140,14 @@ def validate(
             hint="identify again without `--law`, and give that model; `rigd identify --compare` "
             "shows how well each law fits the recordings",
         )
+    analysis = analysis_of(sweeps[0].plan)
     if sweeps[0].plan.model != names[0]:
+        takes = "model" in analysis.options
         raise DataError(
             f"{sweeps[0].path} identifies {sweeps[0].plan.model}, {model} is a model of {names[0]}",
-            hint="give recordings of the rig that the model is of",
+            hint="give recordings of the rig that the model is of"
+            + ("; `rigd identify FILE --model MODEL` takes the model as known" if takes else ""),
         )
-    analysis = analysis_of(sweeps[0].plan)
     optional = analysis.needs.optional_signals
     judge = analysis()
     if not isinstance(judge, Validates):

@@ -162,7 +162,7 @@ def test_what_cannot_be_designed_is_refused(
         design(model, load_rig("lugre-1"), base, minutes, targets, "designed")
 
 
-def test_model_saved_without_a_fitted_mass_takes_the_stated_one(tmp_path: Path) -> None:
+def test_model_without_fitted_mass_takes_stated_one(tmp_path: Path) -> None:
     old = {rows.FITTED + name: x for name, x in fitted_constants().items() if name != "mass"}
     (saved,) = read_models(saved_model(tmp_path, settings={**SENSOR_ROWS, **old}))
     assert subject_of(_ground(saved)).shared[MASS] == 4.2

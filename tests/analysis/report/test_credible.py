@@ -47,7 +47,7 @@ def evaluation(
     section = make_section(trials=1, samples=200)
     result = replace(section.result, posterior=posterior(agreed=request.param))
     section = replace(section, result=result)
-    return ParameterEvaluation("Friction", (section,), ((),), Provenance(), ({},))
+    return ParameterEvaluation("Friction", (section,), ((),), Provenance(), ({},), ((),))
 
 
 def agreed(evaluation: ParameterEvaluation) -> bool:

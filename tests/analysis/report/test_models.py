@@ -47,7 +47,7 @@ COMPARISON = ModelComparison(
 def evaluation(make_section: Callable[..., ReportSection]) -> ParameterEvaluation:
     section = make_section(trials=1, samples=200)
     with_models = replace(section, result=replace(section.result, comparison=COMPARISON))
-    return ParameterEvaluation("Friction", (with_models,), ((),), Provenance(), ({},))
+    return ParameterEvaluation("Friction", (with_models,), ((),), Provenance(), ({},), ((),))
 
 
 def test_rows_give_differences_and_reasons() -> None:

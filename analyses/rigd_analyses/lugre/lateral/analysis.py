@@ -32,7 +32,7 @@ class LateralAnalysis(Analysis):
         optional_constants=("guide_friction_mass", *ROLLERS),
         trial_parameters=("current", "lateral_speed"),
     )
-    options = ("by_recording",)
+    options = ("by_recording", "model")
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]

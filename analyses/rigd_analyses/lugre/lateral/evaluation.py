@@ -10,6 +10,8 @@ from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_group
 from rigd.analysis.report import ReportSection
 from rigd.analysis.source import RecordedSweep
 from rigd.analysis.terminal import TerminalReport
+from rigd.analysis.validation.saved import read_models
+from rigd_analyses.lugre.lateral.carried import carried
 from rigd_analyses.lugre.lateral.reading import identify
 from rigd_analyses.lugre.lateral.result import LateralResult
 from rigd_analyses.lugre.lateral.tables import speed_error_tables
@@ -55,9 +57,12 @@ def evaluate(
     """Return the rollers' friction of each group of trials.
 
     Raises:
+        ConfigError: the model that is to give the friction along the guide cannot do so.
         DataError: a recording has no complete trial, or the data cannot answer.
     """
-    fitted = [
-        Fitted(group, identify(group.trials)) for group in complete_groups(sweeps, options, notify)
-    ]
+    models = () if options.model is None else read_models(options.model)
+    fitted = []
+    for group in complete_groups(sweeps, options, notify):
+        friction = carried(models, group.conditions, group.rigs) if models else None
+        fitted.append(Fitted(group, identify(group.trials, friction)))
     return LateralEvaluation.of(sweeps, fitted, options)

@@ -21,6 +21,7 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
 from rigd.analysis.simple_gate import judge_fit
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
@@ -68,6 +69,7 @@ class LateralFound:
     block: int
     speeds: tuple[Speeds, ...]
     cells: tuple[Cell, ...]
+    friction: Carried | None = None
 
     @property
     def shared(self) -> FloatArray:
@@ -103,14 +105,17 @@ def find_lateral(
     rig: RigConstants,
     lateral: LateralConstants,
     settings: Settings | None = None,
+    friction: Carried | None = None,
 ) -> LateralFound:
     """Return the rollers' friction from ``trials``, by simulating the rig.
+
+    ``friction`` is that along the guide, if another identification has found it.
 
     Raises:
         DataError: no trial moves sideways, too few currents, or a recording cannot answer.
     """
     settings = Settings() if settings is None else settings
-    used, parts, rejected = _usable(trials, settings)
+    used, parts, rejected = _usable(trials, settings, 1 if friction else LEAST_CURRENTS)
     period = sampling_period_s(parts[0][0])
     block = max(1, round(SCORES_S / period))
     smooth = np.array([parameter.start for parameter in PARAMETERS])
@@ -121,7 +126,10 @@ def find_lateral(
             _block_means(item.speed_m_s[part][LEAD:], round(BLOCK_S / period))
             for item, (_, part) in zip(used, parts, strict=True)
         )
-        return LateralSystem(straight, speeds, lateral, rig.bearing_torque.value, rows, turned)
+        return LateralSystem(
+            straight, speeds, lateral, rig.bearing_torque.value, rows, turned,
+            friction.unknowns if friction else (),
+        )  # fmt: skip
 
     # The friction along the guide first: far from it, a fit would take the rollers elsewhere. With
     # both signs: held at the wrong one, the friction along the guide would take up the difference.
@@ -131,7 +139,10 @@ def find_lateral(
         point = with_rollers(
             candidate, np.array([item.parameter.start for item in candidate.shared])
         )
-        branches += [(candidate, *_branch(candidate.held(point), start)) for start in starts(point)]
+        branches += [
+            (candidate, *_branch(candidate.held(point), start))
+            for start in starts(point, known=friction is not None)
+        ]
     first, model, begun = min(branches, key=lambda branch: _likelihood(*branch[1:]))
     shared = len(first.shared)
     begin = begun.theta.copy()
@@ -169,7 +180,7 @@ def find_lateral(
         chosen, whole, tuple(others),
         {choice: item.cost - fits[best].cost for choice, item in fits.items()},
         judge_fit(whole, [item.trial.label for item in used]),
-        tuple(used), tuple(rejected), block, speeds, cells,
+        tuple(used), tuple(rejected), block, speeds, cells, friction,
     )  # fmt: skip
     if not found.rows_known:
         found = replace(found, others=(*others, fits[found.rival].theta))
@@ -221,7 +232,7 @@ def _block_means(values: FloatArray, block: int) -> FloatArray:
 
 
 def _usable(
-    trials: Sequence[LateralTrial], settings: Settings
+    trials: Sequence[LateralTrial], settings: Settings, least_currents: int
 ) -> tuple[list[LateralTrial], list[tuple[LugreTrial, slice]], list[TrialRejection]]:
     """Return the trials that can be fitted, each with the part that is simulated, and the others.
 
@@ -258,11 +269,12 @@ def _usable(
         )
     currents = sorted(item.trial.current_a for item in used)
     distinct = 1 + int(np.count_nonzero(np.diff(currents) > SAME_CURRENT_A))
-    if distinct < LEAST_CURRENTS:
+    if distinct < least_currents:
         raise DataError(
             f"all {len(used)} trials that can be fitted have {currents[0]:.2f} A: the friction "
             f"along the guide is fitted too, and needs at least {LEAST_CURRENTS} currents",
-            hint="record the lateral sweep with more currents",
+            hint="record the lateral sweep with more currents, or give the friction along the "
+            "guide: `--model MODEL.json`",
         )
     return used, kept, rejected
 

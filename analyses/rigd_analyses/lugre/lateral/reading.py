@@ -9,6 +9,7 @@ from rigd.analysis import DataError
 from rigd.analysis.parameters import Trials
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.lugre.lateral.analysis import GEOMETRY, ROLLERS
+from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.identify import find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, result
@@ -30,8 +31,10 @@ UNSTATED_ROLLERS = 0.15  #: of a friction that is stated: what the paper's Table
 SHARED = (*GEOMETRY, *ROLLERS)
 
 
-def identify(trials: Trials) -> LateralResult:
+def identify(trials: Trials, friction: Carried | None = None) -> LateralResult:
     """Return the rollers' friction from trials recorded under the same conditions.
+
+    ``friction`` is that along the guide, if another identification has found it.
 
     Raises:
         DataError: a signal or constant is missing or not possible, constants differ between
@@ -48,6 +51,7 @@ def identify(trials: Trials) -> LateralResult:
         ],
         rig,
         lateral,
+        friction=friction,
     )
     return result(replace(found, rejected=(*unusable, *found.rejected)))
 

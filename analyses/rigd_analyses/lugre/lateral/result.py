@@ -300,6 +300,21 @@ def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tupl
     return tuple(lines)
 
 
+def _friction(found: LateralFound) -> str:
+    """Return where the friction along the guide is from."""
+    along = ", ".join(
+        f"{item.parameter.name} {value:.4g}"
+        for item, value in zip(found.system.shared, found.whole.fit.theta, strict=False)
+        if not math.isfinite(item.u) and not item.parameter.name.startswith("mu_R")
+    )
+    if found.friction is not None:
+        return found.friction.sentence + (f" Here: {along}." if along else "")
+    return (
+        "The longitudinal friction is fitted along; its own intervals and verdicts come from "
+        f"drives without lateral motion. Here: {along}."
+    )
+
+
 def _account(found: LateralFound) -> Preprocessing:
     whole, system = found.whole, found.system
     theta = whole.fit.theta
@@ -309,11 +324,6 @@ def _account(found: LateralFound) -> Preprocessing:
         for item, value, pull in zip(system.shared, theta, whole.pulls, strict=False)
         if math.isfinite(item.u)
     ]
-    along = ", ".join(
-        f"{item.parameter.name} {value:.4g}"
-        for item, value in zip(system.shared, theta, strict=False)
-        if not math.isfinite(item.u) and not item.parameter.name.startswith("mu_R")
-    )
     rows = {
         f"u of {quantity.name} from {name}": part
         for quantity in (DRY, VISCOUS)
@@ -325,8 +335,7 @@ def _account(found: LateralFound) -> Preprocessing:
             "The rig is simulated from the measured current and the measured lateral speed; "
             "nothing that moves is differentiated or smoothed.",
             f"Rollers: {_coupling(found)}.",
-            "The longitudinal friction is fitted along; its own intervals and verdicts come from "
-            f"drives without lateral motion. Here: {along}.",
+            _friction(found),
             *fitted,
         ),
         settings={"current_window_s": WINDOW_S, **rows},

@@ -24,8 +24,10 @@ DRY_GRID = np.geomspace(2e-3, 0.15, 45)
 VISCOUS_GRID = np.geomspace(5e-4, 0.3, 45)  #: s/m
 
 
-def starts(point: FloatArray) -> list[FloatArray]:
-    """Return shared parameters (p,) to start from: ``point`` with some V_s."""
+def starts(point: FloatArray, *, known: bool) -> list[FloatArray]:
+    """Return shared parameters (p,) to start from: ``point``, with some V_s if it is not known."""
+    if known:
+        return [point]
     found = []
     for speed in SPEEDS_M_S:
         start = point.copy()

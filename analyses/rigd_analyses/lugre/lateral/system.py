@@ -43,7 +43,7 @@ class LateralSystem:
     Its shared unknowns are those of ``rig`` and then those of the coupling. ``speeds`` are lateral
     speeds of each trial while it is driven, at equal distances of time, (n,); ``turned`` takes them
     with the other sign. ``bearing_torque`` is that of the wheel's bearings without lateral motion,
-    in N m.
+    in N m. ``friction`` replaces the friction along the guide (6) of ``rig``, if there is any.
     """
 
     rig: RigSystem
@@ -52,10 +52,11 @@ class LateralSystem:
     bearing_torque: float
     rows: LiftedRows = LiftedRows.PRINTED
     turned: bool = False
+    friction: tuple[Unknown, ...] = ()
     shared: tuple[Unknown, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shared", (*self.rig.shared, *_unknowns(self.lateral)))
+        object.__setattr__(self, "shared", (*self._straight, *_unknowns(self.lateral)))
 
     def held(self, point: FloatArray) -> LateralSystem:
         """Return the system whose coupling stays as in ``point``, shared parameters (p,)."""
@@ -65,8 +66,13 @@ class LateralSystem:
             replace(item, parameter=replace(item.parameter, start=float(value)), u=HELD_U)
             for item, value in zip(self.shared[count:], point[count:], strict=True)
         ]
-        object.__setattr__(other, "shared", (*self.rig.shared, *fixed))
+        object.__setattr__(other, "shared", (*self._straight, *fixed))
         return other
+
+    @property
+    def _straight(self) -> tuple[Unknown, ...]:
+        """Return the shared unknowns without those of the coupling."""
+        return (*self.friction, *self.rig.shared[len(self.friction) :])
 
     @property
     def local(self) -> tuple[Unknown, ...]:
