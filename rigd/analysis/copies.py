@@ -28,10 +28,11 @@ def refuse_same_file(paths: Sequence[Path]) -> None:
     """
     seen: dict[Path, Path] = {}
     for path in paths:
-        first = seen.setdefault(path.resolve(), path)
-        if first is not path:
+        first = seen.get(file := path.resolve())
+        if first is not None:
             text = f"{path} is given twice" if path == first else f"{path} and {first} are one file"
             raise DataError(text, hint="give it once: the same samples twice are no new evidence")
+        seen[file] = path
 
 
 def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
