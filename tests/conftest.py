@@ -92,7 +92,8 @@ SIDE_BY_SIDE = places(
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.
 WITH_PRIORITY = places(
     "drivers/canopen/test_conformance.py", "drivers/modbus", "drivers/ni_relay", "drivers/scale",
-    "drivers/test_ni_clock.py", "drivers/test_ni_daq.py", "sim/wire",
+    "drivers/test_ni_clock.py", "drivers/test_ni_daq.py", "engine/slow/test_ni_in_helper.py",
+    "sim/wire",
 )  # fmt: skip
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(

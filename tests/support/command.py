@@ -75,7 +75,8 @@ class Running:
                 self.lines.append(line)
                 if text in line:
                     return
-            raise AssertionError(f"ended without saying {text!r}: {''.join(self.lines)}")
+            ended = self.end()
+            raise AssertionError(f"ended without saying {text!r}: {ended.err}{ended.out}")
         finally:
             watchdog.cancel()
 

@@ -255,6 +255,7 @@ def test_recorder_ends_when_daemon_and_cycle_are_gone(bench: Bench) -> None:
         bench.recorder.start()
         bench.board[Word.PID_DAEMON] = daemon.pid
         bench.recorder.wait_until_recording()
+        bench.rows_later(1)  # the cycle is there
         daemon.kill()
         daemon.wait()
         # The cycle is still there, and so is the recorder.
