@@ -26,11 +26,17 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """Recordings of one rig: `before`, `again` with other noise, and `after` its floor changed."""
     folder = tmp_path_factory.mktemp("recorded")
     changed = {"after": {"mu_static": 0.2}}
-    for seed, name in enumerate(("before", "again", "after"), start=1):
+    seeds = {"before": 1, "again": 2, "after": 3}
+
+    @cache
+    def made(name: str) -> Path:
+        path = folder / f"{name}.mcap"
         (folder / name).mkdir()
         rig = random_rig(0, "pvc", folder / name, friction=changed.get(name), currents=FEW)
-        rig.record(folder / f"{name}.mcap", seed=seed)
-    return lambda name: folder / f"{name}.mcap"
+        rig.record(path, seed=seeds[name])
+        return path
+
+    return made
 
 
 @cache

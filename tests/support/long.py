@@ -457,7 +457,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "record/test_recover.py": ("test_interrupted_flush_loses_no_earlier_row[1050]",),
         "record/test_strict.py": ("test_recovered_and_continued_recordings",),
         "remote/test_spoofing.py": ("test_client_cannot_publish_a_status[over_tls]",),
-        "sdk/test_check_plant.py": ("test_angle_plant_keeps_every_rule",),
+        "sdk/test_check_plant.py": (
+            "test_angle_plant_keeps_every_rule",
+            "test_articulated_plant_keeps_every_rule[linear]",
+            "test_articulated_plant_keeps_every_rule[smooth]",
+        ),
         "sim/angle/test_devices.py": ("test_compilation_is_done_at_opening",),
         "system/test_replay.py": (
             "test_replaying_the_setpoints_gives_the_readings[lz4]",

@@ -11,7 +11,7 @@ from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.identify import fit_group
 
-FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
+FEW = tuple(((amps, 2.0),) for amps in (0.45, 0.75, 1.05, 1.35))
 SETTINGS = Settings(starts=2)
 
 

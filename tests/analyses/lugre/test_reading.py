@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import TrialInfo
+from rigd.sdk.shipped import shipped_folder
 from rigd_analyses.lugre.reading import arrays, identify
 
 PAPER_KG, LIGHT_KG = 3.9593, 1.9593
@@ -23,13 +25,24 @@ Trials = list[tuple[RecordedSweep, TrialInfo]]
 
 @pytest.fixture(scope="module")
 def light(tmp_path_factory: pytest.TempPathFactory) -> Trials:
+    """Four of the lightest trials of the paper's validation, on PVC."""
+    return recorded(tmp_path_factory.mktemp("masses"), "pvc", "0.35 A")
+
+
+@pytest.fixture(scope="module")
+def every_light(tmp_path_factory: pytest.TempPathFactory) -> Trials:
     """The lightest trials of the paper's validation on paperboard."""
-    rig, source = load_rig("lugre-1"), load_procedure("validation_masses")
-    chosen = {"floor": "paperboard", "mass": f"{LIGHT_KG} kg"}
-    procedure = compile_procedure(source, rig, chosen)
-    path = tmp_path_factory.mktemp("masses") / "masses.mcap"
-    execute(RunRequest(procedure, source.file.text, rig, 1, output=path))
-    sweep = open_sweep(path)
+    return recorded(tmp_path_factory.mktemp("masses"), "paperboard", "0.15 A")
+
+
+def recorded(folder: Path, floor: str, step: str) -> Trials:
+    text = (shipped_folder("procedures") / "validation_masses.yaml").read_text("utf-8")
+    assert text.count("step: 0.15 A") == 1
+    (folder / "masses.yaml").write_text(text.replace("step: 0.15 A", f"step: {step}"), "utf-8")
+    rig, source = load_rig("lugre-1"), load_procedure(folder / "masses.yaml")
+    procedure = compile_procedure(source, rig, {"floor": floor, "mass": f"{LIGHT_KG} kg"})
+    execute(RunRequest(procedure, source.file.text, rig, 1, output=folder / "masses.mcap"))
+    sweep = open_sweep(folder / "masses.mcap")
     return [(sweep, trial) for trial in sweep.trials]
 
 
@@ -67,8 +80,8 @@ def test_plan_may_give_constant_but_no_similar_name(light: Trials) -> None:
     assert "guide_friction_mass" in str(caught.value.hint)
 
 
-def test_light_carriage_intervals_contain_the_friction(light: Trials) -> None:
-    result = identify(light, Options())
+def test_light_carriage_intervals_contain_the_friction(every_light: Trials) -> None:
+    result = identify(every_light, Options())
     for name, truth in (("V_s", 0.817), ("mu_c", 0.04), ("mu_s", 0.07)):
         entry = result.parameter(name)
         if entry.low is not None and entry.high is not None:

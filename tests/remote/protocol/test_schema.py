@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import re
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -26,6 +27,7 @@ def test_schema_file_matches_the_code() -> None:
     assert json.loads(file.read_text()) == remote_schema(), "run: rigd schema remote"
 
 
+@cache
 def validator(kind: Kind, verb: str) -> jsonschema.Draft202012Validator:
     schema = remote_schema()
     wanted = schema["x-keys"][f"{kind.value}/<identity>/{verb}"]["request"]
