@@ -13,7 +13,7 @@ const BOTTOM_PX = 22;
 const TICK_PX = 56; // least distance between lines of the grid
 const LOST_S = 0.5; // a body counts as lost after this time without a pose, a slow one after some usual intervals
 const LOST_INTERVALS = 4;
-const TRAIL_POINTS = 2000;
+const MOST_POINTS = 2000;
 const JUMP = 10; // a step so many times as long as those beside it is a body that was put elsewhere
 const SHADES = 8; // a trail fades in so many steps
 const SHRINK_MS = 1500; // how long a scale waits before it becomes smaller
@@ -237,7 +237,7 @@ function look({ stream, x, y, heading }, start, end, now) {
   const history = histories.get(stream);
   const places = heading === null ? [x, y] : [x, y, heading];
   const at = history?.last(places, end) ?? null;
-  const trail = history?.points([x, y], start, end, TRAIL_POINTS) ?? [];
+  const trail = history?.points([x, y], start, end, MOST_POINTS) ?? [];
   // Points of a long time are coarse: the newest is none of them.
   if (at !== null && at[0] >= start) trail.push(at.slice(0, 3));
   const seconds = at === null ? Infinity : now - at[0];
