@@ -65,14 +65,10 @@ def test_bodies_stand_in_plane_until_they_are_lost(panel: ServedPanel, watched: 
     expect(chip(page, "standing")).to_contain_text("x −3.000, y 0.500, 90°")
     expect(chip(page, "hidden")).to_have_attribute("aria-pressed", "false")
 
-    # A whole turn: as wide as it is high, its centre as far from the other body as it should be.
-    wait_until(lambda: drawing(page, 1)["width"] > 0 and _is_round(drawing(page, 1)))
-    stands, circle = drawing(page, 0), drawing(page, 1)
+    # After a whole turn.
+    wait_until(lambda: _to_one_scale(drawing(page, 0), drawing(page, 1)))
+    stands = drawing(page, 0)
     assert stands["height"] > 1.3 * stands["width"], "an arrow that points upwards"
-    metre = circle["width"] / (2 * RADIUS_M)
-    # The arrow on the circle may stand out of it.
-    assert stands["x"] - circle["x"] == pytest.approx(STANDS[0] * metre, abs=0.25 * metre)
-    assert stands["y"] - circle["y"] == pytest.approx(-STANDS[1] * metre, abs=0.25 * metre)
 
     bodies(panel).covered = {"standing"}
     expect(chip(page, "standing")).to_contain_text(re.compile(r"not seen for \d+\.\d s"))
@@ -88,8 +84,15 @@ def test_bodies_stand_in_plane_until_they_are_lost(panel: ServedPanel, watched: 
     assert watched.complaints == []
 
 
-def _is_round(found: dict[str, float]) -> bool:
-    return math.isclose(found["width"], found["height"], abs_tol=0.12 * found["width"])
+def _to_one_scale(stands: dict[str, float], circle: dict[str, float]) -> bool:
+    """Return whether the circle is round, and the body that stands is where the circle puts it.
+
+    The arrow on the circle may stand out of it by a quarter of a metre.
+    """
+    metre = max(circle["width"], 1.0) / (2 * RADIUS_M)
+    away = [(stands["x"] - circle["x"]) / metre, (circle["y"] - stands["y"]) / metre]
+    is_round = math.isclose(circle["width"], circle["height"], rel_tol=0.12)
+    return is_round and away == pytest.approx(STANDS[:2], abs=0.25)
 
 
 def test_bodies_shown_are_those_last_chosen(panel: ServedPanel, watched: Watched) -> None:
