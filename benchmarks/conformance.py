@@ -1,7 +1,8 @@
-"""Puts mistakes into the drivers that `rigd new driver` writes, and counts those that are found.
+"""Puts mistakes into the packages that `rigd new` writes, and counts those that are found.
 
-Each mutant is the package as written, with one replacement of text (`tests/support/mutants`). It is
-caught if check_driver finds it by the rule that it names. The driver as written must pass them all.
+Each mutant is a driver, plant or analysis as written, with one replacement of text
+(`tests/support/mutants`). It is caught if check_driver, check_plant or check_analysis finds it by
+the rule that it names. The package as written must pass them all.
 
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
@@ -10,6 +11,7 @@ caught if check_driver finds it by the rule that it names. The driver as written
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import tempfile
 import time
@@ -26,7 +28,8 @@ def rules_of(kind: str, mutant: Mutant | None, only: tuple[str, ...] = ()) -> li
     """Return the rules that a mutant breaks, each once, in the order of the suite."""
     with tempfile.TemporaryDirectory() as folder, made(kind, mutant, Path(folder)) as package:
         report = package.examine(only)
-    return list(dict.fromkeys(finding.rule for finding in report.findings))
+    # A rule for analyses is applied to each of its cases: "recovers the truth (case 2)".
+    return list(dict.fromkeys(re.sub(r" \(case \d+\)$", "", item.rule) for item in report.findings))
 
 
 def main() -> int:
@@ -51,17 +54,17 @@ def main() -> int:
             caught += found
             others = ", ".join(rule for rule in broken if rule != mutant.rule)
             verdict = mutant.rule if found else f"NOT by {mutant.rule}"
-            print(f"{kind:<6} {mutant.name:<34} {verdict:<28} {others}", flush=True)
+            print(f"{kind:<8} {mutant.name:<34} {verdict:<28} {others}", flush=True)
         missed += len(mutants) - caught
         sums.append((kind, caught, len(mutants), time.monotonic() - began))
-    print(f"\n{'kind':<6} {'caught':>7} {'of':>4} {'s':>6}")
+    print(f"\n{'kind':<8} {'caught':>7} {'of':>4} {'s':>6}")
     for kind, caught, count, took_s in sums:
-        print(f"{kind:<6} {caught:>7} {count:>4} {took_s:>6.0f}")
+        print(f"{kind:<8} {caught:>7} {count:>4} {took_s:>6.0f}")
     total = sum(count for _, _, count, _ in sums)
     if total:
         share = 100 * (total - missed) / total
         at_least("conformance, mutants caught by the rule they break", share, 95, "%")
-    at_most("conformance, drivers as written that break a rule", unfit, 0, "drivers")
+    at_most("conformance, packages as written that break a rule", unfit, 0, "packages")
     return int(bool(unfit) or missed > 0.05 * total)
 
 

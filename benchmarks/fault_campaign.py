@@ -52,7 +52,9 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
                 tempfile.TemporaryDirectory() as folder,
                 rig.served(Path(folder)) as served,
             ):
-                campaign = Campaign(served, Path(folder), report, rig.movement, rig.set_up)
+                campaign = Campaign(
+                    served, Path(folder), report, rig.movement, rig.set_up, rig.by_hand
+                )
                 while left:
                     case = left.pop(0)
                     campaign.play(case)

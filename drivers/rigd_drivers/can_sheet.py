@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,9 +13,11 @@ from pydantic import ValidationInfo, field_validator
 from rigd.model.errors import ConfigError
 from rigd.sdk import DriverConfig, LinkConfig, ProtocolError, shipped_configs
 from rigd_drivers.canopen import objects
+from rigd_drivers.canopen.eds_text import content_of
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.canopen.pdo import Pdo
 from rigd_drivers.canopen.sheet import Sheet, read_sheet
+from rigd_drivers.device_file import own_files
 
 #: What to do when device and EDS disagree.
 WRONG_EDS = "correct `eds`, or leave it out if the maker's file is wrong"
@@ -47,6 +49,11 @@ class NodeConfig(DriverConfig):
         except ConfigError as error:
             raise ValueError(str(error)) from error
         return str(found.resolve())
+
+    def files(self) -> Mapping[Path, str]:
+        """Return the EDS, and the lab's own profile; see :class:`DriverConfig`."""
+        sheet = {} if self.eds is None else {Path(self.eds): content_of(Path(self.eds))}
+        return {**sheet, **own_files(self)}
 
     def sheet(self) -> Sheet | None:
         """Return the content of the EDS; None without an EDS."""

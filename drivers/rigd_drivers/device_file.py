@@ -11,7 +11,13 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic import (
+    BaseModel,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    ValidationInfo,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from rigd.model.errors import ConfigError
@@ -34,6 +40,16 @@ class DeviceFile(Documented):
     """Manual and section, or electronic data sheet, that it is made from."""
     seen: bool = False
     """Whether it was used with such a device; false: it is from the manual alone."""
+    _path: Path | None = PrivateAttr(None)
+
+    def note_path(self, path: Path) -> None:
+        """Note the file that it was read from."""
+        self._path = path
+
+    @property
+    def own_path(self) -> Path | None:
+        """The file of the lab that it was read from; None: a shipped one, or none at all."""
+        return None if self._path is None or self._path.is_relative_to(_FOLDER) else self._path
 
     @property
     def standing(self) -> str:
@@ -114,4 +130,13 @@ def read(path: Path, model: type[D], example: Path) -> D:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, _changed_ns: int, model: type[DeviceFile], example: Path) -> DeviceFile:
-    return load_parameters(path, model, example)
+    found = load_parameters(path, model, example)
+    found.note_path(path)
+    return found
+
+
+def own_files(config: BaseModel) -> dict[Path, str]:
+    """Return path and text of the lab's own files that options of ``config`` name."""
+    values = (getattr(config, name) for name in type(config).model_fields)
+    paths = (value.own_path for value in values if isinstance(value, DeviceFile))
+    return {path: path.read_text("utf-8") for path in paths if path is not None}

@@ -167,7 +167,7 @@ def check_resumable(request: RunRequest, resume: ResumePoint) -> None:
     Raises:
         ConfigError: one of them is another file.
     """
-    for name, text in _texts(request).items():
+    for name, text in attached_texts(request).items():
         resume.check_same(name, text)
 
 
@@ -187,8 +187,8 @@ def _form(
         request.procedure.record,
         metadata,
         tuple(
-            Attachment(name, "application/yaml", text.encode())
-            for name, text in _texts(request).items()
+            Attachment(name, _media_type(name), text.encode())
+            for name, text in attached_texts(request).items()
         ),
         request.compression,
         request.resume is not None,
@@ -298,11 +298,11 @@ def day_of(start_ns: int | None) -> date:
     return datetime.now(UTC).date()
 
 
-def _texts(request: RunRequest) -> dict[str, str]:
+def attached_texts(request: RunRequest) -> dict[str, str]:
     """Return the files the run is made from, by the name they are attached under.
 
-    Files of the plant keep their place beside the rig file, so that both written out again make
-    the same rig.
+    Files of plant and devices keep their place beside the rig file, so that all of them written out
+    again make the same rig.
     """
     texts = {
         "procedure.yaml": request.procedure_text,
@@ -312,13 +312,20 @@ def _texts(request: RunRequest) -> dict[str, str]:
     if calibration is not None and calibration.held is not None:
         texts[ATTACHMENT] = calibration.held.text
     plant = request.rig.plant
-    if plant is not None:
-        folder = request.rig.source.path.resolve().parent
-        for path, text in plant.config.files().items():
-            whole = path.resolve()
-            beside = whole.is_relative_to(folder)
-            texts[str(whole.relative_to(folder)) if beside else path.name] = text
+    files = {} if plant is None else dict(plant.config.files())
+    for device in request.rig.devices.values():
+        files.update(device.config.files())
+    folder = request.rig.source.path.resolve().parent
+    for path, text in files.items():
+        whole = path.resolve()
+        beside = whole.is_relative_to(folder)
+        texts[str(whole.relative_to(folder)) if beside else path.name] = text
     return texts
+
+
+def _media_type(name: str) -> str:
+    """Return the media type of an attached file: a maker's EDS is no YAML."""
+    return "application/yaml" if name.endswith((".yaml", ".yml")) else "text/plain"
 
 
 def new_path(request: RunRequest) -> Path:

@@ -8,8 +8,9 @@ without a time limit.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from typing_extensions import TypeVar
@@ -28,6 +29,10 @@ class DriverConfig(Documented):
 
     Declare quantities as ``Annotated[float, In("A")]``, so that the file must give a unit.
     """
+
+    def files(self) -> Mapping[Path, str]:
+        """Return path and text of the files that options name; every recording keeps them."""
+        return {}
 
 
 ConfigT = TypeVar("ConfigT", bound=DriverConfig, default=Any)

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from rigd.sdk import shipped_configs
 from rigd_drivers import device_file
+from rigd_drivers.cia402_servo.current import CurrentServoConfig
 from rigd_drivers.modbus.servo import ServoConfig
 
 SHIPPED = device_file.find("schneider-atv320", "modbus-servo", Path("nowhere"))
@@ -57,3 +59,23 @@ def test_wrong_own_map_names_line_and_value(tmp_path: Path, old: str, new: str, 
 def test_unknown_map_is_refused_with_what_exists(tmp_path: Path, name: str, said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         options(tmp_path, name)
+
+
+def test_own_files_are_given_to_recordings(tmp_path: Path) -> None:
+    text = SHIPPED.read_text("utf-8")
+    (tmp_path / "ours.yaml").write_text(text, "utf-8")
+    assert options(tmp_path, "ours.yaml").files() == {tmp_path / "ours.yaml": text}
+    assert not options(tmp_path, "schneider-atv320").files()
+
+
+def test_eds_and_profile_are_given_to_recordings(tmp_path: Path) -> None:
+    profile = device_file.find("maxon-epos4", "cia402", Path("nowhere")).read_text("utf-8")
+    (tmp_path / "ours.yaml").write_text(profile, "utf-8")
+    sheet = (shipped_configs() / "eds" / "rigd_servo.eds").read_text("utf-8")
+    (tmp_path / "ours.eds").write_text(sheet, "utf-8")
+    config = CurrentServoConfig.model_validate(
+        {"node": 1, "counts_per_revolution": "4096 count/rev", "current_range": "2 A",
+         "profile": "ours.yaml", "eds": "ours.eds"},
+        context={"folder": tmp_path},
+    )  # fmt: skip
+    assert config.files() == {tmp_path / "ours.eds": sheet, tmp_path / "ours.yaml": profile}

@@ -76,7 +76,9 @@ class Campaign:
         report: Callable[[Case, Outcome], None],
         movement: Movement = SHAKING,
         set_up: Callable[[WireRig], None] = lambda rig: None,
+        by_hand: Callable[[WireRig], None] = lambda rig: None,
     ) -> None:
+        self._by_hand = by_hand
         self._rig = rig
         self._set_up = set_up
         self._movement = movement
@@ -166,6 +168,8 @@ class Campaign:
                 run.process.send_signal(signal.SIGINT)
             run.process.wait(END_S)
             self._rig.ask(do="clear")  # a drive that is stuck is safe only now
+            if self._shown and self._shown[-1].case.must is Must.NAME:
+                self._by_hand(self._rig)
             safe_ns = run.wait_until_safe()
             self._told, self._code = run.told(), run.process.returncode
             recording = Recording.open(run.recording)

@@ -234,8 +234,10 @@ def _of_lines() -> Iterator[Case]:
 
 def _of_supply() -> Iterator[Case]:
     case = partial(_port, "lines", "supply")
-    for fault in ("garbage", "partial", "merged", "lost", "late", "silent", "unplug", "comma"):
+    for fault in ("garbage", "partial", "merged", "lost", "late", "comma"):
         yield case(END, fault)
+    for fault in ("silent", "unplug"):  # it hears nothing, and has no watchdog
+        yield replace(case(NAME, fault), words=("supply could not be made safe|supply does not",))
     for fault in ("setpoint_ignored", "tripped", "locked"):
         yield case(END, fault)
     yield case(END, "garbage", probability=0.5)
@@ -243,7 +245,9 @@ def _of_supply() -> Iterator[Case]:
     for fault in ("no_cr", "echo"):
         yield case(GO_ON, fault)
     yield Case("supply", "stuck", NAME, words=("supply", "is not safe after"), rig="lines")
-    yield Case("supply", "locked", BLOCK, words=("supply",), before=True, rig="lines")
+    # That its output is not switched on shows as it is armed.
+    yield Case("supply", "locked", BLOCK, words=("supply did not become ready",), before=True,
+               code=4, rig="lines")  # fmt: skip
     yield Case("supply", "silent", BLOCK, words=("supply",), before=True, rig="lines")
 
 
@@ -349,13 +353,17 @@ links:""",
 }
 #: The relay stays closed, and the wheel slides on, for as long as the campaign asks.
 _ENDLESS: Final = {
-    "    high: 55 rad\n": "    high: 5500 rad\n",
-    "    high: 0.5\n    delay: 2 s\n": "    high: 1.5\n    delay: 2 s\n",
+    "    high: 55 rad\n": "    high: 119 rad\n",
+    "    high: 0.5\n    delay: 2 s\n": "    high: 1\n    delay: 2 s\n",
 }
 
 
 def _at_start(rig: WireRig) -> None:
     rig.ask(do="change", quantity="platform", value="start")
+
+
+def _off(rig: WireRig) -> None:
+    rig.ask(do="fault", part="supply", fault="tripped")
 
 
 def _left(rig: WireRig) -> None:
@@ -373,6 +381,8 @@ class FaultRig:
     kinds: dict[str, str]
     #: Called before each run.
     set_up: Callable[[WireRig], None] = _left
+    #: Switches off by hand what rigd could only name.
+    by_hand: Callable[[WireRig], None] = _left
 
 
 _KINDS: Final = {
@@ -422,6 +432,7 @@ RIGS: Final[dict[str, FaultRig]] = {
             "climate": "lines, unasked",
             **{scale_of(name): f"scale, {name}" for name in DIALECTS},
         },
+        by_hand=_off,
     ),
     "angle": FaultRig(
         lambda folder: angle_rig(folder, "wire-relay", _ENDLESS),

@@ -109,7 +109,9 @@ def test_fault_of_an_actuator_is_named(rig: str, fault: str, tmp_path: Path) -> 
             found[case.name] = [f"{item}: {outcome}" for item in verdict(case, outcome)]
 
         with chosen.served(tmp_path) as served, longest_stall() as stall_s:
-            campaign = Campaign(served, tmp_path, report, chosen.movement, chosen.set_up)
+            campaign = Campaign(
+                served, tmp_path, report, chosen.movement, chosen.set_up, chosen.by_hand
+            )
             campaign.play(case)
             campaign.finish()
         if not found[case.name] or stall_s() < STALL_S:

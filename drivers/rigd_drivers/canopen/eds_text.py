@@ -140,7 +140,7 @@ def read_text(path: Path) -> EdsText:
 
     """
     text = EdsText(path)
-    _scan(text, _content(path))
+    _scan(text, content_of(path))
     text.raise_any()
     if text.section("DeviceInfo") is None:
         text.problem(1, "this is no EDS: it has no section [DeviceInfo]")
@@ -155,7 +155,13 @@ def read_text(path: Path) -> EdsText:
     return text
 
 
-def _content(path: Path) -> str:
+def content_of(path: Path) -> str:
+    """Return the text of the file at ``path``, its lines ended by LF.
+
+    Raises:
+        ConfigError: it cannot be read, is too large, or is no text.
+
+    """
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file")
     try:

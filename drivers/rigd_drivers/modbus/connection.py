@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
 from rigd.sdk import DriverConfig, In
+from rigd_drivers.device_file import own_files
 from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.exchange import Exchange, Timing
 from rigd_drivers.modbus.framing import RtuFraming, TcpFraming
@@ -59,6 +62,10 @@ class ConnectionConfig(DriverConfig):
         if self.serial_port is not None and self.unit == 0:
             raise ValueError("unit 0 is the broadcast address: no device on a serial line answers")
         return self
+
+    def files(self) -> Mapping[Path, str]:
+        """Return the lab's own register map; see :class:`DriverConfig`."""
+        return own_files(self)
 
     def lost_reply_s(self) -> float:
         """Return how long the device cannot be asked after a reply was lost, at most, in s."""

@@ -7,13 +7,14 @@ import math
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
@@ -45,23 +46,34 @@ _MADE: Final = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC")
 
 
 def check_analysis(
-    analysis: type[Analysis], cases: Sequence[Case], folder: Path, *, read: Read | None = None
+    analysis: type[Analysis],
+    cases: Sequence[Case],
+    folder: Path,
+    *,
+    read: Read | None = None,
+    only: Collection[str] = (),
 ) -> Report:
     """Check ``analysis`` on ``cases``; recordings are written to ``folder``, which is empty.
 
     ``read`` returns the intervals in an evaluation by name; :func:`intervals_of` unless given.
+    ``only`` are names of the rules to apply, without their case; by default all.
 
     Raises:
         NonConforming: a rule is broken; its report names each with what is asked for.
     """
-    report = examine_analysis(analysis, cases, folder, read=read)
+    report = examine_analysis(analysis, cases, folder, read=read, only=only)
     if report.findings:
         raise NonConforming(report)
     return report
 
 
 def examine_analysis(
-    analysis: type[Analysis], cases: Sequence[Case], folder: Path, *, read: Read | None = None
+    analysis: type[Analysis],
+    cases: Sequence[Case],
+    folder: Path,
+    *,
+    read: Read | None = None,
+    only: Collection[str] = (),
 ) -> Report:
     """Return what :func:`check_analysis` finds, without raising."""
     bench = _Bench(analysis, folder, read or intervals_of)
@@ -72,6 +84,8 @@ def examine_analysis(
             (f"{rule} (case {index})", partial(check, case))
             for rule, check in (
                 ("recovers the truth", bench.truth),
+                ("does not depend on the rate", bench.slower),
+                ("uses the constants of the rig", bench.constants),
                 ("gives the same bytes for the same input", bench.repeatable),
                 ("refuses what it cannot read", bench.refusals),
             )
@@ -80,7 +94,11 @@ def examine_analysis(
         skipped = {rule: "right declarations" for rule, _ in rules}
         return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
     skipped = {_LIGHT: "a module that another process can import"} if bench.heavy is None else {}
-    played = [(rule, check) for rule, check in rules if rule not in skipped]
+    played = [
+        (rule, check)
+        for rule, check in rules
+        if rule not in skipped and (not only or rule.partition(" (")[0] in only)
+    ]
     findings = [Finding(rule, *item) for rule, check in played for item in check()]
     return Report(
         analysis.__name__, tuple(findings), (_DECLARED, *(rule for rule, _ in played)), skipped
@@ -181,9 +199,43 @@ class _Bench:
         except RigdError as error:
             yield f"it refuses the case: {error}", "evaluate what the case simulates"
             return
+        yield from self._misses(case, found)
+
+    def slower(self, case: Case) -> Iterator[tuple[str, str]]:
+        """Look for a rate that is written into the analysis: every second sample is left out."""
+        halved = replace(case, trials=[_every_second(trial) for trial in case.trials])
+        try:
+            found = self._read(self.evaluate(halved))
+        except RigdError:
+            return  # it may need the rate, if it says so
+        for problem, demand in self._misses(halved, found, open_ends=True):
+            yield f"with every second sample {problem}", f"take times from `t_s`; or {demand}"
+
+    def constants(self, case: Case) -> Iterator[tuple[str, str]]:
+        """Look for constants that are written into the analysis: all are changed by a tenth."""
+        if not self._analysis.needs.constants:
+            return
+        constants = {name: 1.1 * value for name, value in case.constants.items()}
+        try:
+            first = self._read(self.first(case)[1])
+            changed = self._read(self.evaluate(replace(case, constants=constants)))
+        except RigdError:
+            return  # reported by the rule on the truth, or not possible
+        if first == changed and any(interval is not None for interval in first.values()):
+            yield (
+                "with all constants a tenth larger it finds the same intervals",
+                "take each constant of `needs` from the recording",
+            )
+
+    def _misses(
+        self, case: Case, found: Mapping[str, Interval], *, open_ends: bool = False
+    ) -> Iterator[tuple[str, str]]:
+        """Yield where intervals do not hold the truth; ``open_ends``: they may be wide, or none."""
         for name, value in case.truth.items():
             interval = found.get(name)
             if interval is None:
+                if open_ends:
+                    continue
                 yield f"{name} is not found, the truth is {value:g}", "find it, or call it unknown"
                 continue
             middle, half = 0.5 * (interval[0] + interval[1]), 0.5 * (interval[1] - interval[0])
@@ -193,7 +245,7 @@ class _Bench:
                     f"{name} is {shown}, the truth is {value:g}",
                     "correct the estimate, or widen its interval by what it does not include",
                 )
-            elif value and half > _WIDEST * abs(value):
+            elif value and half > _WIDEST * abs(value) and not open_ends:
                 yield f"{name} is known to ±{half:g} only", "simulate data that hold it"
         for name in case.unknown:
             interval = found.get(name)
@@ -232,12 +284,18 @@ class _Bench:
             yield from self._refused(replace(case, calibration=""), "without a calibration")
         spoilt = replace(case, trials=[_not_numbers(trial) for trial in case.trials])
         yield from self._refused(spoilt, "of samples that are no numbers")
+        for count, which in ((2, "of trials of two samples"), (1, "of trials of one sample")):
+            short = replace(case, trials=[_part(trial, slice(count)) for trial in case.trials])
+            yield from self._refused(short, which, answers=True)
         yield from self._refused(case, "of trials that did not come to their end", complete=False)
 
     def _refused(
-        self, case: Case, which: str, *, complete: bool = True
+        self, case: Case, which: str, *, complete: bool = True, answers: bool = False
     ) -> Iterator[tuple[str, str]]:
-        """Yield what is wrong if a recording is neither refused nor found to hold nothing."""
+        """Yield what is wrong if a recording is neither refused nor found to hold nothing.
+
+        With ``answers`` it may hold something: then only how it is refused counts.
+        """
         demand = "raise DataError with a sentence and a hint"
         if not case.trials[0].signals:
             return  # a recording without any stream is refused before the analysis sees it
@@ -250,7 +308,7 @@ class _Bench:
             yield f"a recording {which} raises {type(error).__name__}: {error}", demand
         else:
             numbers = [name for name, interval in found.items() if interval is not None]
-            if numbers:
+            if numbers and not answers:
                 yield f"a recording {which} gives {', '.join(numbers)}", demand
 
 
@@ -268,6 +326,21 @@ def _without(case: Case, name: str) -> Case:
         for trial in case.trials
     ]
     return replace(case, trials=trials)
+
+
+def _every_second(trial: SimulatedTrial) -> SimulatedTrial:
+    return _part(trial, slice(None, None, 2))
+
+
+def _part(trial: SimulatedTrial, part: slice) -> SimulatedTrial:
+    def of(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+        return {name: item[part] for name, item in values.items()}
+
+    t_s = trial.t_s[part]
+    steps = {name: begin for name, begin in trial.steps.items() if begin <= t_s[-1]}
+    return replace(
+        trial, t_s=t_s, signals=of(trial.signals), channels=of(trial.channels), steps=steps
+    )
 
 
 def _not_numbers(trial: SimulatedTrial) -> SimulatedTrial:

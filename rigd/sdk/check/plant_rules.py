@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import ValidationError
 
@@ -21,10 +21,15 @@ from rigd.sdk.check.plant_bench import (
     wild,
 )
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
+from rigd.sdk.driver import Driver
 from rigd.sdk.options import options_of
 from rigd.sdk.parameters import ParametersConfig
 from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.setting import Setting
+
+if TYPE_CHECKING:  # drivers are checked without numpy
+    import numpy as np
+    from numpy.typing import NDArray
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Cycles that one call of advance() covers, compared with a call for each cycle.
@@ -34,6 +39,10 @@ LATE_NS: Final = 1_700_000_000_000_000_000
 #: Share of readings that may differ by the rounding of a count, and what is rounding of physics.
 FLIPPED: Final = 0.005
 ROUNDING: Final = 1e-6
+#: Two channels show the same quantity if they go together so well; one may fall short of the other,
+#: as a drive at the end of its supply does, by so much.
+ALIKE: Final = 0.95
+FACTOR: Final = 5.0
 
 
 @dataclass(frozen=True)
@@ -299,6 +308,56 @@ def _files(subject: PlantSubject) -> Iterator[str]:
             yield f"files() gives {path}, which is no such file"
 
 
+def _units(subject: PlantSubject) -> Iterator[str]:
+    """Compare what devices show with the truth, and with setpoints, of the same name and unit."""
+    import numpy as np
+
+    bench = PlantBench(subject, subject.make())
+    commanded: dict[str, list[Sequence[float]]] = {}
+
+    def noted(driver: Driver, cycle: int) -> Sequence[float]:
+        values = gentle(driver, cycle)
+        (name,) = (name for name, item in bench.devices.items() if item is driver)
+        commanded.setdefault(name, []).append(values)
+        return values
+
+    seen = bench.play(CYCLES, noted)
+    known: dict[tuple[str, str, str], Any] = {}
+    for name, driver in bench.devices.items():
+        for number, item in enumerate(driver.declaration.setpoints):
+            # A row is read before the setpoint of its cycle is written.
+            known[name, item.name, item.unit] = np.array(commanded[name])[:-1, number]
+    truth = bench.devices.get(subject.truth)
+    for name, driver in bench.devices.items():
+        rows = seen.table(name)
+        for number, channel in enumerate(driver.declaration.channels):
+            wanted = known.get((name, channel.name, channel.unit))
+            shown = rows[1:, number] if rows.size else rows
+            of = "its setpoint"
+            if wanted is None and truth is not None and driver is not truth:
+                names = [(item.name, item.unit) for item in truth.declaration.channels]
+                if (channel.name, channel.unit) in names:
+                    column = names.index((channel.name, channel.unit))
+                    wanted, of = seen.table(subject.truth)[1:, column], f"that of {subject.truth}"
+            if wanted is None or len(wanted) != len(shown):
+                continue
+            factor = _factor(shown, wanted)
+            if factor is not None and not 1 / FACTOR <= factor <= FACTOR:
+                yield f"{name}.{channel.name} in {channel.unit} is {factor:.3g} times {of}"
+
+
+def _factor(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float | None:
+    """Return what ``shown`` changes by per change of ``wanted``; None if they are not alike."""
+    import numpy as np
+
+    both = np.isfinite(shown) & np.isfinite(wanted)
+    a, b = shown[both], wanted[both]
+    if len(a) < CYCLES // 2 or not a.std() or not b.std():
+        return None
+    alike = float(np.corrcoef(a, b)[0, 1])
+    return float(alike * a.std() / b.std()) if abs(alike) > ALIKE else None
+
+
 CLASS_RULES: Final = (
     PlantRule("title", "give the class a `title` of one line: which rig this is", _title),
     PlantRule(
@@ -351,6 +410,13 @@ PLANT_RULES: Final = (
         "how time is divided into calls of advance() changes rounding at most: step on a grid "
         "(GridPlant), draw noise by time",
         _divided,
+        needs_devices,
+    ),
+    PlantRule(
+        "units agree",
+        "a channel with name and unit of a channel of the truth, or of a setpoint of its device, "
+        "shows the same quantity: check its factor and its sign",
+        _units,
         needs_devices,
     ),
     PlantRule(

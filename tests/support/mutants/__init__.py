@@ -1,8 +1,8 @@
-"""Drivers as `rigd new driver` writes them, each with one mistake, for the conformance suite.
+"""Packages as `rigd new` writes them, each with one mistake, for the conformance suites.
 
-A mutant is a replacement of text in the driver or its protocol, and names the rule of
-``check_driver`` that finds it. ``benchmarks/conformance.py`` examines all of them, the test suite
-some.
+A mutant is a replacement of text in a driver, a plant or an analysis, and names the rule of
+``check_driver``, ``check_plant`` or ``check_analysis`` that finds it. ``benchmarks/conformance.py``
+examines all of them, the test suite some.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ import importlib.util
 import re
 import sys
 from collections.abc import Callable, Collection, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from rigd.analysis.check import examine_analysis
 from rigd.cli.new import module_name, rendered
 from rigd.sdk import AnyDriver
-from rigd.sdk.check import Peer, Report, examine_driver
+from rigd.sdk.check import Report, examine_driver, examine_plant
 
 
 @dataclass(frozen=True)
@@ -35,14 +37,9 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Package:
-    """A package that was made: its driver, and what starts its simulated device."""
+    """A package that was made: examines it by rules of the conformance suite; all, if none."""
 
-    driver: type[AnyDriver]
-    peer: Callable[[], AbstractContextManager[Peer]]
-
-    def examine(self, only: Collection[str] = ()) -> Report:
-        """Return the report of the conformance suite."""
-        return examine_driver(self.driver, peer=self.peer, only=only)
+    examine: Callable[[Collection[str]], Report]
 
 
 @contextmanager
@@ -65,17 +62,39 @@ def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
         target.write_text(text, "utf-8")
     sys.path.insert(0, str(folder))
     try:
+        tests = f"test_{kind}" if kind in ("plant", "analysis") else "test_driver"
         spec = importlib.util.spec_from_file_location(
-            f"{module}_test_driver", folder / "tests" / "test_driver.py"
+            f"{module}_{tests}", folder / "tests" / f"{tests}.py"
         )
         assert spec is not None
         assert spec.loader is not None
-        tests = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(tests)
-        driver = importlib.import_module(f"{module}.driver")
+        loaded = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(loaded)
         class_name = "".join(part.capitalize() for part in name.split("-"))
-        yield Package(getattr(driver, class_name), tests.simulated)
+        yield Package(_EXAMINERS.get(kind, _driver)(loaded, module, class_name, folder))
     finally:
         sys.path.remove(str(folder))
         for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
             del sys.modules[loaded]
+
+
+def _driver(tests: Any, module: str, name: str, folder: Path) -> Callable[..., Report]:
+    driver: type[AnyDriver] = getattr(importlib.import_module(f"{module}.driver"), name)
+    return lambda only: examine_driver(driver, peer=tests.simulated, only=only)
+
+
+def _plant(tests: Any, module: str, name: str, folder: Path) -> Callable[..., Report]:
+    kinds = {"motor": tests.Motor, "encoder": tests.Encoder, "truth": tests.Truth}
+    devices = {name: (driver, {}) for name, driver in kinds.items()}
+    plant = getattr(tests, name)
+    return lambda only: examine_plant(plant, devices=devices, truth="truth", only=only)
+
+
+def _analysis(tests: Any, module: str, name: str, folder: Path) -> Callable[..., Report]:
+    cases = [tests.case(3.0, 1.5), tests.case(3.0, 0.0, unknown=("viscous",))]
+    recordings = folder / "recordings"
+    recordings.mkdir()
+    return lambda only: examine_analysis(getattr(tests, name), cases, recordings, only=only)
+
+
+_EXAMINERS = {"plant": _plant, "analysis": _analysis}
