@@ -126,7 +126,6 @@ MUTANTS = (
         "evaluation",
     ),
     # what cannot be read
-    Mutant("NaN taken", _REFUSES, _FINITE, "    if False:\n        raise DataError(", "evaluation"),
     Mutant(
         "NaN taken for zero",
         _REFUSES,
@@ -149,7 +148,6 @@ MUTANTS = (
         _FINITE.replace("DataError(", "(lambda text, hint: DataError('no'))("),
         "evaluation",
     ),
-    Mutant("crash on an empty trial", _REFUSES, "if len(t_s) > 1 else 3", "", "evaluation"),
     Mutant(
         "crash on a short trial",
         _REFUSES,

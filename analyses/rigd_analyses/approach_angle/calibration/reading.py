@@ -14,6 +14,7 @@ function that computes the calibrated values. There are four calibrations of the
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.analysis import DataError
 from rigd.analysis.calibration.reading import Steps
@@ -42,6 +43,8 @@ ZERO_STEP = "zero"
 SPIN_UP_NS = 400_000_000
 #: Travel is averaged over so many samples' time: what is finer is noise.
 TRAVEL_S = 0.01
+#: The fewest such pieces that a push, or a spin, is evaluated by.
+_PIECES = 4
 
 
 def torque_result(steps: Steps) -> CalibrationResult:
@@ -129,6 +132,7 @@ def _bearing_bench(steps: Steps) -> BearingBench:
 
 def _coast(steps: Steps, trial: TrialInfo) -> rails.Push:
     t_s, volts = steps.signal("platform_position", steps.span(trial, COAST))
+    _check_long(t_s, trial, COAST)
     count = max(1, round(TRAVEL_S * (len(t_s) - 1) / float(t_s[-1] - t_s[0])))
     whole = len(t_s) // count * count
     times = t_s[:whole].reshape(-1, count).mean(axis=1)
@@ -137,12 +141,27 @@ def _coast(steps: Steps, trial: TrialInfo) -> rails.Push:
     return rails.Push(np.linspace(times[0], times[-1], len(times)), travel)
 
 
+def _check_long(t_s: NDArray[np.float64], trial: TrialInfo, step: str) -> None:
+    """Raise unless the step is long enough to be averaged piece by piece.
+
+    Raises:
+        DataError: it is shorter than four pieces.
+
+    """
+    if len(t_s) < _PIECES or t_s[-1] - t_s[0] < _PIECES * TRAVEL_S:
+        raise DataError(
+            f"the step {step} of trial {trial.number} has {len(t_s)} samples, which are too few",
+            hint=f"record it for {_PIECES * TRAVEL_S:g} s at least",
+        )
+
+
 def _spin(steps: Steps, trial: TrialInfo) -> Spin:
     begin, end = steps.span(trial, SPIN)
     zero, steady = steps.span(trial, ZERO_STEP), (min(begin + SPIN_UP_NS, end), end)
     difference = steps.mean("gauge_a", steady) - steps.mean("gauge_b", steady)
     before = steps.mean("gauge_a", zero) - steps.mean("gauge_b", zero)
     t_s, volts = steps.signal("wheel_angle", steady)
+    _check_long(t_s, trial, SPIN)
     speed, acceleration = steady_turning(t_s, steps.known("wheel_scale").value * volts)
     return Spin(difference - before, speed, acceleration, float(t_s[-1] - t_s[0]))
 
