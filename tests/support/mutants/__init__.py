@@ -68,10 +68,10 @@ def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
         )
         assert spec is not None
         assert spec.loader is not None
-        loaded = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(loaded)
+        read = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(read)
         class_name = "".join(part.capitalize() for part in name.split("-"))
-        yield Package(_EXAMINERS.get(kind, _driver)(loaded, module, class_name, folder))
+        yield Package(_EXAMINERS.get(kind, _driver)(read, module, class_name, folder))
     finally:
         sys.path.remove(str(folder))
         for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
@@ -85,7 +85,9 @@ def _driver(tests: Any, module: str, name: str, folder: Path) -> Callable[..., R
 
 def _plant(tests: Any, module: str, name: str, folder: Path) -> Callable[..., Report]:
     kinds = {"motor": tests.Motor, "encoder": tests.Encoder, "truth": tests.Truth}
-    devices = {name: (driver, {}) for name, driver in kinds.items()}
+    devices: dict[str, tuple[type[Any], dict[str, Any]]] = {
+        name: (driver, {}) for name, driver in kinds.items()
+    }
     plant = getattr(tests, name)
     return lambda only: examine_plant(plant, devices=devices, truth="truth", only=only)
 
