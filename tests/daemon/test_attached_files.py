@@ -9,7 +9,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 
 
-def test_eds_of_devices_is_attached_beside_the_rig_file() -> None:
+def test_eds_is_attached_beside_the_rig_file() -> None:
     rig, source = load_rig("wire-1"), load_procedure("quick")
     texts = attached_texts(
         RunRequest(compile_procedure(source, rig), source.file.text, rig, seed=1)
