@@ -7,16 +7,19 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from rigd.sdk.check import Peer, background_loop
+from rigd.sdk.check import Observed, Peer, background_loop
 from rigd_sim.wire.serial_part import SerialPart
 
 
 def serial_peer(
-    path: Path, make: Callable[[], SerialPart], **late: Any
+    path: Path,
+    make: Callable[[], SerialPart],
+    look: Callable[[Any], Observed] = lambda device: Observed(),
+    **late: Any,
 ) -> Callable[[], AbstractContextManager[Peer]]:
     """Return what starts the device of ``make``, which serves ``path``, with its faults.
 
-    ``late`` are the options of the fault of that name.
+    ``look`` returns what an observer sees of it; ``late`` are options of the fault of that name.
     """
 
     @contextmanager
@@ -37,6 +40,7 @@ def serial_peer(
                         "late": lambda: run(inject("late", **late)),
                         "garbled": lambda: run(inject("garbage")),
                     },
+                    observed=lambda: look(device),
                 )
             finally:
                 run(device.stop())

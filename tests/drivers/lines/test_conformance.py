@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.serial_peer import serial_peer
 
-from rigd.sdk.check import check_driver
+from rigd.sdk.check import Observed, check_driver
 from rigd_drivers.lines.driver import Lines
 from rigd_sim.wire.lines import SimLines
 
@@ -27,6 +27,9 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
             ask="?" if asked else None, interval_s=0.05,
         )  # fmt: skip
 
-    peer = serial_peer(tmp_path / "gauge", device, delay_s=1.0)
+    def look(gauge: SimLines) -> Observed:
+        return Observed(measured={"force": 1.5}, sent=gauge.sent if asked else None)
+
+    peer = serial_peer(tmp_path / "gauge", device, look, delay_s=1.0)
     report = check_driver(Lines, options, peer=peer)
     assert report.skipped == {}
