@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.articulated.analysis import MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle
+#: Step for a trial in which contacts may slide: 0.1 mm off 0.5 ms, where 4 ms are 0.3 mm. Speeds
+#: are means over 4 ms all the same: noise would move the instants at which contacts change.
+FINE_STEP_S = 0.002
 EXCHANGED_M = 0.1  #: a marker does not jump so far off its neighbours within a frame
 AROUND = 2  #: frames to either side that show where a marker is
 LATEST_S = 0.2  #: no frame comes later: those that come earlier in a trial may be of before it
@@ -30,11 +34,11 @@ NS = 1e-9
 class RobotTrial:
     """A trial on n frames, ``period_s`` apart, and ``sub`` steps of simulation in each.
 
-    ``speeds`` (m, 2) are those of the motors at the steps in rad/s, right and left; ``torques``
-    (n, 2) means in N m over TORQUE_FRAMES before a frame; ``poses`` (n, 6) as in POSES, headings
-    unwrapped, and ``seen`` (n, 6) which of them the camera has. ``speed_noise`` is the standard
-    deviation in rad/s of a mean of the speed between frames, ``torque_noise`` in N m that of a mean
-    of the torque.
+    ``speeds`` (m, 2) are those of the motors at the steps in rad/s, right and left, made of
+    ``samples`` (times in s after the first frame, and values, of each); ``torques`` (n, 2) means in
+    N m over TORQUE_FRAMES before a frame; ``poses`` (n, 6) as in POSES, headings unwrapped, and
+    ``seen`` (n, 6) which of them the camera has. ``speed_noise`` is the standard deviation in rad/s
+    of a mean of the speed between frames, ``torque_noise`` in N m that of a mean of the torque.
     """
 
     label: str
@@ -48,6 +52,23 @@ class RobotTrial:
     seen: NDArray[np.bool_]
     speed_noise: float
     torque_noise: float
+    samples: tuple[tuple[FloatArray, FloatArray], ...]
+
+    @property
+    def finer(self) -> RobotTrial:
+        """Return the trial with the steps that sliding contacts need."""
+        sub = math.ceil(self.period_s / FINE_STEP_S - 1e-6)
+        return replace(
+            self, sub=sub, speeds=_speeds(self.samples, self.period_s, len(self.poses), sub)
+        )
+
+    def first(self, seconds: float) -> RobotTrial:
+        """Return the begin of the trial."""
+        count = min(len(self.poses), 1 + math.ceil(seconds / self.period_s))
+        return replace(
+            self, speeds=self.speeds[: (count - 1) * self.sub + 1], torques=self.torques[:count],
+            poses=self.poses[:count], seen=self.seen[:count],
+        )  # fmt: skip
 
     @property
     def t_s(self) -> FloatArray:
@@ -93,9 +114,8 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
     for module in (slice(0, 3), slice(3, 6)):
         _clean(poses[:, module], seen[:, module], times)
     sub = math.ceil(period / STEP_S - 1e-6)
-    step = period / sub
-    nodes = times[0] + step * np.arange((count - 1) * sub + 1)
-    speeds = np.stack([_mean(*read[name], nodes - step / 2, nodes + step / 2) for name in MOTORS])
+    samples = tuple((read[name][0] - times[0], read[name][1]) for name in MOTORS)
+    speeds = _speeds(samples, period, count, sub)
     torques = np.stack(
         [_mean(*read[name], times - TORQUE_FRAMES * period, times) for name in TORQUES]
     )
@@ -106,9 +126,19 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
     words = [f"{sweep.parameter(info, name)}" for name in info.parameters]
     return RobotTrial(
         f"{sweep.info.procedure} {info.number} ({', '.join(words)})", str(sweep.path), info.number,
-        period, sub, np.ascontiguousarray(speeds.T), np.ascontiguousarray(torques.T), poses, seen,
-        speed / math.sqrt(per_frame), torque / math.sqrt(TORQUE_FRAMES * per_frame),
+        period, sub, speeds, np.ascontiguousarray(torques.T), poses, seen,
+        speed / math.sqrt(per_frame), torque / math.sqrt(TORQUE_FRAMES * per_frame), samples,
     )  # fmt: skip
+
+
+def _speeds(
+    samples: Sequence[tuple[FloatArray, FloatArray]], period_s: float, count: int, sub: int
+) -> FloatArray:
+    """Return the means (n, 2) of both speeds around the steps of ``count`` frames."""
+    nodes: FloatArray = period_s / sub * np.arange((count - 1) * sub + 1, dtype=np.float64)
+    half = 0.5 * max(period_s / sub, STEP_S)
+    means = [_mean(t, values, nodes - half, nodes + half) for t, values in samples]
+    return np.ascontiguousarray(np.stack(means, axis=1))
 
 
 def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis import residuals as tests
+from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import Z_95, Evidence, judge
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import (
@@ -22,12 +23,19 @@ from rigd.analysis.result import (
     Signal,
     StartOutcome,
     TrialFit,
-    TrialRejection,
     Verdict,
 )
-from rigd.analysis.simple_gate import judge_fit
 from rigd.analysis.uncertainty import correlation
-from rigd_analyses.articulated.system import CAMERA, CONTACTS, SHARED, UNITS, RobotSystem
+from rigd_analyses.articulated.found import RobotFound
+from rigd_analyses.articulated.system import (
+    CAMERA,
+    CONTACTS,
+    RATIO,
+    SHARED,
+    UNITS,
+    RobotSystem,
+    Run,
+)
 
 METHOD: Final = "output error: motor speeds in; motor torques and camera poses out"
 WORDS: Final = {
@@ -42,20 +50,24 @@ ADVICE: Final = {
     "k_lat": "Record circles: straight runs hold no lateral force.",
     "k_roll": "Record straight runs at several speeds.",
 }
-SLIDING: Final = (
-    "Not determined by these tests: only trials in which no contact slides are fitted, and in them "
-    "it acts nowhere."
+SLIDING: Final = "Record stepped starts (straight_speeds with start=stepped) and fast circles."
+NO_SLIDING: Final = (
+    "Not determined by these tests: no contact slides in them; the largest force is {share:.2f} "
+    "times the load."
 )
+FITTED: Final = ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s")
+CLEAR: Final = 3.0  #: standard errors from which another scale of the camera is worth a word
 POINTS: Final = 25
+FRONT_WHEELS: Final = ("front right", "front left", "rear right", "rear left")
+TRANSIENT_S: Final = 3.0  #: of a circle, before its radius is taken
+TURN: Final = 6.0  #: rad: what turns more is a circle
 LJUNG_BOX_LAGS, LAGS = 20, 50
 SHOWN: Final = 2  #: output that is drawn: x of the front marker
 
 
-def result(
-    system: RobotSystem, fit: OutputErrorFit, grip: float, rejected: Sequence[TrialRejection]
-) -> IdentificationResult:
-    """Return the result for a report; ``rejected`` are the trials that were left out."""
-    gate = judge_fit(fit, [item.label for item in system.trials])
+def result(found: RobotFound, gate: Gate, diagnosed: OutputErrorFit) -> IdentificationResult:
+    """Return the result for a report; ``diagnosed`` is the fit with what explains a misfit."""
+    system, fit = found.system, diagnosed
     if not fit.converged:
         gate = Gate(FitOutcome.MISFIT, f"No number is given: {fit.unsettled}.", (fit.unsettled,))
     white = [
@@ -63,26 +75,25 @@ def result(
         for noise, error in zip(fit.model.noise, fit.errors, strict=True)
     ]
     samples = sum(error.size for error in fit.errors)
-    both = fit.covariance[: len(CONTACTS), : len(CONTACTS)]
+    runs = all_runs(system, fit)
+    share = max(float(np.max(run.share)) for run in runs)
+    by_log = np.array([_gradient(name, len(fit.covariance)) for name in FITTED])
     return IdentificationResult(
         model="articulated",
         method=METHOD,
         title="Contacts of the articulated robot",
-        parameters=(
-            *(_estimate(fit, gate, index) for index in range(len(CONTACTS))),
-            *(_sliding(name) for name in ("mu_s", "mu_d")),
-        ),
+        parameters=tuple(_estimate(fit, gate, name, share) for name in FITTED),
         derived=(),
         confidence=0.95,
-        correlation_names=CONTACTS,
-        correlation=correlation(both),
+        correlation_names=FITTED,
+        correlation=correlation(by_log @ fit.covariance @ by_log.T),
         cost=fit.fit.cost,
         samples=samples,
         effective_samples=float(samples),
         inflation=1.0,
         starts=(_start(fit),),
-        curve=_curve(fit, gate, grip * _load(fit)),
-        trials=tuple(_trial_fit(system, fit, k) for k in range(len(system.trials))),
+        curve=_curve(fit, gate, share),
+        trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
         profiles=(),
         residual_tests=(
             tests.ljung_box(white, LJUNG_BOX_LAGS),
@@ -91,45 +102,87 @@ def result(
         autocorrelation=tests.autocorrelation(
             white, min(LAGS, min(len(item) for item in white) - 1), system.trials[0].period_s
         ),
-        preprocessing=_account(system, fit, grip, tuple(rejected)),
-        visited=f"contact forces up to {grip:g} of the load",
-        warnings=() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:]),
+        preprocessing=_account(found, fit, runs),
+        visited=f"contact forces up to {share:.2f} of the load, if none slid",
+        warnings=(
+            *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
+            *_camera(fit),
+        ),
         gate=gate,
     )
 
 
-def _error(fit: OutputErrorFit, index: int) -> float:
+def all_runs(system: RobotSystem, fit: OutputErrorFit) -> list[Run]:
+    """Return the fitted simulation of each trial."""
+    theta, shared = own_parameters(fit), len(system.shared)
+    local = theta[shared:].reshape(len(system.trials), -1)
+    return [system.run(k, theta[:shared], local[k]) for k in range(len(system.trials))]
+
+
+def _camera(fit: OutputErrorFit) -> list[str]:
+    """Return a sentence on each axis of the camera whose scale is another."""
+    found = []
+    for axis in ("x", "y"):
+        place = SHARED.index(f"scale_{axis}")
+        scale, sd = float(fit.fit.theta[place]), math.sqrt(float(fit.covariance[place, place]))
+        if abs(scale) > CLEAR * sd:
+            found.append(
+                f"The camera's scale along {axis} is {100 * scale:+.2f} % ± {100 * sd:.2f} % off; "
+                "it is fitted, and the numbers are free of it."
+            )
+    return found
+
+
+def _gradient(name: str, count: int) -> FloatArray:
+    """Return the derivative (p,) of the logarithm of a parameter to the scaled ones."""
+    gradient = np.zeros(count)
+    gradient[SHARED.index("mu_d" if name == "mu_s" else name)] = 1.0
+    if name == "mu_s":
+        gradient[SHARED.index(RATIO)] = 1.0
+    return gradient
+
+
+def value_of(fit: OutputErrorFit, name: str) -> float:
+    """Return a parameter of FITTED in its unit."""
+    found = dict(zip(SHARED, fit.fit.theta.tolist(), strict=False))
+    return float(found["mu_d"] * found[RATIO]) if name == "mu_s" else float(found[name])
+
+
+def error_of(fit: OutputErrorFit, name: str) -> float:
     """Return the standard error of the logarithm; infinite if the data hold nothing on it."""
-    variance = float(fit.covariance[index, index])
-    return math.sqrt(variance) if variance > 0.0 else math.inf
+    gradient = _gradient(name, len(fit.covariance))
+    variance = float(gradient @ fit.covariance @ gradient)
+    places = np.flatnonzero(gradient)
+    seen = np.all(np.diag(fit.covariance)[places] > 0.0)
+    return math.sqrt(variance) if seen and variance > 0.0 else math.inf
 
 
-def _estimate(fit: OutputErrorFit, gate: Gate, index: int) -> ParameterEstimate:
-    name, value, error = SHARED[index], float(fit.fit.theta[index]), _error(fit, index)
+def _estimate(fit: OutputErrorFit, gate: Gate, name: str, share: float) -> ParameterEstimate:
+    value, error = value_of(fit, name), error_of(fit, name)
     labels = (name, WORDS[name][0], UNITS[name], WORDS[name][1], value)
     if gate.outcome is FitOutcome.MISFIT:
         return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, gate.sentence)
+    if not math.isfinite(error) and name.startswith("mu"):
+        sentence = NO_SLIDING.format(share=share)
+        return ParameterEstimate(
+            *labels[:4], math.nan, None, None, None, Verdict.UNIDENTIFIABLE, sentence,
+            advice=SLIDING,
+        )  # fmt: skip
     reach = math.exp(min(Z_95 * error, 50.0))
-    parameter = fit.model.parameters[index]
+    place = SHARED.index(RATIO if name == "mu_s" else name)
+    allowed = fit.model.parameters[SHARED.index("mu_d" if name == "mu_s" else name)]
     verdict, sentence = judge(
         Evidence(
             value, value / reach, value * reach, UNITS[name],
-            bound=value if fit.on_bound[index] else None, allowed=(parameter.low, parameter.high),
+            bound=value if fit.on_bound[place] else None, allowed=(allowed.low, allowed.high),
         )
     )  # fmt: skip
     if verdict not in (Verdict.IDENTIFIABLE, Verdict.WEAK):
         return ParameterEstimate(
-            *labels, None, None, None, verdict, sentence, advice=ADVICE[name]
+            *labels, None, None, None, verdict, sentence, advice=ADVICE.get(name, SLIDING)
         )  # fmt: skip
     return ParameterEstimate(
         *labels, value / reach, value * reach, value * error, verdict, sentence
-    )  # fmt: skip
-
-
-def _sliding(name: str) -> ParameterEstimate:
-    symbol, meaning = WORDS[name]
-    return ParameterEstimate(
-        name, symbol, "1", meaning, math.nan, None, None, None, Verdict.UNIDENTIFIABLE, SLIDING
     )  # fmt: skip
 
 
@@ -139,20 +192,21 @@ def _load(fit: OutputErrorFit) -> float:
     return float((found["body_mass"] + 4.0 * found["wheel_mass"]) * found["gravity"] / 4.0)
 
 
-def _curve(fit: OutputErrorFit, gate: Gate, most_n: float) -> Curve:
+def _curve(fit: OutputErrorFit, gate: Gate, share: float) -> Curve:
     """Return the longitudinal force over the slip; no point if the model does not fit."""
-    value, error = float(fit.fit.theta[0]), min(_error(fit, 0), 10.0)
+    value, error = value_of(fit, "k_lon"), min(error_of(fit, "k_lon"), 10.0)
+    static = value_of(fit, "mu_s") if math.isfinite(error_of(fit, "mu_s")) else math.inf
     points = POINTS if gate.outcome is not FitOutcome.MISFIT else 0
-    slip = np.linspace(0.0, most_n / value, points)
+    slip = np.linspace(0.0, min(share, static) * _load(fit) / value, points)
     reach = math.exp(Z_95 * error)
     return Curve(
         name="longitudinal_force", x_name="slip", x_unit="m/s", y_name="force", y_unit="N",
         x=slip, y=value * slip, low=value * slip / reach, high=value * slip * reach,
-        note="Of one wheel, as far as its contact certainly grips. Band: 95 %.",
+        note="Of one wheel, up to the largest force before it slides. Band: 95 %.",
     )  # fmt: skip
 
 
-def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int) -> TrialFit:
+def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int, run: Run) -> TrialFit:
     trial = system.trials[index]
     measured = system.measured[index]
     fitted: FloatArray = measured + fit.errors[index]
@@ -170,7 +224,15 @@ def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int) -> TrialFit
         used=used,
         rms=rms,
         r_squared=r_squared,
-        signals={"right_torque": Signal("N m", measured[:, 0])},
+        signals={
+            "right_torque": Signal("N m", measured[:, 0]),
+            **{
+                f"{name} of the {wheel}": Signal("N", run.forces[:, k, axis])
+                for k, wheel in enumerate(FRONT_WHEELS)
+                for axis, name in enumerate(("force along", "force across"))
+            },
+            "sliding contacts": Signal("1", np.sum(run.forces[:, :, 2], axis=1)),
+        },
     )
 
 
@@ -183,9 +245,8 @@ def _start(fit: OutputErrorFit) -> StartOutcome:
     )  # fmt: skip
 
 
-def _account(
-    system: RobotSystem, fit: OutputErrorFit, grip: float, rejected: tuple[TrialRejection, ...]
-) -> Preprocessing:
+def _account(found: RobotFound, fit: OutputErrorFit, runs: Sequence[Run]) -> Preprocessing:
+    system = found.system
     errors = np.sqrt(np.diag(fit.covariance))
     fitted = []
     for index in range(len(CONTACTS), len(SHARED)):
@@ -195,18 +256,58 @@ def _account(
         fitted.append(f"{name}: {value:.6g} ± {sd:.2g}{unit} (standard error)")
     return Preprocessing(
         statements=(
-            "The robot is simulated from the measured speeds of its motors.",
+            "The robot is simulated from the measured speeds of its motors. A contact slides from "
+            "μ_s times its load on; the force is then μ_d times it, a third less at once.",
             "Torques are means over ten frames of the camera. Frames in which a marker is taken "
             "for another, or is not seen, do not count.",
             "Scale and latency of the camera are fitted, and constants within their uncertainties. "
-            "So is the inertia of the rotors, without its stated value: a torque that is sampled "
-            "between the setpoints of a ramp misses a part that looks like it.",
+            "So is the inertia of the rotors in each trial, without its stated value: a torque "
+            "that is sampled between the setpoints of a ramp misses a part that looks like it.",
             *fitted,
+            *_radii(system, runs),
         ),
-        settings={"certain_grip": grip},
+        settings={"certain_grip": found.grip},
         per_trial={
-            item.label: {"frames": float(len(item.poses)), "seen": float(np.sum(item.seen[:, 0]))}
-            for item in system.trials
+            item.label: {
+                "frames": float(len(item.poses)),
+                "seen": float(np.sum(item.seen[:, 0])),
+                "largest force over load, if none slid": float(np.max(run.share)),
+                "time with a sliding contact in s": float(
+                    item.period_s * np.count_nonzero(np.any(run.forces[:, :, 2] > 0.0, axis=1))
+                ),
+            }
+            for item, run in zip(system.trials, runs, strict=True)
         },
-        rejected=rejected,
-    )
+        rejected=(),
+    )  # fmt: skip
+
+
+def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
+    """Return the mean radius of each circle, measured and simulated, and what it is worth."""
+    found = []
+    for item, run in zip(system.trials, runs, strict=True):
+        late = item.t_s > TRANSIENT_S
+        if np.ptp(run.pose[:, 2]) < TURN or np.count_nonzero(late) < POINTS:
+            continue
+        radius, sd = mean_radius(item.poses[late, :2])
+        simulated, _ = mean_radius(run.pose[late, :2])
+        found.append(
+            f"{item.label}: mean radius of the front marker {radius:.4f} ± {Z_95 * sd:.4f} m as "
+            f"the camera shows it (95 %), {simulated:.4f} m simulated."
+        )
+    if found:
+        found.append(
+            "A mean radius alone is a poor target: it changes by 0.03 % for 1 % of k_lat, and by "
+            "0.5 % for a camera whose one scale is 1 % off."
+        )
+    return found
+
+
+def mean_radius(points: FloatArray) -> tuple[float, float]:
+    """Return the radius in m of the circle through ``points`` (n, 2), and its standard error."""
+    matrix = np.column_stack([2.0 * points, np.ones(len(points))])
+    square = np.sum(points**2, axis=1)
+    a, b, c = np.linalg.lstsq(matrix, square, rcond=None)[0]
+    radius = math.sqrt(float(c + a * a + b * b))
+    off = np.hypot(points[:, 0] - a, points[:, 1] - b) - radius
+    return radius, float(np.std(off)) / math.sqrt(len(points))

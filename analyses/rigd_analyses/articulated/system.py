@@ -5,45 +5,58 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from functools import cached_property
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
 from rigd_analyses.articulated.analysis import POSES, TORQUES
-from rigd_analyses.articulated.kernel import NAMES, POSE, RATE, SHARE, TORQUE, simulate
+from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, white_noise
 
-CONTACTS: Final = ("k_lon", "k_lat", "k_roll")
-HINGE: Final = NAMES.index("hinge")
-#: Shared parameters that the simulation takes, in the order of NAMES; then those outside of it.
-SIMULATED: Final = tuple(name for name in NAMES if name != "hinge")
+RATIO: Final = "mu_s / mu_d"  #: is fitted in place of mu_s, at 1 or above
+CONTACTS: Final = ("k_lon", "k_lat", "k_roll", "mu_d", RATIO)
+#: Constants that the simulation takes; then shared parameters outside of it.
+CONSTANTS: Final = tuple(name for name in NAMES[3:] if name not in ("hinge", "mu_s", "mu_d"))
 CAMERA: Final = ("scale_x", "scale_y", "latency")
-SHARED: Final = (*SIMULATED, "rotor_inertia", *CAMERA)
-LOCAL: Final = ("x", "y", "heading", "hinge")
+SHARED: Final = (*CONTACTS, *CONSTANTS, *CAMERA)
+LOCAL: Final = ("x", "y", "heading", "hinge", "rotor_inertia")
+INERTIA: Final = LOCAL.index("rotor_inertia")
 LEAST_U: Final = 1e-5  #: relative: no constant is known better than this
 FAR: Final = 4.0  #: a constant may move by this factor
-TINY: Final = 1e-30  #: imaginary step: no difference is taken, so that nothing is lost
 UNSEEN: Final = 1e8  #: times the noise: what a frame without a marker counts for
 FLOOR: Final = np.array([1e-7, 1e-7, *[1e-6] * 6])  #: N m, m and rad; no sensor is better
 UNITS: Final = {
     **{"k_lon": "N s/m", "k_lat": "N s/m", "k_roll": "m", "wheel_radius": "m", "half_track": "m"},
     **{"half_wheelbase": "m", "hinge_distance": "m", "body_mass": "kg", "wheel_mass": "kg"},
-    **{"body_inertia": "kg m^2", "wheel_inertia": "kg m^2", "rotor_inertia": "kg m^2"},
+    **{"body_inertia": "kg m^2", "wheel_inertia": "kg m^2", "mu_d": "1", "mu_s": "1", RATIO: "1"},
     **{"gravity": "m/s^2", "scale_x": "1", "scale_y": "1", "latency": "s"},
 }
 #: low, high and first value of what is fitted freely; the step of the simulation is stable there.
 FREE: Final = {
     "k_lon": (5.0, 1000.0, 80.0), "k_lat": (5.0, 500.0, 120.0), "k_roll": (1e-5, 1e-2, 1e-3),
+    "mu_d": (0.05, 5.0, 0.6), RATIO: (1.0, 4.0, 1.5),
     "scale_x": (-0.2, 0.2, 0.0), "scale_y": (-0.2, 0.2, 0.0),
     "latency": (-LATEST_S, LATEST_S, 0.01),
 }  # fmt: skip
+UNDISTURBED: Final = np.zeros((0, DISTURBED, LANES))
 
-Array = NDArray[Any]
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a simulation returns for the frames of a trial, as :func:`.kernel.simulate` has it."""
+
+    pose: FloatArray
+    rate: FloatArray
+    torque: FloatArray
+    by_pose: FloatArray
+    by_torque: FloatArray
+    forces: FloatArray
+    share: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +79,16 @@ class RobotSystem:
     def local(self) -> tuple[Unknown, ...]:
         """Return by how much each trial begins off where its first frames show the robot."""
         units = ("m", "m", "rad", "rad")
-        return tuple(
+        placed = tuple(
             Unknown(FitParameter(name, unit, -0.3, 0.3, 0.0, Scaling.LINEAR))
-            for name, unit in zip(LOCAL, units, strict=True)
+            for name, unit in zip(LOCAL[:INERTIA], units, strict=True)
         )
+        # Torque is sampled between setpoints, when part of what a ramp asks for has passed.
+        stated = self.constants["rotor_inertia"][0]
+        at = FitParameter(
+            "rotor_inertia", "kg m^2", -9 * stated, 11 * stated, stated, Scaling.LINEAR
+        )
+        return (*placed, Unknown(at))
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -78,30 +97,47 @@ class RobotSystem:
         named |= {name: "rad" if name.endswith("heading") else "m" for name in POSES}
         return tuple(Output(name.replace("_", " "), unit) for name, unit in named.items())
 
-    @property
+    @cached_property
     def measured(self) -> tuple[FloatArray, ...]:
         """Return the measured outputs of each trial, (n, 8)."""
         return tuple(np.column_stack([item.torques, item.poses]) for item in self.trials)
 
     def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, 8) of one trial."""
-        rows = self._rows(trial, shared, local)
-        return np.asarray(self._outputs(trial, rows, shared, local).real)
+        return self._outputs(trial, self.run(trial, shared, local), shared, local)
 
     def linearise(
         self, trial: int, shared: FloatArray, local: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the outputs (n, 8) and their derivatives to all parameters (n, 8, p + l)."""
-        rows = self._rows(trial, shared, local)
-        outputs = self._outputs(trial, rows, shared, local)
+        run = self.run(trial, shared, local, moving=True)
+        outputs = self._outputs(trial, run, shared, local)
+        found = dict(zip(SHARED, shared, strict=True))
+        lanes = self.outputs_of(trial, run, shared, local)
         out = np.zeros((*outputs.shape, len(SHARED) + len(LOCAL)))
-        for index in range(out.shape[2]):
-            both = np.concatenate([shared, local]).astype(np.complex128)
-            both[index] += 1j * TINY
-            a, b = both[: len(SHARED)], both[len(SHARED) :]
-            again = index < len(SIMULATED) or index == len(SHARED) + LOCAL.index("hinge")
-            moved = self._rows(trial, a, b) if again else rows
-            out[:, :, index] = self._outputs(trial, moved, a, b).imag / TINY
+        for index, name in enumerate(SHARED):
+            if name in NAMES:
+                out[:, :, index] = lanes[:, :, NAMES.index(name)]
+        by_static = lanes[:, :, NAMES.index("mu_s")]
+        out[:, :, SHARED.index("mu_d")] += found[RATIO] * by_static
+        out[:, :, SHARED.index(RATIO)] = found["mu_d"] * by_static
+        gained = self._gained(trial) / self.gear_ratio
+        out[:, :2, SHARED.index("wheel_inertia")] += 2.0 * gained
+        placed, turn, stretch = self._placed(trial, run, shared, local)
+        rates = self._turned(run.rate[:, :, None], turn, stretch)[:, :, 0]
+        out[:, 2:, SHARED.index("latency")] = -rates
+        first = len(SHARED)
+        for j, column in enumerate((2, 3)):
+            scale = SHARED.index(CAMERA[j])
+            for k in (0, 3):
+                out[:, column + k, scale] = placed[:, j + k] / stretch[j]
+                out[:, column + k, first + j] = 1.0
+        for k in (0, 3):
+            out[:, 2 + k, first + 2] = -placed[:, 1 + k] * stretch[0] / stretch[1]
+            out[:, 3 + k, first + 2] = placed[:, k] * stretch[1] / stretch[0]
+            out[:, 4 + k, first + 2] = 1.0
+        out[:, :, first + 3] = lanes[:, :, NAMES.index("hinge")]
+        out[:, :2, first + INERTIA] = self.gear_ratio * self._gained(trial)
         return outputs, out
 
     def of(self, trials: Sequence[int]) -> RobotSystem:
@@ -109,9 +145,9 @@ class RobotSystem:
         return replace(self, trials=tuple(self.trials[k] for k in trials))
 
     def share(self, trial: int, shared: FloatArray) -> float:
-        """Return the largest contact force of one trial over the load of a wheel."""
-        rows = self._rows(trial, shared, np.zeros(len(LOCAL)))
-        return float(np.max(rows[:, SHARE].real))
+        """Return the largest force of a contact of one trial, without sliding, over its load."""
+        run = self.run(trial, shared, np.zeros(len(LOCAL)))
+        return float(np.max(run.share))
 
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise of the motor speeds and of the sensors moves the outputs of one trial.
@@ -133,11 +169,12 @@ class RobotSystem:
         seen = np.zeros((count, 8, 3))
         seen[:, 4, 0] = seen[:, 7, 0] = 1.0
         seen[:, 2, 1] = seen[:, 5, 1] = seen[:, 3, 2] = seen[:, 6, 2] = 1.0
-        variance = np.tile(self._noise() ** 2, (count, 1))
+        variance = np.tile(self._noise**2, (count, 1))
         variance[:, :2] *= np.where(item.torque_seen, 1.0, UNSEEN**2)[:, None]
         variance[:, 2:][~item.seen] *= UNSEEN**2
         return Deviations(forward, driven, seen, variance, np.zeros(3), np.eye(8))
 
+    @cached_property
     def _noise(self) -> FloatArray:
         """Return the standard deviations (8,) of the outputs' noise, which they show themselves."""
         torque = float(np.median([item.torque_noise for item in self.trials]))
@@ -149,53 +186,82 @@ class RobotSystem:
             scaling = Scaling.LINEAR if name in CAMERA else Scaling.LOG
             return Unknown(FitParameter(name, UNITS[name], *FREE[name], scaling))
         value, u = self.constants[name]
-        if name == "rotor_inertia":
-            # Torque is sampled between setpoints, when part of what a ramp asks for has passed.
-            u = math.inf
         parameter = FitParameter(name, UNITS[name], value / FAR, value * FAR, value)
         return Unknown(parameter, max(u / value, LEAST_U), name.replace("_", " "))
 
-    def _rows(self, trial: int, shared: Array, local: Array) -> Array:
-        """Return the rows of the simulation of one trial."""
+    def run(
+        self, trial: int, shared: FloatArray, local: FloatArray, *, moving: bool = False,
+        disturbed: FloatArray = UNDISTURBED,
+    ) -> Run:  # fmt: skip
+        """Return the simulation of one trial, ``moving`` with derivatives.
+
+        They are those to the parameters in NAMES or, if given, for each unit of what is
+        ``disturbed`` (m, DISTURBED, LANES).
+        """
         item = self.trials[trial]
         standing = item.standing
         found = dict(zip(SHARED, shared, strict=True))
         found["hinge"] = local[LOCAL.index("hinge")] + standing[2] - standing[5]
+        found["mu_s"] = found["mu_d"] * found[RATIO]
         parameters = np.array([found[name] for name in NAMES])
-        rows: Array = simulate(parameters, item.speeds / self.gear_ratio, item.period_s / item.sub)
-        return rows
+        step = item.period_s / item.sub
+        by = np.zeros((len(NAMES), LANES))
+        if len(disturbed) == 0:
+            by[:, : len(NAMES)] = np.eye(len(NAMES))
+        wheels = item.speeds / self.gear_ratio
+        rows = simulate(
+            parameters, by, wheels, step, item.sub, found["latency"] / step, disturbed, moving
+        )
+        return Run(*rows)
 
-    def _outputs(self, trial: int, rows: Array, shared: Array, local: Array) -> Array:
-        """Return the outputs (n, 8) from the rows of a simulation."""
-        item = self.trials[trial]
+    def outputs_of(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 8, LANES) of the outputs that go along with ``run``."""
+        _, turn, stretch = self._placed(trial, run, shared, local)
+        out = np.zeros((len(run.pose), 8, LANES))
+        out[:, :2] = self.mean_torque(trial, run.by_torque) / self.gear_ratio
+        out[:, 2:] = self._turned(run.by_pose, turn, stretch)
+        return out
+
+    def _outputs(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the outputs (n, 8) of a simulation."""
         found = dict(zip(SHARED, shared, strict=True))
-        step, sub, n = item.period_s / item.sub, item.sub, self.gear_ratio
-        wheels = item.speeds / n
-        inertia = 2.0 * found["wheel_inertia"] + n**2 * found["rotor_inertia"]
-        between = 0.5 * (rows[1:, TORQUE] + rows[:-1, TORQUE]).reshape(-1, sub, 2).mean(axis=1)
-        total = np.cumsum(np.concatenate([np.zeros((1, 2)), between]), axis=0)
-        torques = np.zeros((len(item.poses), 2), np.result_type(rows, shared))
-        means = (total[TORQUE_FRAMES:] - total[:-TORQUE_FRAMES]) / TORQUE_FRAMES
-        gained = wheels[sub * TORQUE_FRAMES :: sub] - wheels[: -sub * TORQUE_FRAMES : sub]
-        torques[TORQUE_FRAMES:] = means + inertia * gained / (TORQUE_FRAMES * item.period_s)
-        torques /= n
-        at = np.arange(0, len(rows), sub) - found["latency"] / step
-        begin = np.clip(np.floor(at.real).astype(int), 0, len(rows) - 2)
-        s = np.where(at.real < 0.0, 0.0, at - begin)[:, None]
-        p0, p1 = rows[begin, POSE], rows[begin + 1, POSE]
-        v0, v1 = step * rows[begin, RATE], step * rows[begin + 1, RATE]
-        rest = p1 - p0
-        poses = p0 + s * (v0 + s * (3 * rest - 2 * v0 - v1 + s * (v0 + v1 - 2 * rest)))
-        standing = item.standing
-        turn = standing[2] + local[2]
-        c, sin = np.cos(turn), np.sin(turn)
-        placed = []
-        for j in (0, 3):
-            x, y = poses[:, j], poses[:, j + 1]
-            # The rear heading is in the frame of the front one at the start.
-            placed += [
-                standing[0] + local[0] + (1.0 + found["scale_x"]) * (c * x - sin * y),
-                standing[1] + local[1] + (1.0 + found["scale_y"]) * (sin * x + c * y),
-                poses[:, j + 2] + turn,
-            ]
-        return np.column_stack([torques, *placed])
+        inertia = 2.0 * found["wheel_inertia"] + self.gear_ratio**2 * local[INERTIA]
+        torques = self.mean_torque(trial, run.torque) + inertia * self._gained(trial)
+        placed, _, _ = self._placed(trial, run, shared, local)
+        standing = self.trials[trial].standing
+        placed[:, [0, 3]] += standing[0] + local[0]
+        placed[:, [1, 4]] += standing[1] + local[1]
+        return np.column_stack([torques / self.gear_ratio, placed])
+
+    def mean_torque(self, trial: int, integrals: FloatArray) -> FloatArray:
+        """Return the means over TORQUE_FRAMES before each frame of what ``integrals`` are of."""
+        out = np.zeros_like(integrals)
+        means = integrals[TORQUE_FRAMES:] - integrals[:-TORQUE_FRAMES]
+        out[TORQUE_FRAMES:] = means / (TORQUE_FRAMES * self.trials[trial].period_s)
+        return out
+
+    def _gained(self, trial: int) -> FloatArray:
+        """Return the mean accelerations (n, 2) of the wheels over TORQUE_FRAMES."""
+        item = self.trials[trial]
+        return self.mean_torque(trial, item.speeds[:: item.sub] / self.gear_ratio)
+
+    def _placed(
+        self, trial: int, run: Run, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, float, tuple[float, float]]:
+        """Return the poses (n, 6) from the start, the heading there, and both scales."""
+        found = dict(zip(SHARED, shared, strict=True))
+        turn = float(self.trials[trial].standing[2] + local[2])
+        stretch = (1.0 + float(found["scale_x"]), 1.0 + float(found["scale_y"]))
+        placed = self._turned(run.pose[:, :, None], turn, stretch)[:, :, 0]
+        placed[:, [2, 5]] += turn
+        return placed, turn, stretch
+
+    @staticmethod
+    def _turned(poses: FloatArray, turn: float, stretch: tuple[float, float]) -> FloatArray:
+        """Return changes of poses (n, 6, c) as the camera sees them."""
+        c, s = math.cos(turn), math.sin(turn)
+        out = poses.copy()
+        for k in (0, 3):
+            out[:, k] = stretch[0] * (c * poses[:, k] - s * poses[:, k + 1])
+            out[:, k + 1] = stretch[1] * (s * poses[:, k] + c * poses[:, k + 1])
+        return out

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.articulated_robots import Driven
 
+from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
-from rigd_analyses.articulated.kernel import NAMES, POSE, RATE, TORQUE, simulate
+from rigd_analyses.articulated.found import RobotFound, check_way, fitted_from, judged
+from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
+from rigd_analyses.articulated.reading import RobotTrial
+from rigd_analyses.articulated.result import mean_radius
+from rigd_analyses.articulated.system import CONTACTS, INERTIA, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
 LATENCY = 2  #: samples
@@ -20,7 +27,10 @@ CONSTANTS = {
     "gear_ratio": 25.0, "rotor_inertia": 1e-6, "body_mass": 3.6, "body_inertia": 0.0302,
     "wheel_mass": 0.1, "wheel_inertia": 8e-5, "gravity": 9.81, "certain_grip": 0.7,
 }  # fmt: skip
-PARAMETERS = {**CONSTANTS, "k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4, "hinge": 0.0}
+PARAMETERS = {
+    **CONSTANTS, "k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4, "hinge": 0.0, "mu_s": 0.9,
+    "mu_d": 0.6,
+}  # fmt: skip
 POINT = np.array([PARAMETERS[name] for name in NAMES])
 
 
@@ -49,9 +59,9 @@ def straight() -> list[SimulatedTrial]:
 
 def test_analysis_finds_what_the_plant_has(straight: list[SimulatedTrial], tmp_path: Path) -> None:
     circles = [trial(200.0, 100.0, 12.0, 3), trial(100.0, 200.0, 12.0, 4)]
-    sliding = [trial(500.0, 250.0, 4.0, 5)]
-    truth = {"k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4}
-    case = Case([*straight, *circles, *sliding], CONSTANTS, truth, ("mu_s", "mu_d"))
+    sliding = [trial(500.0, 250.0, 8.0, 5), trial(400.0, 200.0, 8.0, 6)]
+    truth = {"k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4, "mu_d": 0.6}
+    case = Case([*straight, *circles, *sliding], CONSTANTS, truth)
     report = check_analysis(ArticulatedAnalysis, [case], tmp_path)
     assert report.skipped == {}
 
@@ -63,26 +73,130 @@ def test_straight_runs_hold_no_lateral_number(
     check_analysis(ArticulatedAnalysis, [case], tmp_path)
 
 
-def circle(point: NDArray[np.float64] | NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the last row of a circle at 200 and 100 rad/s that is driven for 20 s."""
-    t_s = np.arange(0.0, 20.0, 0.004)
-    motors = np.minimum(t_s / 0.3, 1.0)[:, None] * np.array([200.0, 100.0])
-    return np.asarray(simulate(point, motors / 25.0, 0.004)[-1])
+UNDISTURBED = np.zeros((0, DISTURBED, LANES))
+
+
+def driven(
+    point: NDArray[np.float64], right: float, left: float, seconds: float, *, moving: bool
+) -> tuple[NDArray[np.float64], ...]:
+    """Return what the robot does at motor speeds in rad/s that are reached within 0.3 s."""
+    t_s = np.arange(0.0, seconds, 0.004)
+    motors = np.minimum(t_s / 0.3, 1.0)[:, None] * np.array([right, left])
+    lanes = np.eye(len(NAMES), LANES)
+    return simulate(point, lanes, motors / 25.0, 0.004, 10, 0.0, UNDISTURBED, moving)
 
 
 def test_circle_has_the_documented_figures() -> None:
-    row = circle(POINT)
-    assert row[RATE][[2, 5]] == pytest.approx([0.495675, 0.495675], abs=2e-6)
-    assert row[TORQUE] / 25 == pytest.approx([6.587e-3, 1.615e-3], abs=1e-6)
-    assert np.degrees(row[POSE][2] - row[POSE][5]) == pytest.approx(48.585, abs=2e-3)
+    poses, rates, torques, *_ = driven(POINT, 200.0, 100.0, 20.0, moving=False)
+    assert rates[-1][[2, 5]] == pytest.approx([0.495675, 0.495675], abs=2e-6)
+    mean = (torques[-1] - torques[-2]) / 0.04 / 25
+    assert mean == pytest.approx([6.587e-3, 1.615e-3], abs=1e-6)
+    assert np.degrees(poses[-1, 2] - poses[-1, 5]) == pytest.approx(48.585, abs=2e-3)
+    assert mean_radius(poses[-250:, :2])[0] == pytest.approx(0.46601, abs=2e-5)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_complex_step_is_the_derivative(name: str) -> None:
+@pytest.mark.parametrize("right", [200.0, 500.0])
+def test_derivatives_are_those_of_differences(name: str, right: float) -> None:
     index, step = NAMES.index(name), 1e-6 * max(PARAMETERS[name], 1e-3)
-    turned = POINT.astype(np.complex128)
-    turned[index] += 1e-30j
-    exact = circle(turned)[:14].imag / 1e-30
+    _, _, _, poses, torques, _, _ = driven(POINT, right, right / 2.0, 6.0, moving=True)
     aside = np.eye(len(NAMES))[index] * step
-    differences = (circle(POINT + aside)[:14] - circle(POINT - aside)[:14]) / (2.0 * step)
-    assert exact == pytest.approx(differences, rel=1e-4, abs=1e-4 * np.max(np.abs(exact)))
+    ends = [driven(POINT + sign * aside, right, right / 2.0, 6.0, moving=False) for sign in (1, -1)]
+    for lane, part in ((poses, 0), (torques, 2)):
+        differences = (ends[0][part] - ends[1][part]) / (2.0 * step)
+        tolerance = 2e-3 * max(float(np.max(np.abs(differences))), 1e-9)
+        assert lane[:, :, index] == pytest.approx(differences, rel=1e-4, abs=tolerance)
+
+
+def test_sliding_robot_moves_as_the_plant() -> None:
+    robot = Driven()
+    speeds, poses = [], []
+    for index in range(2001):
+        speeds.append(robot.state[robot.robot.first_spin :][robot.driven].copy())
+        poses.append(np.column_stack([robot.centres, robot.headings]).ravel())
+        share = min((index + 1) / 150.0, 1.0)
+        robot.play(0.002, share * 500.0, share * 250.0, ramp_s=0.002)
+    found = simulate(
+        POINT, np.eye(len(NAMES), LANES), np.array(speeds), 0.002, 20, 0.0, UNDISTURBED, False
+    )
+    apart = (found[0] - found[0][0]) - (np.array(poses)[::20] - poses[0])
+    assert np.max(np.abs(apart)) < 3e-4
+    assert np.max(found[5][:, :, 2]) == 1.0
+
+
+NOISE = np.array([1e-4, 1e-4, *[2e-3, 2e-3, 8e-3] * 2])
+TRUTH = np.array(
+    [{**PARAMETERS, RATIO: 1.5, "scale_x": 0.0, "scale_y": 0.01, "latency": 0.02}[name]
+     for name in SHARED]
+)  # fmt: skip
+U = {"wheel_radius": 1e-4, "half_track": 5e-4, "half_wheelbase": 5e-4, "hinge_distance": 5e-4,
+     "body_mass": 2e-3, "body_inertia": 1e-3, "wheel_mass": 1e-3, "wheel_inertia": 2.4e-6,
+     "gravity": 0.01, "rotor_inertia": 1e-7}  # fmt: skip
+
+
+def recorded(speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0) -> RobotSystem:
+    """Return trials of the analysis' own robot, at motor speeds that are reached within 0.3 s."""
+    random = np.random.default_rng(seed)
+    period, sub = 0.04, 10
+    trials = []
+    for number, pair in enumerate(speeds, start=1):
+        count = round(seconds / period)
+        t_s: NDArray[np.float64] = period / sub * np.arange(count * sub - sub + 1, dtype=np.float64)
+        motors = np.clip((t_s - 0.1) / 0.3, 0.0, 1.0)[:, None] * np.array(pair)
+        samples = ((t_s, motors[:, 0].copy()), (t_s, motors[:, 1].copy()))
+        empty = RobotTrial(
+            f"trial {number}", "case", number, period, sub, motors, np.zeros((count, 2)),
+            np.zeros((count, 6)), np.ones((count, 6), np.bool_), 0.1, 1e-4, samples,
+        )  # fmt: skip
+        alone = RobotSystem((empty,), {name: (CONSTANTS[name], u) for name, u in U.items()}, 25.0)
+        local = np.zeros(5)
+        local[INERTIA] = 1e-6
+        seen = alone.simulate(0, TRUTH, local) + NOISE * random.standard_normal((count, 8))
+        trials.append(replace(empty, torques=seen[:, :2], poses=seen[:, 2:]))
+    return RobotSystem(tuple(trials), alone.constants, 25.0)
+
+
+@pytest.fixture(scope="module")
+def recordings() -> RobotSystem:
+    return recorded([(200.0, 100.0), (100.0, 200.0), (250.0, 250.0), (500.0, 250.0)], 7)
+
+
+def altered(system: RobotSystem, **changes: float) -> RobotSystem:
+    """Return ``system`` with other stated constants."""
+    stated = {**system.constants}
+    for name, factor in changes.items():
+        stated[name] = (stated[name][0] * factor, stated[name][1])
+    return replace(system, constants=stated)
+
+
+def numbers(system: RobotSystem) -> tuple[Any, dict[str, float], dict[str, float]]:
+    """Return gate, and estimates with their standard errors (of logarithms) by name."""
+    start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(system.trials))])
+    gate, fit = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    sds = np.sqrt(np.diag(fit.covariance))
+    return (
+        gate,
+        dict(zip(SHARED, fit.fit.theta, strict=False)),
+        dict(zip(SHARED, sds, strict=False)),
+    )
+
+
+def test_right_robot_fits_within_its_intervals(recordings: RobotSystem) -> None:
+    gate, found, sds = numbers(recordings)
+    assert gate.findings == ()
+    for name, true in zip(CONTACTS, TRUTH, strict=False):
+        assert abs(np.log(found[name] / true)) < 4.0 * sds[name]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [(25.0 * 25.0, "compare wheel_radius"), (20.0, "gear_ratio"), (1.0, "gear ratio 25")],
+)
+def test_wrong_way_of_wheels_is_named(recordings: RobotSystem, ratio: float, words: str) -> None:
+    speeds = [replace(item, speeds=item.speeds / 25.0) if ratio == 1.0 else item
+              for item in recordings.trials]  # fmt: skip
+    stated = 25.0 if ratio == 1.0 else ratio
+    wrong = RobotSystem(tuple(speeds), recordings.constants, stated)
+    with pytest.raises(DataError, match="times as far") as caught:
+        check_way(wrong)
+    assert words in f"{caught.value.hint}"

@@ -1,0 +1,245 @@
+"""Lists possible errors of the model of the robot beyond its constants.
+
+Each has a name, or is a dependence of a reading on some quantity, and is given as the change of the
+outputs for each unit of it, at the fitted motion. What acts on the robot goes along with one
+simulation of each trial, a lane for each thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.result import FloatArray, Meaning
+from rigd.analysis.score import Columns
+from rigd.analysis.structure import Context, ErrorSource, Suspect, dependences
+from rigd_analyses.articulated.kernel import DISTURBED, LANES
+from rigd_analyses.articulated.system import SHARED, RobotSystem, Run
+
+RUBBING_RAD_S: Final = 0.02  #: rate of the hinge over which its friction changes its sign
+SIDE: Final = np.array([-1.0, 1.0, -1.0, 1.0])  #: of the front wheels, left is 1
+END: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: front is 1
+#: Places in what disturbs a robot (:mod:`.kernel`).
+RIGHT, LEFT, ALONG, ACROSS, TURN, REAR_ACROSS, REAR_TURN = range(DISTURBED)
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Something that acts on the robot: its lane, wording and what it makes of the parameters."""
+
+    name: str
+    unit: str
+    look: str
+    meaning: Meaning = Meaning.NUISANCE
+
+
+ACTING: Final = (
+    Acting("another radius of the right wheels", "1", "the diameters of the wheels on both sides"),
+    Acting("a hinge that springs back", "N m/rad", "cables across the hinge, and its stop"),
+    Acting("a hinge that rubs", "N m", "the bearing of the hinge"),
+    Acting("drag with the square of the speed", "N s^2/m^2", "cables that the robot pulls"),
+    Acting("longitudinal forces that are not in proportion to the slip", "s/m",
+           "another law of the contacts", Meaning.LAW),
+    Acting("lateral forces that are not in proportion to the lateral speed", "s/m",
+           "another law of the contacts", Meaning.LAW),
+    Acting("another k_lat of the rear module", "1", "the tyres of both modules", Meaning.VARIES),
+    Acting("loads that shift with the forces, by a height", "m",
+           "the height of the centre of mass: the model takes the loads as equal", Meaning.LAW),
+    Acting("contacts that change in the course of a trial", "1/s", "tyres and floor: wear, dirt",
+           Meaning.VARIES),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A fitted motion and how things that the model does not have would change it."""
+
+    system: RobotSystem
+    theta: FloatArray
+
+    @property
+    def shared(self) -> FloatArray:
+        """Return the shared parameters (p,)."""
+        return self.theta[: len(SHARED)]
+
+    def local(self, trial: int) -> FloatArray:
+        """Return the local parameters of one trial."""
+        width = len(self.system.local)
+        first = len(SHARED) + width * trial
+        return np.asarray(self.theta[first : first + width])
+
+    @cached_property
+    def named(self) -> dict[str, float]:
+        """Return the shared parameters by name."""
+        return dict(zip(SHARED, self.shared.tolist(), strict=True))
+
+    @cached_property
+    def runs(self) -> list[Run]:
+        """Return the simulation of each trial."""
+        return [
+            self.system.run(k, self.shared, self.local(k)) for k in range(len(self.system.trials))
+        ]
+
+    @cached_property
+    def acted(self) -> list[FloatArray]:
+        """Return the changes (n, 8, LANES) of the outputs of each trial by ACTING."""
+        found = []
+        for k in range(len(self.system.trials)):
+            disturbed = self._disturbed(k)
+            run = self.system.run(
+                k, self.shared, self.local(k), moving=True, disturbed=disturbed
+            )  # fmt: skip
+            lanes = self.system.outputs_of(k, run, self.shared, self.local(k))
+            rolled = self.system.mean_torque(k, run.torque)[:, 0] / self.system.gear_ratio
+            lanes[:, 0, 0] += rolled  # a larger wheel needs more torque for its force
+            found.append(lanes)
+        return found
+
+    def _disturbed(self, trial: int) -> FloatArray:
+        """Return what disturbs a trial for a unit of each of ACTING, (m, DISTURBED, LANES)."""
+        item, run, named = self.system.trials[trial], self.runs[trial], self.named
+        b, d = named["half_track"], named["half_wheelbase"]
+        load = (named["body_mass"] + 4.0 * named["wheel_mass"]) * named["gravity"] / 4.0
+        count = len(run.pose)
+        frames = np.zeros((count, DISTURBED, LANES))
+        hinge = run.pose[:, 2] - run.pose[:, 5]
+        rate = run.rate[:, 2] - run.rate[:, 5]
+        for lane, moment in ((1, -hinge), (2, -np.tanh(rate / RUBBING_RAD_S))):
+            frames[:, TURN, lane], frames[:, REAR_TURN, lane] = moment, -moment
+        c, s = np.cos(run.pose[:, 2]), np.sin(run.pose[:, 2])
+        forward = run.rate[:, 0] * c + run.rate[:, 1] * s
+        frames[:, ALONG, 3] = -forward * np.abs(forward)
+        lon, lat = run.forces[:, :4, 0], run.forces[:, :4, 1]
+        rear = run.forces[:, 4:, 1]
+
+        def wheels(lane: int, along: FloatArray, across: FloatArray, behind: FloatArray) -> None:
+            """Add forces of the front wheels (n, 4) and of a wheel of both rear axles (n, 2)."""
+            frames[:, ALONG, lane] = np.sum(along, axis=1)
+            frames[:, ACROSS, lane] = np.sum(across, axis=1)
+            frames[:, TURN, lane] = across @ (d * END) - along @ (b * SIDE)
+            frames[:, REAR_ACROSS, lane] = 2.0 * np.sum(behind, axis=1)
+            frames[:, REAR_TURN, lane] = 2.0 * d * (behind[:, 0] - behind[:, 1])
+
+        none, none_behind = np.zeros_like(lon), np.zeros_like(rear)
+        wheels(4, lon * np.abs(lon) / named["k_lon"], none, none_behind)
+        k_lat = named["k_lat"]
+        wheels(5, none, lat * np.abs(lat) / k_lat, rear * np.abs(rear) / k_lat)
+        wheels(6, none, none, rear)
+        total_lon, total_lat = lon.sum(axis=1)[:, None], lat.sum(axis=1)[:, None]
+        shifted = -(SIDE * total_lat / b + END * total_lon / d) / (4.0 * load)
+        # Both wheels of a rear axle have one force: what one gains in load the other loses.
+        wheels(7, lon * shifted, lat * shifted, none_behind)
+        since = item.t_s[:, None]
+        wheels(8, lon * since, lat * since, rear * since)
+        nodes = np.arange(len(item.speeds)) / item.sub
+        at = np.arange(count)
+        flat = frames.reshape(count, -1)
+        used = np.flatnonzero(np.any(flat != 0.0, axis=0))
+        out = np.zeros((len(nodes), DISTURBED * LANES))
+        for column in used:
+            out[:, column] = np.interp(nodes, at, flat[:, column])
+        disturbed = out.reshape(len(nodes), DISTURBED, LANES)
+        disturbed[:, RIGHT, 0] = item.speeds[:, 0] / self.system.gear_ratio
+        return disturbed
+
+
+def candidates(system: RobotSystem, theta: FloatArray) -> Iterator[Suspect]:
+    """Yield what may be wrong, at the parameters ``theta`` (p,) of ``system``."""
+    moved = Moved(system, theta)
+    for lane, thing in enumerate(ACTING):
+        yield Suspect(
+            thing.name, thing.unit, _lane(moved, lane), thing.look, special=True,
+            meaning=thing.meaning,
+        )  # fmt: skip
+    yield from _markers(moved)
+    yield from dependences(_sources(moved), _contexts(moved))
+
+
+def _lane(moved: Moved, lane: int) -> Callable[[], Columns]:
+    return lambda: [np.ascontiguousarray(part[:, :, lane : lane + 1]) for part in moved.acted]
+
+
+def _markers(moved: Moved) -> Iterator[Suspect]:
+    """Yield what may be wrong with a marker or the camera's clock."""
+
+    def shown(respond: Callable[[Run, FloatArray], FloatArray]) -> Callable[[], Columns]:
+        return lambda: [
+            respond(run, item.t_s)[:, :, None]
+            for run, item in zip(moved.runs, moved.system.trials, strict=True)
+        ]
+
+    def off(column: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
+        def respond(run: Run, _: FloatArray) -> FloatArray:
+            heading = run.pose[:, column + 2]
+            out = np.zeros((len(heading), 8))
+            c, s = np.cos(heading), np.sin(heading)
+            out[:, 2 + column], out[:, 3 + column] = (c, s) if ahead else (-s, c)
+            return out
+
+        return respond
+
+    def turned(column: int) -> Callable[[Run, FloatArray], FloatArray]:
+        def respond(run: Run, _: FloatArray) -> FloatArray:
+            out = np.zeros((len(run.pose), 8))
+            out[:, 4 + column] = 1.0
+            return out
+
+        return respond
+
+    def gained(run: Run, t_s: FloatArray) -> FloatArray:
+        return np.column_stack([np.zeros((len(t_s), 2)), run.rate * t_s[:, None]])
+
+    for module, column in (("front", 0), ("rear", 3)):
+        for ahead, word in ((True, "ahead of"), (False, "aside of")):
+            yield Suspect(
+                f"a {module} marker {word} the centre of its module", "m",
+                shown(off(column, ahead)), "where the marker is, and its wheels", special=True,
+            )  # fmt: skip
+        yield Suspect(
+            f"a {module} marker that is turned on its module", "rad", shown(turned(column)),
+            "how the marker is stuck on", special=True,
+        )  # fmt: skip
+    yield Suspect(
+        "a clock of the camera that gains", "1", shown(gained), "the clocks of camera and drives",
+        special=True,
+    )  # fmt: skip
+
+
+def _sources(moved: Moved) -> list[ErrorSource]:
+    """Return the readings in which an error may enter."""
+
+    def reading(*columns: int) -> Callable[[int, FloatArray], FloatArray]:
+        def respond(trial: int, signals: FloatArray) -> FloatArray:
+            out = np.zeros((len(signals), 8, signals.shape[1]))
+            for column in columns:
+                out[:, column] = signals
+            return out
+
+        return respond
+
+    return [
+        ErrorSource("an error of the camera along x", "m", reading(2, 5)),
+        ErrorSource("an error of the camera along y", "m", reading(3, 6)),
+        ErrorSource("an error of the headings", "rad", reading(4, 7)),
+        ErrorSource("an error of the torques", "N m", reading(0, 1)),
+    ]
+
+
+def _contexts(moved: Moved) -> list[Context]:
+    """Return what an error may depend on."""
+    trials = moved.system.trials
+    turned = [float(np.sign(np.round(run.pose[-1, 2]))) for run in moved.runs]
+    return [
+        Context("the time in a trial", [item.t_s for item in trials]),
+        Context("the place along x", [item.poses[:, 0] for item in trials]),
+        Context("the place along y", [item.poses[:, 1] for item in trials]),
+        Context("the heading", [run.pose[:, 2] for run in moved.runs], round_rad=True),
+        Context("the hinge's angle", [run.pose[:, 2] - run.pose[:, 5] for run in moved.runs]),
+        Context("the sense of turning",
+                [np.full(len(item.poses), sign) for item, sign in zip(trials, turned, strict=True)],
+                groups=True),
+    ]  # fmt: skip

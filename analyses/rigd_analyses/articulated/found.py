@@ -1,0 +1,255 @@
+"""Finds the contacts of the robot in two stages: first without sliding, then with all trials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis import DataError
+from rigd.analysis.diagnosis import diagnose
+from rigd.analysis.fit import fit
+from rigd.analysis.gate import UNEXPLAINED, judge_fit
+from rigd.analysis.identifiability import Z_95
+from rigd.analysis.output_error import BETTER, NEAR, OutputErrorFit, conclude
+from rigd.analysis.result import FitOutcome, FloatArray, Gate
+from rigd.analysis.system import SomeTrials
+from rigd.analysis.whitened import OutputErrorModel, noise_at
+from rigd_analyses.articulated.extensions import candidates
+from rigd_analyses.articulated.reading import TORQUE_FRAMES
+from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
+
+SCORES: Final = 10  #: frames, 0.4 s: longest correlation of the scores that is accounted for
+ROUNDS: Final = 2  #: of choosing trials without sliding and fitting them roughly
+ITERATIONS: Final = 10  #: of a fit
+DECREASE: Final = 1e-2  #: of the cost, below which it ends
+ENOUGH: Final = 3e-6  #: and below which the fit of all trials does: 0.1 of 3e4
+FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
+FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
+SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
+KINETIC: Final = (0.1, 0.15, 0.22, 0.33, 0.45, 0.55, 0.65, 0.8, 1.0, 1.4)  #: sought mu_d
+RATIOS: Final = (1.05, 1.2, 1.35, 1.5, 1.7, 2.0, 2.5)  #: and mu_s over it
+FIRST_RATIO: Final = 1.4
+#: Shares of the mu_s that a fit has found, which are tried besides.
+AGAIN: Final = tuple(
+    1.0 + sign * off
+    for off in (0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
+    for sign in (-1.0, 1.0)
+)
+RULED_OUT: Final = 1.92  #: of the cost: half the 95 % point of chi-squared
+MOST_BETTER: Final = 3
+NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
+OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
+STRAIGHT: Final = 0.1  #: relative difference of both wheels' ways
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFound:
+    """The fit of all trials, and which of them have contacts that may slide."""
+
+    system: RobotSystem
+    fit: OutputErrorFit
+    sliding: tuple[int, ...]
+    grip: float
+
+
+def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFound:
+    """Return the fit of all trials, in two stages; ``grip`` is the share that certainly grips.
+
+    The first takes the trials in which no contact slides; the second all, with all parameters.
+
+    Raises:
+        DataError: every trial slides, or the data cannot answer.
+    """
+    check_way(rough)
+    point, sliding = _first_stage(rough, grip, notify)
+    system = replace(
+        rough,
+        trials=tuple(
+            item.finer if k in sliding else item for k, item in enumerate(rough.trials)
+        ),
+    )  # fmt: skip
+    if sliding:
+        notify(f"contacts slide in {len(sliding)} of {len(system.trials)} trials")
+        point = _begin_sliding(system, sliding, point)
+    fitted = fitted_from(system, _theta(system, point))
+    if sliding:
+        fitted = _rescanned(system, sliding, fitted)
+    return RobotFound(system, fitted, tuple(sliding), grip)
+
+
+def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
+    """Return the fit from ``theta`` (p,). The noise is that of the sensors, the same everywhere."""
+    model = OutputErrorModel(system, noise_at(system, theta))
+    ended = fit(
+        model, theta, max_iterations=ITERATIONS, relative_decrease=ENOUGH, damping=NEAR,
+        thorough=True,
+    )  # fmt: skip
+    return conclude(model, ended, SCORES)
+
+
+def judged(found: RobotFound) -> tuple[Gate, OutputErrorFit]:
+    """Return whether numbers may be given, and the fit with what explains a misfit."""
+    system, point = found.system, found.fit.fit.theta[: len(SHARED)]
+    labels = [item.label for item in system.trials]
+    period_s = system.trials[0].period_s
+    diagnosis = diagnose(found.fit, partial(candidates, system), [point], SCORES, period_s)
+    gate = judge_fit(diagnosis, labels, period_s)
+    loud = _loud_torque(system, diagnosis.fit, labels)
+    if loud and gate.outcome is not FitOutcome.MISFIT:
+        text = f"The model does not fit these data: {loud}"
+        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
+        gate = replace(gate, findings=(loud, *gate.findings))
+    return gate, diagnosis.fit
+
+
+def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:
+    """Return which torque is off; empty if none is. Most frames hold none, and hide a misfit."""
+    squares = []
+    for item, noise, error in zip(system.trials, found.model.noise, found.errors, strict=True):
+        squares.append(noise.whiten_errors(error)[item.torque_seen, :2] ** 2)
+    together = np.mean(np.concatenate(squares), axis=0)
+    by_trial = np.array([np.mean(part, axis=0) for part in squares])
+    for index, side in enumerate(("right", "left")):
+        worst = int(np.argmax(by_trial[:, index]))
+        if together[index] > UNEXPLAINED:
+            return (
+                f"its {side} torque is off by {together[index] ** 0.5:.1f} times what the noise of "
+                f"the sensors leaves, by {by_trial[worst, index] ** 0.5:.1f} times in trial "
+                f"{labels[worst]}."
+            )
+    return ""
+
+
+def check_way(system: RobotSystem) -> None:
+    """Check that the wheels go as far as the camera sees the robot go.
+
+    Slip is some per cent at most, but while contacts slide.
+
+    Raises:
+        DataError: in the median trial they do not.
+    """
+    radius, ratios, least = system.constants["wheel_radius"][0], [], np.inf
+    for item in system.trials:
+        ways = np.sum(np.abs(item.speeds), axis=0) * item.period_s / item.sub
+        turned = radius / system.gear_ratio * float(np.mean(ways))
+        steps = np.hypot(*np.diff(item.poses[::TORQUE_FRAMES, :2], axis=0).T)
+        if turned > 0.0:
+            ratios.append(float(np.sum(steps)) / turned)
+        least = min(least, turned)
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    if abs(ratio - 1.0) <= OFF:
+        return
+    n = system.gear_ratio
+    if abs(ratio / n - 1.0) < OFF:
+        guess = f"that is the gear ratio {n:g}: the speeds are those of the wheels, not the motors"
+    else:
+        guess = (
+            f"compare wheel_radius ({radius:g} m), gear_ratio ({n:g}; {n / ratio:.3g} would fit), "
+            "the camera's unit of length, and on which side of the gear speeds are taken"
+        )
+    raise DataError(
+        f"the camera sees the robot go {ratio:.3g} times as far as its wheels turn", hint=guess
+    )
+
+
+def _first_stage(
+    system: RobotSystem, grip: float, notify: Callable[[str], None]
+) -> tuple[FloatArray, list[int]]:
+    """Return shared parameters (p,) from the trials without sliding, and the other trials.
+
+    Raises:
+        DataError: a contact may slide in each trial.
+    """
+    point = np.array([item.parameter.start for item in system.shared])
+    point[list(FRICTION)] = NO_SLIDING
+    chosen: list[int] = []
+    for _ in range(ROUNDS):
+        shares = [system.share(k, point) for k in range(len(system.trials))]
+        before, chosen = chosen, [k for k, share in enumerate(shares) if share <= grip]
+        if not chosen:
+            raise DataError(
+                f"a contact carries more than {grip:g} times its load in each trial",
+                hint="record slower circles, and straight runs with a ramp; if the contacts grip "
+                "better, state a higher certain_grip",
+            )
+        if chosen != before:
+            notify(f"{len(chosen)} of {len(shares)} trials without sliding are fitted first")
+            part = replace(system, trials=tuple(system.trials[k].first(FIRST_S) for k in chosen))
+            point = _rough(part, point)
+    shares = [system.share(k, point) for k in range(len(system.trials))]
+    return point, [k for k, share in enumerate(shares) if share > grip]
+
+
+def _rough(system: RobotSystem, point: FloatArray) -> FloatArray:
+    """Return the shared parameters (p,) of a rough fit from ``point``."""
+    theta = _theta(system, point)
+    model = OutputErrorModel(system, noise_at(system, theta))
+    ended = fit(model, theta, max_iterations=ITERATIONS, relative_decrease=DECREASE)
+    return ended.theta[: len(SHARED)]
+
+
+def _theta(system: RobotSystem, point: FloatArray) -> FloatArray:
+    local = [item.parameter.start for item in system.local]
+    return np.concatenate([point, np.tile(local, len(system.trials))])
+
+
+def _begin_sliding(system: RobotSystem, sliding: Sequence[int], point: FloatArray) -> FloatArray:
+    """Return ``point`` with the best of a few mu_d and mu_s; where it slides too late is flat."""
+    part = replace(system, trials=tuple(system.trials[k].first(SLIDING_S) for k in sliding))
+    model = OutputErrorModel(part, noise_at(part, _theta(part, point)))
+
+    def cost(kinetic: float, ratio: float) -> float:
+        other = point.copy()
+        other[list(FRICTION)] = kinetic, ratio
+        return model.cost(_theta(part, other))
+
+    kinetic = min(KINETIC, key=lambda value: cost(value, FIRST_RATIO))
+    ratio = min(RATIOS, key=lambda value: cost(kinetic, value))
+    began = point.copy()
+    began[list(FRICTION)] = kinetic, ratio
+    return began
+
+
+def _rescanned(
+    system: RobotSystem, sliding: Sequence[int], found: OutputErrorFit
+) -> OutputErrorFit:
+    """Return the fit at the mu_s of least cost, with an interval for the cost's shape around it.
+
+    The instants at which contacts slide or grip make steps in the cost of mu_s. No derivative has
+    them: the smallest of many close values is the optimum, and the values that cost too little to
+    be ruled out widen the interval.
+    """
+    place, gains = FRICTION[1], np.zeros(0)
+    for _ in range(MOST_BETTER):
+        theta, count = found.fit.theta, len(SHARED)
+        kept = [theta[found.model.columns(k)[count:]] for k in sliding]
+        model = OutputErrorModel(
+            SomeTrials(system, tuple(sliding)), tuple(found.model.noise[k] for k in sliding)
+        )
+        rows = np.concatenate([theta[:count], *kept])
+        here, costs = model.cost(rows), []
+        for share in AGAIN:
+            rows[place] = max(theta[place] * share, 1.0)
+            costs.append(model.cost(rows))
+        gains = np.array(costs) - here
+        best = int(np.argmin(gains))
+        if gains[best] > -BETTER:
+            break
+        moved = theta.copy()
+        moved[place] = max(theta[place] * AGAIN[best], 1.0)
+        found = fitted_from(system, moved)
+    allowed = np.abs(np.log(AGAIN))[gains < RULED_OUT]
+    sd = float(np.max(allowed, initial=0.0)) / Z_95
+    covariance = found.covariance.copy()
+    covariance[place, place] = max(covariance[place, place], sd**2)
+    # What is left to go while mu_s stays: its own slope is that of a single step of the cost.
+    sds = np.sqrt(np.maximum(np.diag(found.covariance), np.finfo(float).tiny))
+    along = found.inverse[:, place] / found.inverse[place, place]
+    left = found.left - along * found.left[place] * sds[place] / sds
+    # The begin of a trial that slides has such steps too, and is no number of the result.
+    left[len(SHARED) :] = 0.0
+    return replace(found, covariance=covariance, left=left)
