@@ -29,7 +29,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
-        "analyses/articulated/test_analysis.py": ("test_analysis_finds_what_the_plant_has",),
+        "analyses/articulated/test_analysis.py": (
+            "test_analysis_finds_what_the_plant_has",
+            "test_marker_off_its_place_is_named",
+            "test_wrong_constant_is_named",
+        ),
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),

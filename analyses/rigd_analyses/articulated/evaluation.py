@@ -32,8 +32,7 @@ def evaluate(
         tuple(robot_trials(trials)), _constants(trials), _constant(trials, "gear_ratio")
     )
     found = find(system, _constant(trials, "certain_grip"), notify)
-    gate, fit = judged(found)
-    fitted = Fitted(Group(LABEL, trials), result(found, gate, fit))
+    fitted = Fitted(Group(LABEL, trials), result(found, judged(found)))
     return ParameterEvaluation.of(sweeps, [fitted], options)
 
 

@@ -164,7 +164,7 @@ def _lane(moved: Moved, lane: int) -> Callable[[], Columns]:
 
 
 def _markers(moved: Moved) -> Iterator[Suspect]:
-    """Yield what may be wrong with a marker or the camera's clock."""
+    """Yield what may be wrong with a marker, the camera's clock or the torques."""
 
     def shown(respond: Callable[[Run, FloatArray], FloatArray]) -> Callable[[], Columns]:
         return lambda: [
@@ -189,6 +189,19 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
             return out
 
         return respond
+
+    def loaded() -> Columns:
+        shown = []
+        for item in moved.system.trials:
+            columns = np.zeros((len(item.torques), 8, 1))
+            columns[:, :2, 0] = item.torques
+            shown.append(columns)
+        return shown
+
+    yield Suspect(
+        "another scale of the torques", "1", loaded, "the torque constants of the motors, the "
+        "losses of the gears", special=True,
+    )  # fmt: skip
 
     def gained(run: Run, t_s: FloatArray) -> FloatArray:
         return np.column_stack([np.zeros((len(t_s), 2)), run.rate * t_s[:, None]])

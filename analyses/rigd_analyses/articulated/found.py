@@ -91,8 +91,21 @@ def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
     return conclude(model, ended, SCORES)
 
 
-def judged(found: RobotFound) -> tuple[Gate, OutputErrorFit]:
-    """Return whether numbers may be given, and the fit with what explains a misfit."""
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Whether numbers may be given, and the fit with what explains a misfit.
+
+    ``shifts`` (p,) each, scaled, are the steps of the parameters from what is left unexplained, and
+    from what explains as much as that which was added: they widen the intervals.
+    """
+
+    gate: Gate
+    fit: OutputErrorFit
+    shifts: tuple[FloatArray, ...] = ()
+
+
+def judged(found: RobotFound) -> Judged:
+    """Return what the shared diagnosis and gate make of a fit."""
     system, point = found.system, found.fit.fit.theta[: len(SHARED)]
     labels = [item.label for item in system.trials]
     period_s = system.trials[0].period_s
@@ -103,7 +116,8 @@ def judged(found: RobotFound) -> tuple[Gate, OutputErrorFit]:
         text = f"The model does not fit these data: {loud}"
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
         gate = replace(gate, findings=(loud, *gate.findings))
-    return gate, diagnosis.fit
+    shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
+    return Judged(gate, diagnosis.fit, shifts)
 
 
 def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:

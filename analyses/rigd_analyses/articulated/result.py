@@ -26,7 +26,7 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd.analysis.uncertainty import correlation
-from rigd_analyses.articulated.found import RobotFound
+from rigd_analyses.articulated.found import Judged, RobotFound
 from rigd_analyses.articulated.system import (
     CAMERA,
     CONTACTS,
@@ -65,9 +65,9 @@ LJUNG_BOX_LAGS, LAGS = 20, 50
 SHOWN: Final = 2  #: output that is drawn: x of the front marker
 
 
-def result(found: RobotFound, gate: Gate, diagnosed: OutputErrorFit) -> IdentificationResult:
-    """Return the result for a report; ``diagnosed`` is the fit with what explains a misfit."""
-    system, fit = found.system, diagnosed
+def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
+    """Return the result for a report."""
+    system, fit, gate = found.system, diagnosed.fit, diagnosed.gate
     if not fit.converged:
         gate = Gate(FitOutcome.MISFIT, f"No number is given: {fit.unsettled}.", (fit.unsettled,))
     white = [
@@ -82,7 +82,7 @@ def result(found: RobotFound, gate: Gate, diagnosed: OutputErrorFit) -> Identifi
         model="articulated",
         method=METHOD,
         title="Contacts of the articulated robot",
-        parameters=tuple(_estimate(fit, gate, name, share) for name in FITTED),
+        parameters=tuple(_estimate(diagnosed, gate, name, share) for name in FITTED),
         derived=(),
         confidence=0.95,
         correlation_names=FITTED,
@@ -92,7 +92,7 @@ def result(found: RobotFound, gate: Gate, diagnosed: OutputErrorFit) -> Identifi
         effective_samples=float(samples),
         inflation=1.0,
         starts=(_start(fit),),
-        curve=_curve(fit, gate, share),
+        curve=_curve(diagnosed, gate, share),
         trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
         profiles=(),
         residual_tests=(
@@ -148,17 +148,20 @@ def value_of(fit: OutputErrorFit, name: str) -> float:
     return float(found["mu_d"] * found[RATIO]) if name == "mu_s" else float(found[name])
 
 
-def error_of(fit: OutputErrorFit, name: str) -> float:
+def error_of(found: Judged, name: str) -> float:
     """Return the standard error of the logarithm; infinite if the data hold nothing on it."""
+    fit, own = found.fit, len(SHARED)
     gradient = _gradient(name, len(fit.covariance))
+    moved = max((abs(float(gradient[:own] @ shift[:own])) for shift in found.shifts), default=0.0)
     variance = float(gradient @ fit.covariance @ gradient)
     places = np.flatnonzero(gradient)
     seen = np.all(np.diag(fit.covariance)[places] > 0.0)
-    return math.sqrt(variance) if seen and variance > 0.0 else math.inf
+    return math.hypot(math.sqrt(variance), moved) if seen and variance > 0.0 else math.inf
 
 
-def _estimate(fit: OutputErrorFit, gate: Gate, name: str, share: float) -> ParameterEstimate:
-    value, error = value_of(fit, name), error_of(fit, name)
+def _estimate(found: Judged, gate: Gate, name: str, share: float) -> ParameterEstimate:
+    fit = found.fit
+    value, error = value_of(fit, name), error_of(found, name)
     labels = (name, WORDS[name][0], UNITS[name], WORDS[name][1], value)
     if gate.outcome is FitOutcome.MISFIT:
         return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, gate.sentence)
@@ -192,10 +195,11 @@ def _load(fit: OutputErrorFit) -> float:
     return float((found["body_mass"] + 4.0 * found["wheel_mass"]) * found["gravity"] / 4.0)
 
 
-def _curve(fit: OutputErrorFit, gate: Gate, share: float) -> Curve:
+def _curve(found: Judged, gate: Gate, share: float) -> Curve:
     """Return the longitudinal force over the slip; no point if the model does not fit."""
-    value, error = value_of(fit, "k_lon"), min(error_of(fit, "k_lon"), 10.0)
-    static = value_of(fit, "mu_s") if math.isfinite(error_of(fit, "mu_s")) else math.inf
+    fit = found.fit
+    value, error = value_of(fit, "k_lon"), min(error_of(found, "k_lon"), 10.0)
+    static = value_of(fit, "mu_s") if math.isfinite(error_of(found, "mu_s")) else math.inf
     points = POINTS if gate.outcome is not FitOutcome.MISFIT else 0
     slip = np.linspace(0.0, min(share, static) * _load(fit) / value, points)
     reach = math.exp(Z_95 * error)

@@ -17,7 +17,7 @@ from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.found import RobotFound, check_way, fitted_from, judged
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
-from rigd_analyses.articulated.result import mean_radius
+from rigd_analyses.articulated.result import error_of, mean_radius, value_of
 from rigd_analyses.articulated.system import CONTACTS, INERTIA, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
@@ -172,7 +172,8 @@ def altered(system: RobotSystem, **changes: float) -> RobotSystem:
 def numbers(system: RobotSystem) -> tuple[Any, dict[str, float], dict[str, float]]:
     """Return gate, and estimates with their standard errors (of logarithms) by name."""
     start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(system.trials))])
-    gate, fit = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    found = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    gate, fit = found.gate, found.fit
     sds = np.sqrt(np.diag(fit.covariance))
     return (
         gate,
@@ -200,3 +201,50 @@ def test_wrong_way_of_wheels_is_named(recordings: RobotSystem, ratio: float, wor
     with pytest.raises(DataError, match="times as far") as caught:
         check_way(wrong)
     assert words in f"{caught.value.hint}"
+
+
+def ahead(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` with the front marker 5 mm ahead of its centre."""
+    poses = trial.poses.copy()
+    poses[:, 0] += 0.005 * np.cos(poses[:, 2])
+    poses[:, 1] += 0.005 * np.sin(poses[:, 2])
+    return replace(trial, poses=poses)
+
+
+def turned(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` with the rear marker turned by 20 mrad."""
+    poses = trial.poses.copy()
+    poses[:, 5] += 0.02
+    return replace(trial, poses=poses)
+
+
+@pytest.mark.parametrize(
+    ("change", "size", "words"),
+    [(ahead, 0.005, "front marker ahead"), (turned, 0.02, "rear marker that is turned")],
+)
+def test_marker_off_its_place_is_named(
+    recordings: RobotSystem, change: Any, size: float, words: str
+) -> None:
+    wrong = replace(recordings, trials=tuple(change(item) for item in recordings.trials))
+    gate, found, sds = numbers(wrong)
+    assert words in gate.sentence
+    assert gate.explanations[0].size == pytest.approx(size, rel=0.2)
+    assert abs(np.log(found["k_lat"] / 200.0)) < 4.0 * sds["k_lat"]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("body_mass", 1.1), ("half_track", 1.02), ("half_wheelbase", 1.1)]
+)
+def test_wrong_constant_is_named(recordings: RobotSystem, name: str, factor: float) -> None:
+    gate, _, _ = numbers(altered(recordings, **{name: factor}))
+    assert f"another {name.replace('_', ' ')}" in " ".join(gate.findings)
+
+
+def test_wrong_torque_is_named_and_widens(recordings: RobotSystem) -> None:
+    trials = [replace(item, torques=1.05 * item.torques) for item in recordings.trials]
+    system = replace(recordings, trials=tuple(trials))
+    start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(trials))])
+    found = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    assert "scale of the torques" in f"{found.gate.findings} {found.gate.explanations}"
+    off = abs(np.log(value_of(found.fit, "k_lon") / 120.0))
+    assert off < 3.0 * error_of(found, "k_lon")
