@@ -192,10 +192,10 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
 
     def loaded() -> Columns:
         shown = []
-        for item in moved.system.trials:
-            columns = np.zeros((len(item.torques), 8, 1))
-            columns[:, :2, 0] = item.torques
-            shown.append(columns)
+        for k in range(len(moved.system.trials)):
+            columns = moved.system.simulate(k, moved.shared, moved.local(k))[:, :, None]
+            columns[:, 2:] = 0.0
+            shown.append(columns)  # not the measured ones, whose noise the residuals have too
         return shown
 
     yield Suspect(

@@ -46,7 +46,7 @@ def trial(right: float, left: float, seconds: float, seed: int) -> SimulatedTria
     data = np.array(rows)
     data[LATENCY:, 4:] = data[:-LATENCY, 4:].copy()
     data[:, [5, 8]] *= 1.01
-    noise = np.array([0.1, 0.1, 1e-4, 1e-4, *[1e-3, 1e-3, 5e-3] * 2])
+    noise = np.array([0.3, 0.3, 1e-3, 1e-3, *[2e-3, 2e-3, 8.7e-3] * 2])
     data += noise * np.random.default_rng(seed).standard_normal(data.shape)
     t_s = np.arange(len(data)) / RATE_HZ
     return SimulatedTrial(t_s, dict(zip(ArticulatedAnalysis.needs.signals, data.T, strict=True)))
