@@ -150,6 +150,15 @@ class Signal:
 
 
 @dataclass(frozen=True, eq=False)
+class Track:
+    """The way of a body in the plane: x and y in m, (n, 2), NaN while it was not seen."""
+
+    body: str
+    measured: FloatArray
+    fitted: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class TrialFit:
     """Measured and fitted output of one trial, sample by sample.
 
@@ -169,6 +178,7 @@ class TrialFit:
     r_squared: float
     recording: str = ""  #: the file it is from
     signals: Mapping[str, Signal] = field(default_factory=dict)
+    track: Track | None = None  #: where a body went, if the model has one that moves in a plane
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object: samples stand in the recording."""

@@ -105,6 +105,20 @@ def _read_reference(
     If each trial has its own choice, return those of every choice, as ``choice.name``.
     """
     path: KeyPath = ("identify", "reference")
+    wanted, other = ("parameters", "values") if reference.by is None else ("values", "parameters")
+    if not getattr(reference, wanted) or getattr(reference, other):
+        case = "without" if reference.by is None else "with"
+        reader.note_key(
+            path, f"{case} 'by', a reference has {wanted!r} and no {other!r}",
+            "by: PARAMETER with values: {CHOICE: {...}}, or parameters: {...}",
+        )  # fmt: skip
+        return {}
+    if reference.by is None:
+        found = {
+            name: reader.value((*path, "parameters", name), text, base)
+            for name, text in reference.parameters.items()
+        }
+        return {name: item.value for name, item in found.items() if isinstance(item, Number)}
     parameter = source.parameters.get(reference.by)
     if parameter is None or not parameter.choices:
         with_choices = [name for name, item in source.parameters.items() if item.choices]

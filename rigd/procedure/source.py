@@ -286,10 +286,12 @@ class ReferenceSource(Source):
 
     label: Annotated[str, StringConstraints(min_length=1, max_length=80)]
     """Their source."""
-    by: Name
-    """The parameter with choices that selects the values to compare."""
-    values: Annotated[dict[Name, dict[ModelParameter, Expression]], Field(min_length=1)]
-    """For each choice, the value of each parameter of the model."""
+    by: Name | None = None
+    """The parameter with choices that selects the values to compare, if one does."""
+    values: dict[Name, dict[ModelParameter, Expression]] = Field(default_factory=dict)
+    """With `by`: for each choice, the value of each parameter of the model."""
+    parameters: dict[ModelParameter, Expression] = Field(default_factory=dict)
+    """Without `by`: the value of each parameter of the model."""
 
 
 class IdentifySource(Source):

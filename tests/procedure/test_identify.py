@@ -93,3 +93,33 @@ def test_shipped_procedures_pass_on_the_drive(name: str, rig: str) -> None:
     known = {name: plan.uncertainties[name].of(float(plan.constants[name])) for name in DRIVE}
     assert known["gear_ratio"] == known["roller_transitions"] == 0
     assert known["torque_constant"] == pytest.approx(0.01 * 29.5e-3)
+
+
+def with_reference(small: str, reference: str) -> str:
+    return small.replace("  group_by: floor\n", f"  group_by: floor\n  reference: {reference}\n")
+
+
+def test_reference_without_choices_holds_for_all(compile_text: Compile, small: str) -> None:
+    text = with_reference(small, "{label: Table 2, parameters: {mu_s: 0.9, sigma_0: 12 1/m}}")
+    plan = compile_text(text).identify
+    assert plan is not None
+    assert plan.reference == {"mu_s": 0.9, "sigma_0": 12.0}
+    assert plan.reference_label == "Table 2"
+
+
+@pytest.mark.parametrize(
+    ("reference", "part"),
+    [
+        ("{label: A}", "without 'by', a reference has 'parameters' and no 'values'"),
+        ("{label: A, by: floor}", "with 'by', a reference has 'values' and no 'parameters'"),
+        ("{label: A, by: floor, values: {pvc: {mu_s: 1}}, parameters: {mu_s: 1}}", "with 'by'"),
+        ("{label: A, parameters: {mu_s: '${floor}'}}", "stone"),
+    ],
+)
+def test_reference_of_both_kinds_is_refused(
+    compile_text: Compile, small: str, reference: str, part: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        compile_text(with_reference(small, reference))
+    assert part in str(caught.value)
+    assert caught.value.place is not None

@@ -29,6 +29,7 @@ class ArticulatedAnalysis(Analysis):
             *("rotor_inertia", "body_mass", "body_inertia", "wheel_mass", "wheel_inertia"),
             *("gravity", "certain_grip"),
         ),
+        references=("k_lon", "k_lat", "k_roll", "mu_s", "mu_d"),
     )
 
     def evaluate(

@@ -22,6 +22,7 @@ from rigd.analysis.result import (
     Preprocessing,
     Signal,
     StartOutcome,
+    Track,
     TrialFit,
     Verdict,
 )
@@ -62,7 +63,8 @@ FRONT_WHEELS: Final = ("front right", "front left", "rear right", "rear left")
 TRANSIENT_S: Final = 3.0  #: of a circle, before its radius is taken
 TURN: Final = 6.0  #: rad: what turns more is a circle
 LJUNG_BOX_LAGS, LAGS = 20, 50
-SHOWN: Final = 2  #: output that is drawn: x of the front marker
+SHOWN: Final = 2  #: output that is drawn over time: x of the front marker
+PLACE: Final = slice(2, 4)  #: outputs that are drawn in the plane: x and y of the front marker
 
 
 def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
@@ -228,6 +230,11 @@ def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int, run: Run) -
         used=used,
         rms=rms,
         r_squared=r_squared,
+        track=Track(
+            "the front marker",
+            np.where(trial.seen[:, :2], measured[:, PLACE], np.nan),
+            fitted[:, PLACE],
+        ),
         signals={
             "right_torque": Signal("N m", measured[:, 0]),
             **{

@@ -17,7 +17,15 @@ from rigd.analysis.report.comparison import GroupComparison, comparison
 from rigd.analysis.report.files import saving
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
 from rigd.analysis.report.models import HEADS, ModelRow, model_rows
-from rigd.analysis.report.plots import correlation, models, posterior, profile, residual, trial
+from rigd.analysis.report.plots import (
+    correlation,
+    models,
+    posterior,
+    profile,
+    residual,
+    tracks,
+    trial,
+)
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.posterior import HEADS as CREDIBLE_HEADS
 from rigd.analysis.report.posterior import CredibleRow, credible_rows, how_sampled
@@ -78,6 +86,7 @@ class Chapter:
     rows: tuple[SummaryRow, ...]
     facts: tuple[tuple[str, str], ...]
     small_multiples: Drawing | None
+    tracks: Drawing | None
     featured: TrialView | None
     trials: tuple[TrialView, ...]
     residuals: tuple[Drawing, ...]
@@ -165,6 +174,7 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         rows=summary_rows([section]),
         facts=_facts(result),
         small_multiples=_small_multiples(anchor, result),
+        tracks=_tracks(anchor, result),
         featured=None,
         trials=(),
         residuals=_residuals(anchor, result),
@@ -225,6 +235,18 @@ def _small_multiples(anchor: str, result: IdentificationResult) -> Drawing | Non
     alt = f"Measured and fitted {output} over time for each of {len(result.trials)} trials."
     caption = "Shaded: samples that did not enter the fit. All axes have the same scale."
     return draw(trial.small_multiples(result.trials), f"{anchor}-all", alt, caption)
+
+
+def _tracks(anchor: str, result: IdentificationResult) -> Drawing | None:
+    """Return the ways of the trials in the plane; None if nothing moves in one."""
+    found = [(trial.label, trial.track) for trial in result.trials if trial.track is not None]
+    if not found:
+        return None
+    bodies = ", ".join(dict.fromkeys(track.body for _, track in found))
+    gap = f"{1e3 * tracks.furthest([track for _, track in found]):.1f} mm"
+    alt = f"Measured and fitted way of {bodies} in each of {len(found)} trials, up to {gap} apart."
+    caption = f"The way of {bodies}; measured and fitted places are up to {gap} apart."
+    return draw(tracks.tracks(found), f"{anchor}-tracks", alt, caption)
 
 
 def _residuals(anchor: str, result: IdentificationResult) -> tuple[Drawing, ...]:
