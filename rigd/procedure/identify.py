@@ -114,11 +114,7 @@ def _read_reference(
         )  # fmt: skip
         return {}
     if reference.by is None:
-        found = {
-            name: reader.value((*path, "parameters", name), text, base)
-            for name, text in reference.parameters.items()
-        }
-        return {name: item.value for name, item in found.items() if isinstance(item, Number)}
+        return _quantities(reader, (*path, "parameters"), reference.parameters, base)
     parameter = source.parameters.get(reference.by)
     if parameter is None or not parameter.choices:
         with_choices = [name for name, item in source.parameters.items() if item.choices]
@@ -130,14 +126,25 @@ def _read_reference(
             reader.note_key((*path, "values", choice),
                             f"{choice!r} is not a choice of {reference.by}",
                             suggest(choice, parameter.choices))  # fmt: skip
-    values = {}
+    values: dict[str, float] = {}
     for choice, texts in reference.values.items():
-        for name, text in texts.items():
-            value = reader.value((*path, "values", choice, name), text, base)
-            if not isinstance(value, Number):
-                continue
-            if reference.by in hidden:
-                values[f"{choice}.{name}"] = value.value
-            elif base.get(reference.by) == choice:
-                values[name] = value.value
+        found = _quantities(reader, (*path, "values", choice), texts, base)
+        if reference.by in hidden:
+            values |= {f"{choice}.{name}": value for name, value in found.items()}
+        elif base.get(reference.by) == choice:
+            values |= found
     return values
+
+
+def _quantities(
+    reader: Reader, path: KeyPath, texts: Mapping[str, str], base: Scope
+) -> dict[str, float]:
+    """Return the values in SI; what is no quantity is noted."""
+    found = {}
+    for name, text in texts.items():
+        value = reader.value((*path, name), text, base)
+        if isinstance(value, Number):
+            found[name] = value.value
+        elif value is not None:
+            reader.note((*path, name), f"{value!r} is a word, expected a quantity")
+    return found

@@ -238,14 +238,20 @@ def _small_multiples(anchor: str, result: IdentificationResult) -> Drawing | Non
 
 
 def _tracks(anchor: str, result: IdentificationResult) -> Drawing | None:
-    """Return the ways of the trials in the plane; None if nothing moves in one."""
-    found = [(trial.label, trial.track) for trial in result.trials if trial.track is not None]
+    """Return the ways of the trials in the plane that bend; None if none does."""
+    every = [(trial.label, trial.track) for trial in result.trials if trial.track is not None]
+    found = [(label, track) for label, track in every if tracks.bends(track)]
     if not found:
         return None
     bodies = ", ".join(dict.fromkeys(track.body for _, track in found))
     gap = f"{1e3 * tracks.furthest([track for _, track in found]):.1f} mm"
-    alt = f"Measured and fitted way of {bodies} in each of {len(found)} trials, up to {gap} apart."
-    caption = f"The way of {bodies}; measured and fitted places are up to {gap} apart."
+    alt = (
+        f"Measured and fitted way of {bodies} in {len(found)} trials that bend, up to {gap} apart."
+    )
+    caption = (
+        f"The way of {bodies}; measured and fitted places are up to {gap} apart. Straight trials "
+        "are left out."
+    )
     return draw(tracks.tracks(found), f"{anchor}-tracks", alt, caption)
 
 

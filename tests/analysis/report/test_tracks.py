@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.report import ReportSection
-from rigd.analysis.report.plots.tracks import furthest, tracks
+from rigd.analysis.report.plots.tracks import bends, furthest, tracks
 from rigd.analysis.report.view import build_view
 from rigd.analysis.result import Track
 
@@ -25,7 +25,7 @@ def circle(radius: float, off: float = 0.0) -> Track:
     return Track("the front marker", measured, fitted)
 
 
-def test_planes_have_one_scale_and_leave_gaps() -> None:
+def test_both_axes_have_one_scale_and_leave_gaps() -> None:
     figure = tracks([("wide", circle(1.0)), ("small", circle(0.2))])
     figure.draw_without_rendering()
     for ax in figure.axes:
@@ -34,6 +34,12 @@ def test_planes_have_one_scale_and_leave_gaps() -> None:
         assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=1e-6)
     measured = np.asarray(figure.axes[0].lines[0].get_xdata())
     assert np.isnan(measured).sum() == 20
+
+
+def test_straight_way_is_none_that_bends() -> None:
+    along = np.column_stack([np.linspace(0.0, 2.0, 50), np.linspace(0.0, 0.05, 50)])
+    assert bends(circle(1.0))
+    assert not bends(Track("the front marker", along, along))
 
 
 def test_largest_distance_is_that_of_places_seen() -> None:

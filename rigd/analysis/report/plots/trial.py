@@ -83,7 +83,7 @@ def small_multiples(trials: Sequence[TrialFit], fitted: str = "fitted") -> Figur
     figure, axes = grid(rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True)
     for ax, trial in zip(axes, trials, strict=False):
         _traces(ax, trial, SMALL_TRACE, fitted)
-        ax.set_title(_clipped(trial.label), fontsize=7.5)
+        ax.set_title(clipped(trial.label), fontsize=7.5)
     for ax in axes[len(trials) :]:
         ax.remove()
     few_ticks(axes[: len(trials)], x=4)
@@ -163,7 +163,8 @@ def _traces(ax: Axes, trial: TrialFit, columns: int, fitted: str) -> None:
     shade_unused(ax, trial.t_s, trial.used)
 
 
-def _clipped(text: str) -> str:
+def clipped(text: str) -> str:
+    """Return a label that fits above a small axis."""
     return text if len(text) <= SMALL_TITLE else f"{text[: SMALL_TITLE - 1]}…"
 
 
