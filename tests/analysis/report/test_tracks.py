@@ -46,7 +46,7 @@ def test_largest_distance_is_that_of_places_seen() -> None:
     assert furthest([circle(1.0, 0.002), circle(0.2, 0.005)]) == pytest.approx(0.005)
 
 
-def test_report_shows_tracks_only_of_what_moves_in_plane(make_section: Maker) -> None:
+def test_report_shows_only_ways_in_the_plane(make_section: Maker) -> None:
     section = make_section(trials=1, samples=200)
     (chapter,) = build_view([section]).chapters
     assert chapter.tracks is None
