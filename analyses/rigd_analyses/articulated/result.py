@@ -52,6 +52,10 @@ ADVICE: Final = {
     "k_roll": "Record straight runs at several speeds.",
 }
 SLIDING: Final = "Record stepped starts (straight_speeds with start=stepped) and fast circles."
+BY_LAW: Final = (
+    "μ_s is that of a law with a jump. Contacts that let go gradually fit as well, and give about "
+    "2 % less: more than its interval shows."
+)
 NO_SLIDING: Final = (
     "Not determined by these tests: no contact slides in them; the largest force is {share:.2f} "
     "times the load."
@@ -109,6 +113,7 @@ def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
         warnings=(
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
             *_camera(fit),
+            *((BY_LAW,) if _is_given(diagnosed, gate) else ()),
         ),
         gate=gate,
     )
@@ -189,6 +194,11 @@ def _estimate(found: Judged, gate: Gate, name: str, share: float) -> ParameterEs
     return ParameterEstimate(
         *labels, value / reach, value * reach, value * error, verdict, sentence
     )  # fmt: skip
+
+
+def _is_given(found: Judged, gate: Gate) -> bool:
+    """Return whether mu_s gets a number."""
+    return gate.outcome is not FitOutcome.MISFIT and math.isfinite(error_of(found, "mu_s"))
 
 
 def _load(fit: OutputErrorFit) -> float:

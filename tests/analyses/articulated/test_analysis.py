@@ -17,7 +17,7 @@ from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.found import RobotFound, check_way, fitted_from, judged
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
-from rigd_analyses.articulated.result import error_of, mean_radius, value_of
+from rigd_analyses.articulated.result import BY_LAW, error_of, mean_radius, result, value_of
 from rigd_analyses.articulated.system import CONTACTS, INERTIA, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
@@ -170,10 +170,15 @@ def altered(system: RobotSystem, **changes: float) -> RobotSystem:
     return replace(system, constants=stated)
 
 
+def near(system: RobotSystem) -> RobotFound:
+    """Return the fit that begins at the truth."""
+    start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(system.trials))])
+    return RobotFound(system, fitted_from(system, start), (3,), 0.7)
+
+
 def numbers(system: RobotSystem) -> tuple[Any, dict[str, float], dict[str, float]]:
     """Return gate, and estimates with their standard errors (of logarithms) by name."""
-    start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(system.trials))])
-    found = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    found = judged(near(system))
     gate, fit = found.gate, found.fit
     sds = np.sqrt(np.diag(fit.covariance))
     return (
@@ -188,6 +193,18 @@ def test_right_robot_fits_within_its_intervals(recordings: RobotSystem) -> None:
     assert gate.findings == ()
     for name, true in zip(CONTACTS, TRUTH, strict=False):
         assert abs(np.log(found[name] / true)) < 4.0 * sds[name]
+
+
+def test_number_of_mu_s_names_its_law(recordings: RobotSystem) -> None:
+    found = near(recordings)
+    sliding = result(found, judged(found))
+    assert sliding.parameter("mu_s").low is not None
+    assert BY_LAW in sliding.warnings
+    assert sliding.trials[0].track is not None
+    found = near(recordings.of([0, 1, 2]))
+    gripping = result(found, judged(found))
+    assert gripping.parameter("mu_s").low is None
+    assert BY_LAW not in gripping.warnings
 
 
 @pytest.mark.parametrize(
