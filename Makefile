@@ -5,7 +5,7 @@ BIN  := $(VENV)/bin
 
 #: `make test K=expr`: only the tests that match, as pytest -k has it.
 K :=
-#: `make test-long SLICE=0/3`: a third of them, 1/3 and 2/3: the others.
+#: `make test-long SLICE=0/4`: a quarter of them, 1/4 to 3/4: the others.
 SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
