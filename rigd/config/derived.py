@@ -10,14 +10,14 @@ from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource
-from rigd.derived.dimensions import alike, named, plain
+from rigd.derived.dimensions import alike, plain
 from rigd.derived.driver import DERIVED, Derived, DerivedConfig
 from rigd.derived.formula import read_formula
 from rigd.derived.functions import FUNCTIONS, Call
 from rigd.derived.graph import Builder, Graph, Op, Term
 from rigd.derived.quantities import FormulaError
 from rigd.model.channels import ECHO, Channel
-from rigd.model.units import parse_unit, si_symbol
+from rigd.model.units import dimension_text, parse_unit, si_symbol
 
 #: Name of the recorded stream that belongs to the cycle itself.
 _CYCLE: Final = "cycle"
@@ -204,7 +204,8 @@ class _Reader:
             return False
         if not alike(unit.dimension, term.dimension):
             self.problems.add(
-                place, f"the formula gives {named(plain(term.dimension))}, not {source.unit}",
+                place,
+                f"the formula gives {dimension_text(plain(term.dimension))}, not {source.unit}",
                 f"write 'unit: {self._units[name]}', or correct the formula",
             )  # fmt: skip
             return False

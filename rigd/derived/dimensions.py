@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rigd.model.units import BASES, NO_DIMENSION, Dimension, si_symbol
+from rigd.model.units import BASES, Dimension
 
 _RAD: Final = BASES.index("rad")
 _LENGTH: Final = BASES.index("m")
@@ -34,8 +34,3 @@ def times(first: Dimension, second: Dimension) -> Dimension:
 def over(first: Dimension, second: Dimension) -> Dimension:
     """Return the dimension of a quotient."""
     return tuple(a - b for a, b in zip(first, second, strict=True))
-
-
-def named(dimension: Dimension) -> str:
-    """Return a dimension for a person: ``N``, ``kg m/s``, or ``a plain number``."""
-    return "a plain number" if dimension == NO_DIMENSION else si_symbol(dimension)

@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.derived.dimensions import alike, named, over, plain, times
+from rigd.derived.dimensions import alike, over, plain, times
 from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
 from rigd.derived.graph import Builder, Op, Term
 from rigd.derived.quantities import STAND_IN, FormulaError, Prepared, prepare
-from rigd.model.units import NO_DIMENSION, Dimension, si_symbol
+from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, si_symbol
 
 #: Most characters of a formula; people cannot read a longer one.
 MAX_LENGTH: Final = 300
@@ -152,7 +152,8 @@ class _Reader:
         if op in _VERBS:
             if not alike(left.dimension, right.dimension):
                 raise FormulaError(
-                    f"cannot {_VERBS[op]} {named(right.dimension)} and {named(left.dimension)}",
+                    f"cannot {_VERBS[op]} {dimension_text(right.dimension)} and "
+                    f"{dimension_text(left.dimension)}",
                     self.at(node.right), _missing(left, right),
                 )  # fmt: skip
             same = left.dimension == right.dimension
@@ -186,7 +187,8 @@ class _Reader:
             left, right = terms[place], terms[place + 1]
             if not alike(left.dimension, right.dimension):
                 raise FormulaError(
-                    f"cannot compare {named(left.dimension)} with {named(right.dimension)}",
+                    f"cannot compare {dimension_text(left.dimension)} with "
+                    f"{dimension_text(right.dimension)}",
                     self.at(node.comparators[place]), _missing(left, right),
                 )  # fmt: skip
             match operator:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, Literal, NamedTuple
 
-from rigd.derived.dimensions import alike, named, over, times
+from rigd.derived.dimensions import alike, over, times
 from rigd.derived.graph import Builder, Op, Term
 from rigd.derived.quantities import FormulaError
-from rigd.model.units import Dimension, parse_unit, si_symbol
+from rigd.model.units import Dimension, dimension_text, parse_unit, si_symbol
 
 #: Most samples of a window or a delay: 10 s at 1 kHz.
 MAX_SAMPLES: Final = 10_000
@@ -56,7 +56,8 @@ class Call:
         """
         if term.dimension != dimension or term.constant is None:
             raise self.wrong(
-                f"expected {si_symbol(dimension)}, found {named(term.dimension)}", argument
+                f"expected {si_symbol(dimension)}, found {dimension_text(term.dimension)}",
+                argument,
             )
         if not term.constant > 0:
             raise self.wrong("expected a value above 0", argument)
@@ -75,7 +76,7 @@ class Function:
 def _same(call: Call, first: Term, second: Term) -> Dimension:
     if not alike(first.dimension, second.dimension):
         raise call.wrong(
-            f"expected {named(first.dimension)}, found {named(second.dimension)}",
+            f"expected {dimension_text(first.dimension)}, found {dimension_text(second.dimension)}",
             len(call.places) - 1,
         )
     return first.dimension
@@ -88,7 +89,7 @@ def _abs(call: Call, terms: Sequence[Term]) -> Term:
 def _sqrt(call: Call, terms: Sequence[Term]) -> Term:
     dimension = terms[0].dimension
     if any(power % 2 for power in dimension):
-        raise call.wrong(f"{named(dimension)} has no root with a unit")
+        raise call.wrong(f"{dimension_text(dimension)} has no root with a unit")
     half = tuple(power // 2 for power in dimension)
     return call.builder.add(Op.SQRT, *terms, dimension=half)
 
@@ -96,7 +97,9 @@ def _sqrt(call: Call, terms: Sequence[Term]) -> Term:
 def _of_angle(op: Op) -> Callable[[Call, Sequence[Term]], Term]:
     def make(call: Call, terms: Sequence[Term]) -> Term:
         if terms[0].dimension != _ANGLE:
-            raise call.wrong(f"expected an angle in rad, found {named(terms[0].dimension)}")
+            raise call.wrong(
+                f"expected an angle in rad, found {dimension_text(terms[0].dimension)}"
+            )
         return call.builder.add(op, *terms)
 
     return make
@@ -139,7 +142,9 @@ def _lookup(call: Call, terms: Sequence[Term]) -> Term:
     for point in inputs:
         if point.dimension != terms[0].dimension:
             raise call.wrong(
-                f"expected {named(terms[0].dimension)}, found {named(point.dimension)}", 1
+                f"expected {dimension_text(terms[0].dimension)}, found "
+                f"{dimension_text(point.dimension)}",
+                1,
             )
     if any(point.dimension != outputs[0].dimension for point in outputs):
         raise call.wrong("the values of the table have different units", 2)

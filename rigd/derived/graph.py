@@ -14,7 +14,10 @@ from rigd.model.units import NO_DIMENSION, Dimension
 
 @unique
 class Op(IntEnum):
-    """The operations of a graph; :mod:`rigd.derived.kernel` computes them."""
+    """The operations of a graph; :mod:`rigd.derived.kernel` computes them.
+
+    Those from DERIVATIVE on take a step at a new value only; the others compute in every cycle.
+    """
 
     CONSTANT = 0
     INPUT = 1
@@ -51,9 +54,6 @@ class Op(IntEnum):
     DELAY = 32
     EDGES = 33
 
-
-#: The first operation that only acts on a new value: those before compute in every cycle.
-FIRST_BLOCK = Op.DERIVATIVE
 
 #: Numbers of memory of an operation; those over a window add two for each sample of it.
 MEMORY = {

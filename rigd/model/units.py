@@ -201,5 +201,10 @@ def si_symbol(dimension: Dimension) -> str:
     return (" ".join(above) or "1") + "".join(f"/{item}" for item in below)
 
 
+def dimension_text(dimension: Dimension) -> str:
+    """Return a dimension for a person: ``N``, ``kg m/s``, or ``a plain number``."""
+    return "a plain number" if dimension == NO_DIMENSION else si_symbol(dimension)
+
+
 def _power(base: str, exponent: int) -> str:
     return base if exponent == 1 else f"{base}^{exponent}"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
-from rigd.model.units import DECIMAL_COMMA, NO_DIMENSION, Dimension, parse_unit, si_symbol
+from rigd.model.units import DECIMAL_COMMA, NO_DIMENSION, Dimension, dimension_text, parse_unit
 
 #: How deep brackets may nest.
 _MAX_DEPTH: Final = 20
@@ -248,7 +248,8 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
         if left.dimension != right.dimension:
             verb = "add" if node.operator == "+" else "subtract"
             raise ExpressionError(
-                f"cannot {verb} {describe(right.dimension)} and {describe(left.dimension)}",
+                f"cannot {verb} {dimension_text(right.dimension)} and "
+                f"{dimension_text(left.dimension)}",
                 node.offset,
             )
         sign = 1 if node.operator == "+" else -1
@@ -263,8 +264,3 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
     if not math.isfinite(joined.value) and math.isfinite(left.value + right.value):
         raise ExpressionError("the result is too large a number", node.offset)
     return joined
-
-
-def describe(dimension: Dimension) -> str:
-    """Return a dimension for a person: ``N``, ``kg m/s``, or ``a plain number``."""
-    return "a plain number" if dimension == NO_DIMENSION else si_symbol(dimension)

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
-from rigd.model.units import format_quantity, parse_unit
+from rigd.model.units import dimension_text, format_quantity, parse_unit
 from rigd.procedure.expression import (
     ExpressionError,
     Number,
     Scope,
     Value,
-    describe,
     parse_expression,
 )
 from rigd.procedure.reader import Reader
@@ -42,7 +41,7 @@ class Parameter:
         if self.choices:
             return f"{self.name} is a word", "one of " + ", ".join(self.choices)
         if value.dimension != parse_unit(self.unit).dimension:
-            kind = describe(value.dimension)
+            kind = dimension_text(value.dimension)
             given = f"{value.value:.6g} {kind}"
             if not any(value.dimension):
                 given = f"{value.value:.6g}, {kind}"

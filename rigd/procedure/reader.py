@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
-from rigd.model.units import format_quantity, parse_unit
+from rigd.model.units import dimension_text, format_quantity, parse_unit
 from rigd.procedure.expression import (
     NAME,
     Expression,
@@ -18,7 +18,6 @@ from rigd.procedure.expression import (
     Scope,
     UnknownName,
     Value,
-    describe,
     parse_expression,
 )
 
@@ -76,7 +75,7 @@ class Reader:
             return math.nan
         if value.dimension != expected.dimension:
             if any(value.dimension):
-                message = f"{text!r} is in {describe(value.dimension)}, expected {unit}"
+                message = f"{text!r} is in {dimension_text(value.dimension)}, expected {unit}"
                 hint = f"such as '1 {unit}'" if unit != "1" else "a plain number"
             else:
                 message = f"{text!r} has no unit, expected {unit}"
@@ -135,4 +134,4 @@ class Reader:
 
 def describe_unit(value: Number) -> str:
     """Return the SI unit of ``value`` as text that :func:`parse_unit` reads."""
-    return describe(value.dimension) if any(value.dimension) else "1"
+    return dimension_text(value.dimension) if any(value.dimension) else "1"

@@ -11,7 +11,8 @@ from typing import Final
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError, Place
-from rigd.procedure.expression import Number, Scope, Value, describe
+from rigd.model.units import dimension_text
+from rigd.procedure.expression import Number, Scope, Value
 from rigd.procedure.parameters import Parameter, Parameters
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ProcedureSource, RangeSource
@@ -170,7 +171,7 @@ def _range(
             reader.note((*path, "step"), f"{step!r} is a word, expected a quantity")
         return []
     if step.dimension != start.dimension:
-        reader.note((*path, "step"), f"the step is in {describe(step.dimension)}, "
+        reader.note((*path, "step"), f"the step is in {dimension_text(step.dimension)}, "
                     f"expected {parameter.unit}", f"such as '0.1 {parameter.unit}'")  # fmt: skip
         return []
     span = end.value - start.value

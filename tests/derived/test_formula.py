@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from rigd.derived.dimensions import named, plain
+from rigd.derived.dimensions import plain
 from rigd.derived.formula import read_formula
 from rigd.derived.graph import Builder, Term
 from rigd.derived.quantities import FormulaError
-from rigd.model.units import parse_unit
+from rigd.model.units import dimension_text, parse_unit
 
 UNITS = {
     "load.force": "N", "pull.force": "N", "wheel.angle": "rad", "wheel.speed": "rad/s",
@@ -56,7 +56,9 @@ def read(text: str) -> Term:
     ],
 )
 def test_formula_has_unit(text: str, unit: str) -> None:
-    assert named(plain(read(text).dimension)) == named(plain(parse_unit(unit).dimension))
+    assert dimension_text(plain(read(text).dimension)) == dimension_text(
+        plain(parse_unit(unit).dimension)
+    )
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from support.command import rigd
+from support.stalls import witnessed
 from support.wire import ROOT, WireRig, alive
 
 from rigd.config.loader import load_rig
@@ -275,6 +277,20 @@ def gaps(recording: Recording, stream: str) -> int:
     late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
     return skipped - late + abs(len(rows) - len(cycles))
+
+
+def kill_cycle(bench: WireRig, folder: Path, movement: Movement) -> tuple[Killed, float]:
+    """Kill the cycle of a run in ``movement``; return what came of it, and stalls in s."""
+    state = own_state(folder)
+    run = Victim(bench, folder, state, movement)
+    try:
+        with witnessed() as lost_s:
+            killed = run.hit("cycle", signal.SIGKILL)
+            stalled_s = lost_s()
+    finally:
+        run.end()
+    shutil.rmtree(state)
+    return killed, stalled_s
 
 
 def own_state(folder: Path) -> Path:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +11,8 @@ from support.campaign import Campaign, Outcome, verdict
 from support.command import rigd
 from support.fault_rigs import RIGS, SUPPLYING, lines_rig
 from support.fault_table import Case
-from support.killing import Victim, own_state
-from support.stalls import longest_stall, witnessed
+from support.killing import kill_cycle
+from support.stalls import longest_stall
 from support.wire import WireRig
 
 from rigd.model.errors import Exit
@@ -79,18 +77,10 @@ def test_supply_that_stays_on_is_named(bench: WireRig, tmp_path: Path) -> None:
 
 
 def test_killed_cycle_leaves_supply_off(bench: WireRig, tmp_path: Path) -> None:
-    state = own_state(tmp_path)
-    run = Victim(bench, tmp_path, state, SUPPLYING)
-    try:
-        with witnessed() as lost_s:
-            killed = run.hit("cycle", signal.SIGKILL)
-            stalled_s = lost_s()
-    finally:
-        run.end()
+    killed, stalled_s = kill_cycle(bench, tmp_path, SUPPLYING)
     assert killed.safe_after_s < RESCUED_S + stalled_s
     assert killed.gaps == 0
     assert not bench.parts()["supply"]["output"]
-    shutil.rmtree(state)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import Ended, rigd
-from support.killing import Movement, Victim, bound_s, own_state
-from support.stalls import witnessed
+from support.killing import Movement, bound_s, kill_cycle
 from support.wire import ROBOT, WireRig, wire_rig
 
 import rigd as library
@@ -117,15 +115,7 @@ def test_fault_ends_the_run_named_and_safe(
 
 
 def test_killed_cycle_leaves_every_drive_safe(bench: WireRig, tmp_path: Path) -> None:
-    state = own_state(tmp_path)
-    run = Victim(bench, tmp_path, state, ROLLING)
-    try:
-        with witnessed() as lost_s:
-            killed = run.hit("cycle", signal.SIGKILL)
-            stalled_s = lost_s()
-    finally:
-        run.end()
+    killed, stalled_s = kill_cycle(bench, tmp_path, ROLLING)
     assert killed.safe_after_s < bound_s(bench, "cycle", signal.SIGKILL, ROLLING) + stalled_s
     assert killed.gaps == 0
     assert killed.ending in ("aborted", "stopped", "faulted")
-    shutil.rmtree(state)
