@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 import threading
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
+from queue import SimpleQueue
+from typing import Any, Concatenate, Final, Generic, ParamSpec, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import LinkError, RigdError
@@ -73,6 +75,7 @@ class Client(BlockingVerbs):
     ) -> None:
         self.asynchronous = AsyncClient(rig, endpoint=endpoint, tls=tls, identity=identity)
         self._loop = asyncio.new_event_loop()
+        self._ends = False
         # A daemon thread: a notebook can end although the client was not closed.
         self._thread = threading.Thread(target=self._work, name="rigd-client", daemon=True)
         self._thread.start()
@@ -84,7 +87,7 @@ class Client(BlockingVerbs):
 
     def close(self) -> None:
         """Disconnect; closing twice is silent. See :meth:`AsyncClient.close` for the lease."""
-        if self._thread.is_alive():
+        if self._works:
             try:
                 self.run_async(self.asynchronous.close())
             finally:
@@ -145,14 +148,14 @@ class Client(BlockingVerbs):
         Raises:
             LinkError: this client is closed.
         """
-        if not self._thread.is_alive():
+        if not self._works:
             coroutine.close()
             raise LinkError("this client is closed", hint="make another")
-        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        waiting = _Waiting(self._loop, coroutine)
         try:
-            return future.result()
+            return waiting.result()
         except BaseException:  # Ctrl-C while waiting cancels the coroutine
-            future.cancel()
+            waiting.cancel()
             raise
 
     def iterate(self, items: AsyncGenerator[T, None]) -> Iterator[T]:
@@ -168,7 +171,7 @@ class Client(BlockingVerbs):
             while (item := self.run_async(following())) is not _END:
                 yield item  # type: ignore[misc]  # all but _END are T
         finally:
-            if self._thread.is_alive():
+            if self._works:
                 self.run_async(close())
 
     def _end_by(self, error: BaseException | None) -> None:
@@ -182,6 +185,11 @@ class Client(BlockingVerbs):
             except RigdError as second:
                 _log.warning("the run could not be stopped: %s", second.one_line)
 
+    @property
+    def _works(self) -> bool:
+        """Whether the thread of the event loop answers; not while Python ends, nor when closed."""
+        return not (self._ends or sys.is_finalizing())
+
     def _work(self) -> None:
         try:
             self._loop.run_forever()
@@ -190,5 +198,51 @@ class Client(BlockingVerbs):
             self._loop.close()
 
     def _end(self) -> None:
+        self._ends = True
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+
+
+class _Waiting(Generic[T]):
+    """Awaits the result of a coroutine on the event loop of another thread.
+
+    Ctrl-C may interrupt the thread that waits between any two of its instructions. It must not do
+    so while that thread holds a lock that the event loop needs; with
+    :func:`asyncio.run_coroutine_threadsafe`, the loop then stops for ever. So the two threads
+    share no lock of Python's, only a :class:`~queue.SimpleQueue`.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, coroutine: Coroutine[Any, Any, T]) -> None:
+        self._loop = loop
+        self._task: asyncio.Task[T] | None = None
+        self._done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+        loop.call_soon_threadsafe(self._begin, coroutine)
+
+    def result(self) -> T:
+        """Wait for the coroutine to end; return or raise what it does."""
+        result, error = self._done.get()
+        if error is not None:
+            raise error
+        return result  # type: ignore[return-value]  # without an error it is a T
+
+    def cancel(self) -> None:
+        """Cancel the coroutine if it has not ended."""
+        self._loop.call_soon_threadsafe(self._cancel)
+
+    def _begin(self, coroutine: Coroutine[Any, Any, T]) -> None:
+        self._task = self._loop.create_task(coroutine)
+        self._task.add_done_callback(self._end)
+
+    def _end(self, task: asyncio.Task[T]) -> None:
+        # The task is let go of here: its end runs callbacks, in which Python ignores a Ctrl-C.
+        self._task = None
+        if task.cancelled():
+            self._done.put((None, asyncio.CancelledError()))
+        elif (error := task.exception()) is not None:
+            self._done.put((None, error))
+        else:
+            self._done.put((task.result(), None))
+
+    def _cancel(self) -> None:
+        if self._task is not None:
+            self._task.cancel()

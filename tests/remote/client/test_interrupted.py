@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 from support.served_rig import serve
@@ -56,3 +61,46 @@ def test_an_interrupt_without_control_stops_nothing() -> None:
         with pytest.raises(KeyboardInterrupt):
             look()
         assert found.rig.verbs() == []
+
+
+def test_an_interrupt_between_any_instructions_blocks_nothing() -> None:
+    with serve() as found, Client("lugre-1", endpoint=found.endpoint, identity="bob") as rig:
+        instruction = 1
+        while _is_interrupted(rig, instruction):
+            answers: list[str] = []
+            # In a thread of its own: a client that is blocked fails the test, and does not stop it.
+            asking = threading.Thread(target=_ask, args=(rig, answers), daemon=True)
+            asking.start()
+            asking.join(timeout=30)
+            assert answers == ["idle"], f"after an interrupt at instruction {instruction}"
+            instruction += 1
+        assert instruction > 50  # the request was interrupted all along its way
+
+
+def _ask(rig: Client, answers: list[str]) -> None:
+    answers.append(rig.run_async(asyncio.sleep(0, "idle")))
+
+
+def _is_interrupted(rig: Client, instruction: int) -> bool:
+    """Make a request that Ctrl-C ends before that instruction; return whether it was as long."""
+    left = instruction
+
+    def trace(frame: FrameType, event: str, _: object) -> Callable[..., Any]:
+        nonlocal left
+        frame.f_trace_opcodes = True
+        left -= event == "opcode"
+        if left == 0:
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    request = asyncio.sleep(1e-3)
+    sys.settrace(trace)
+    try:
+        rig.run_async(request)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+        request.close()
+    return False
