@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import json
 import sys
 from collections.abc import Sequence
@@ -77,33 +76,16 @@ def execute(args: argparse.Namespace) -> int:
 
 def _report(given: str, rig: RigConfig | None) -> FileReport:
     from rigd.model.errors import ConfigError
+    from rigd.procedure.other_rig import OtherRigError
 
     kind = ""
     try:
         kind = _kind(given)
         return FileReport(given, kind, summary=_check(given, kind, rig))
+    except OtherRigError as error:
+        return FileReport(given, kind, problem=error, missing=error.missing)
     except ConfigError as error:
-        missing = () if rig is None else _missing_devices(error, rig)
-        return FileReport(given, kind, problem=error, missing=missing)
-
-
-def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
-    """Return the devices that a procedure needs and the rig lacks, if nothing else is wrong.
-
-    A name that is close to the name of a device of the rig is a misspelling.
-    """
-    from rigd.procedure.prompts import PLANT
-
-    names = {item.lacks.partition(".")[0] for item in (error, *error.others)}
-    devices = names - {
-        "rig",
-        PLANT,
-    }  # constants and plant of the rig to which the procedure belongs
-    if "" in names or devices & set(rig.devices):
-        return ()
-    if any(difflib.get_close_matches(name, rig.devices, n=1, cutoff=0.8) for name in devices):
-        return ()
-    return tuple(sorted(devices))
+        return FileReport(given, kind, problem=error)
 
 
 def _is_right(reports: Sequence[FileReport]) -> bool:

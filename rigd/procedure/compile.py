@@ -14,9 +14,11 @@ from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
+from rigd.model.errors import ConfigError
 from rigd.procedure.expression import Number, Scope, Value
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
+from rigd.procedure.other_rig import other_rig
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables, read_unit
 from rigd.procedure.program import (
     CompiledProcedure,
@@ -51,6 +53,7 @@ def compile_procedure(
 
     Raises:
         TooLong: all trials together have more than ``most_steps`` steps; nothing was compiled.
+        OtherRigError: the procedure needs devices that the rig lacks, and nothing else is wrong.
         ConfigError: the procedure does not fit the rig; names every problem with its place.
     """
     source, problems = procedure.source, Problems()
@@ -73,7 +76,10 @@ def compile_procedure(
     record = _record(reader, source, rig)
     identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
-    problems.raise_any()
+    try:
+        problems.raise_any()
+    except ConfigError as error:
+        raise other_rig(error, source.procedure, rig) or error from None
     return CompiledProcedure(
         name=source.procedure,
         title=source.title,

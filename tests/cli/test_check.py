@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,13 @@ def test_a_mistake_beside_missing_devices_shows_all_problems(
     assert code == 2
     assert "'20 A' is in A, expected s" in err
     assert "no setpoint 'relay.closed'" in err
+
+
+def test_run_on_another_rig_names_missing_devices(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", ANGLES, "--rig", "lugre-1", "--dry-run"]) == 2
+    first, *hint = capsys.readouterr().err.splitlines()
+    assert re.search(r":\d+:\d+: .* for another rig: lugre-1 has no daq, relay, scale$", first)
+    assert len(hint) == 1
 
 
 def test_json_names_the_devices_that_are_missing(capsys: pytest.CaptureFixture[str]) -> None:

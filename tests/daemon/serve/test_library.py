@@ -29,7 +29,7 @@ def test_own_procedures_come_before_shipped_of_same_name(tmp_path: Path) -> None
     lines = {procedure.name: procedure for procedure in library(tmp_path).lines().procedures}
     assert lines["sweep"].problem is None
     assert lines["quick"].title == "Moves an axis"
-    assert "has no channel" in str(lines["approach_angles"].problem)
+    assert "is for another rig" in str(lines["approach_angles"].problem)
 
 
 def test_wrong_file_is_listed_and_nothing_replaces_it(tmp_path: Path) -> None:

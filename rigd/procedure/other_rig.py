@@ -1,0 +1,44 @@
+"""Recognises a procedure that is right, but for another rig."""
+
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING
+
+from rigd.model.errors import ConfigError, Place
+from rigd.procedure.prompts import PLANT
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
+
+
+class OtherRigError(ConfigError):
+    """A procedure whose only errors are devices that the rig lacks; ``missing`` names them."""
+
+    def __init__(
+        self, name: str, rig: RigConfig, missing: tuple[str, ...], place: Place | None
+    ) -> None:
+        super().__init__(
+            f"{name} is for another rig: {rig.name} has no {', '.join(missing)}",
+            place=place,
+            hint="name the rig that has them with --rig; `rigd check FILE --rig RIG` checks that",
+        )
+        self.missing = missing
+
+
+def other_rig(error: ConfigError, name: str, rig: RigConfig) -> OtherRigError | None:
+    """Return the error of the procedure ``name`` if it only lacks devices of ``rig``, else None.
+
+    A name that is close to the name of a device of the rig is a misspelling.
+    """
+    lacked: dict[str, Place | None] = {}
+    for item in (error, *error.others):
+        lacked.setdefault(item.lacks.partition(".")[0], item.place)
+    # "rig" and "plant" are the constants and the plant of the rig for which the procedure is.
+    devices = set(lacked) - {"rig", PLANT}
+    if "" in lacked or not devices or devices & set(rig.devices):
+        return None
+    if any(difflib.get_close_matches(item, rig.devices, n=1, cutoff=0.8) for item in devices):
+        return None
+    missing = tuple(sorted(devices))
+    return OtherRigError(name, rig, missing, lacked[missing[0]])
