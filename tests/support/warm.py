@@ -2,7 +2,8 @@
 
 Most of what a short command costs is its imports. What they are, and that each command finds its
 own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
-by what is started and not run to its end: `rigd sim`, `rigd serve`, runs to be watched or killed.
+by what is started and not run to its end: `rigd serve`, runs to be watched or killed, `rigd sim` in
+tests/sim/wire/test_bench.py. The simulation behind other tests begins here too.
 The processes that a run itself starts are never shared. All workers of a suite ask one process,
 which imports rigd when the first of them asks. A command ends without destroying these modules,
 which would cost more than most commands do.
@@ -20,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -56,6 +57,8 @@ def fork(request, streams, asking, spent_s):
         code = os.waitstatus_to_exitcode(status)
         asking.send(json.dumps([code, spent_s + usage.ru_utime + usage.ru_stime]).encode())
         os._exit(0)
+    if request.get("session"):
+        os.setsid()
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
         os.close(stream)
@@ -204,6 +207,56 @@ def run(
     """
     asked = {"arguments": arguments, "environment": dict(environment)}
     return _run(asked, cwd, timeout_s)
+
+
+class Started:
+    """A command that goes on: what :class:`subprocess.Popen` offers of it, in its own session."""
+
+    def __init__(self, arguments: list[str], cwd: Path, log: IO[bytes]) -> None:
+        asked = {
+            "arguments": arguments,
+            "cwd": str(cwd.absolute()),
+            "environment": dict(os.environ),
+            "session": True,
+        }
+        self.returncode: int | None = None
+        self._answer = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._answer.connect(os.environ[_PLACE])
+        with Path(os.devnull).open("rb") as nothing:
+            streams = [nothing.fileno(), log.fileno(), log.fileno()]
+            socket.send_fds(self._answer, [json.dumps(asked).encode()], streams)
+        self.pid = int(self._answer.recv(1 << 16))
+
+    def wait(self, timeout_s: float | None = None) -> int:
+        """Wait for its end; return its exit code.
+
+        Raises:
+            TimeoutError: it has not ended in time.
+
+        """
+        global spent_s
+        if self.returncode is None:
+            self._answer.settimeout(timeout_s)
+            self.returncode, cpu_s = json.loads(self._answer.recv(1 << 16))
+            self._answer.close()
+            spent_s += cpu_s
+        assert self.returncode is not None
+        return self.returncode
+
+    def poll(self) -> int | None:
+        """Return its exit code; None if it has not ended."""
+        with suppress(BlockingIOError):
+            return self.wait(0.0)
+        return None
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, if it has not ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """Kill it, if it has not ended."""
+        self.send_signal(signal.SIGKILL)
 
 
 def run_python(code: str, cwd: Path, timeout_s: float) -> tuple[int, str, str]:

@@ -16,6 +16,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from support import warm
+
 from rigd.config.loader import load_rig
 from rigd.sdk import LinkError, Simulation
 
@@ -30,7 +32,7 @@ class WireRig:
 
     rig: Path
     folder: Path
-    process: subprocess.Popen[bytes] | None = None
+    process: subprocess.Popen[bytes] | warm.Started | None = None
 
     def ask(self, **request: object) -> Mapping[str, Any]:
         """Ask the simulation; see :meth:`rigd.sdk.Simulation.ask`."""
@@ -51,11 +53,16 @@ class WireRig:
     def start(self) -> None:
         """Serve the devices; return once they can be reached."""
         with (self.folder / "sim.log").open("wb") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "rigd", "sim", str(self.rig)],
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
+            command = ["sim", str(self.rig)]
+            self.process = (
+                warm.Started(command, Path.cwd(), log)
+                if warm.offered()
+                else subprocess.Popen(
+                    [sys.executable, "-m", "rigd", *command],
+                    stdout=log,
+                    stderr=log,
+                    start_new_session=True,
+                )
             )
         deadline = time.monotonic() + START_S
         while True:
