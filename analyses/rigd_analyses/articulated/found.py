@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,10 +12,11 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.diagnosis import diagnose
-from rigd.analysis.fit import fit
+from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import UNEXPLAINED, judge_fit
 from rigd.analysis.identifiability import Z_95
-from rigd.analysis.output_error import BETTER, NEAR, OutputErrorFit, conclude
+from rigd.analysis.model import to_scaled
+from rigd.analysis.output_error import BETTER, NEAR, Branch, OutputErrorFit, conclude
 from rigd.analysis.result import FitOutcome, FloatArray, Gate
 from rigd.analysis.system import SomeTrials
 from rigd.analysis.whitened import OutputErrorModel, noise_at
@@ -75,20 +77,25 @@ def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> Robo
     if sliding:
         notify(f"contacts slide in {len(sliding)} of {len(system.trials)} trials")
         point = _begin_sliding(system, sliding, point)
-    fitted = fitted_from(system, _theta(system, point))
-    if sliding:
-        fitted = _rescanned(system, sliding, fitted)
-    return RobotFound(system, fitted, tuple(sliding), grip)
+    branch = _fitted(system, _theta(system, point))
+    if not sliding:
+        return RobotFound(system, conclude(*branch, SCORES), (), grip)
+    model, ended, sd = _rescanned(system, sliding, branch)
+    return RobotFound(system, _widened(conclude(model, ended, SCORES), sd), tuple(sliding), grip)
 
 
 def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
     """Return the fit from ``theta`` (p,). The noise is that of the sensors, the same everywhere."""
+    return conclude(*_fitted(system, theta), SCORES)
+
+
+def _fitted(system: RobotSystem, theta: FloatArray) -> Branch:
     model = OutputErrorModel(system, noise_at(system, theta))
     ended = fit(
         model, theta, max_iterations=ITERATIONS, relative_decrease=ENOUGH, damping=NEAR,
         thorough=True,
     )  # fmt: skip
-    return conclude(model, ended, SCORES)
+    return model, ended
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +236,9 @@ def _begin_sliding(system: RobotSystem, sliding: Sequence[int], point: FloatArra
 
 
 def _rescanned(
-    system: RobotSystem, sliding: Sequence[int], found: OutputErrorFit
-) -> OutputErrorFit:
-    """Return the fit at the mu_s of least cost, with an interval for the cost's shape around it.
+    system: RobotSystem, sliding: Sequence[int], branch: Branch
+) -> tuple[OutputErrorModel, Fit, float]:
+    """Return the fit at the mu_s of least cost, and a standard error by the shape of its cost.
 
     The instants at which contacts slide or grip make steps in the cost of mu_s. No derivative has
     them: the smallest of many close values is the optimum, and the values that cost too little to
@@ -239,26 +246,44 @@ def _rescanned(
     """
     place, gains = FRICTION[1], np.zeros(0)
     for _ in range(MOST_BETTER):
-        theta, count = found.fit.theta, len(SHARED)
-        kept = [theta[found.model.columns(k)[count:]] for k in sliding]
+        whole, theta, count = branch[0], branch[1].theta, len(SHARED)
+        kept = [theta[whole.columns(k)[count:]] for k in sliding]
         model = OutputErrorModel(
-            SomeTrials(system, tuple(sliding)), tuple(found.model.noise[k] for k in sliding)
+            SomeTrials(system, tuple(sliding)), tuple(whole.noise[k] for k in sliding)
         )
         rows = np.concatenate([theta[:count], *kept])
         here, costs = model.cost(rows), []
         for share in AGAIN:
             rows[place] = max(theta[place] * share, 1.0)
-            costs.append(model.cost(rows))
+            costs.append(_cost(model, rows, here + RULED_OUT))
         gains = np.array(costs) - here
         best = int(np.argmin(gains))
         if gains[best] > -BETTER:
             break
         moved = theta.copy()
         moved[place] = max(theta[place] * AGAIN[best], 1.0)
-        found = fitted_from(system, moved)
+        branch = _fitted(system, moved)
     allowed = np.abs(np.log(AGAIN))[gains < RULED_OUT]
-    sd = float(np.max(allowed, initial=0.0)) / Z_95
-    covariance = found.covariance.copy()
+    return *branch, float(np.max(allowed, initial=0.0)) / Z_95
+
+
+def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
+    """Return the cost; infinite as soon as some of the trials together are beyond ``most``."""
+    pulls = model.prior_residuals(to_scaled(model.parameters, theta))
+    total, shared = 0.5 * float(pulls @ pulls), len(model.system.shared)
+    for trial, noise in enumerate(model.noise):
+        local = theta[model.columns(trial)[shared:]]
+        shown = model.system.simulate(trial, theta[:shared], local)
+        white = noise.whiten_errors(shown - model.system.measured[trial])
+        total += 0.5 * float(np.sum(white**2))
+        if not total < most:
+            return math.inf
+    return total
+
+
+def _widened(found: OutputErrorFit, sd: float) -> OutputErrorFit:
+    """Return ``found`` with a ratio mu_s / mu_d that is known to ``sd`` (of its logarithm)."""
+    place, covariance = FRICTION[1], found.covariance.copy()
     covariance[place, place] = max(covariance[place, place], sd**2)
     # What is left to go while mu_s stays: its own slope is that of a single step of the cost.
     sds = np.sqrt(np.maximum(np.diag(found.covariance), np.finfo(float).tiny))

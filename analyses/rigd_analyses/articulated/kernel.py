@@ -54,6 +54,8 @@ HR, HL, M11, M12, M22, FU, FV, HB, LAT_F, LAT_R = range(21, 31)
 FRONT: Final = 32  #: slip, eta, f_lon, f_lat, P, Pc, Gaa, Gac
 GCC: Final = 64
 WORK: Final = 80
+MOVED: Final = STATES  #: row of what `tangents` writes from which on the contacts' excess stands
+ROWS: Final = STATES + CONTACTS
 
 
 @kernel
@@ -137,28 +139,31 @@ def rates(p: Floats, right: float, left: float, y: Floats, slides: Flags, dy: Fl
 
 @kernel
 def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Floats, push: Floats,
-             out: Floats, moved: Floats) -> None:  # fmt: skip
-    """Write the derivatives ``out`` (STATES, LANES) of the rates for those of the state ``dy``.
+             out: Floats) -> None:  # fmt: skip
+    """Write the derivatives ``out`` of the rates for those of the state ``dy``.
 
     ``dp`` (15, LANES) are those of the parameters, ``push`` (DISTURBED, LANES) those of what
-    disturbs; ``moved`` (CONTACTS, LANES) gets those of the contacts' excess.
+    disturbs; ``out`` gets those of the contacts' excess behind the rates, (ROWS, LANES). All are
+    flat: at known distances the compiler computes several lanes at once.
     """
     k_lon, k_lat, k_roll, r, b, d, arm = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
-    m, load = p[7] + 4.0 * p[12], w[LOAD]
-    limit = p[13] * load
+    inertia, gravity, wheel, static = p[9], p[10], p[12], p[13]
+    m, load = p[7] + 4.0 * wheel, w[LOAD]
+    limit = static * load
     cg, sg, c2, s2, u1, v1, u2 = w[CG], w[SG], w[C2], w[S2], w[U1], w[V1], w[U2]
     vu, vv, w1, w2 = y[VU], y[VV], y[W1], y[W2]
     au, av, a1, a2, a2u, gu, f2v = w[AU], w[AV], w[A1], w[A2], w[A2U], w[GU], w[F2V]
-    added, ml, mll = 4.0 * p[9] / (r * r), m * arm, m * arm * arm
+    added, ml, mll = 4.0 * inertia / (r * r), m * arm, m * arm * arm
     mass = 2.0 * m + added
     mu = (m + added) * arm * sg
     m11, m12, m22 = w[M11], w[M12], w[M22]
-    det = m11 * m22 - m12 * m12
+    by_det, by_mass, by_half = 1.0 / (m11 * m22 - m12 * m12), 1.0 / mass, 0.5 / m
+    by_r, by_w0, by_limit, mu_m = 1.0 / r, 1.0 / (r * W0), 1.0 / limit, mu / mass
     dr, dl, along, across = w[DR], w[DL], w[ALONG], w[ACROSS]
     rolling = 2.0 * k_roll * load / r
-    by_r, by_l = rolling * (1.0 - dr * dr), rolling * (1.0 - dl * dl)
-    rear_r, rear_l = (u2 + b * w2) / (r * W0), (u2 - b * w2) / (r * W0)
-    over = 1.0 / (limit * limit)
+    of_r, of_l = rolling * (1.0 - dr * dr), rolling * (1.0 - dl * dl)
+    rear_r, rear_l = (u2 + b * w2) * by_w0, (u2 - b * w2) * by_w0
+    over = 2.0 * by_limit * by_limit
     spin_r, spin_l = (w[FRONT] + u1 + b * w1) / r, (w[FRONT + 8] + u1 - b * w1) / r
     by_hr, by_hl = (1.0 - w[HR] * w[HR]) / W0, (1.0 - w[HL] * w[HL]) / W0
     lat0, lat1 = w[LAT_F], w[LAT_R]
@@ -166,22 +171,25 @@ def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Flo
     e0, e1 = w[V2] + d * w2, w[V2] - d * w2
     s0, s1 = math.copysign(1.0, e0), math.copysign(1.0, e1)
     for n in range(LANES):
-        dg, dvu, dvv, dw1, dw2 = dy[G, n], dy[VU, n], dy[VV, n], dy[W1, n], dy[W2, n]
-        db, dd, darm, drad = dp[4, n], dp[5, n], dp[6, n], dp[3, n]
-        dkl, dkt = dp[0, n], dp[1, n]
-        dm = dp[7, n] + 4.0 * dp[12, n]
-        dload = 0.25 * (dm * p[10] + m * dp[10, n])
-        dlimit, dslide = dp[13, n] * load + p[13] * dload, dp[14, n] * load + p[14] * dload
+        dg, dvu, dvv = dy[G * LANES + n], dy[VU * LANES + n], dy[VV * LANES + n]
+        dw1, dw2, drad = dy[W1 * LANES + n], dy[W2 * LANES + n], dp[3 * LANES + n]
+        db, dd, darm = dp[4 * LANES + n], dp[5 * LANES + n], dp[6 * LANES + n]
+        dkl, dkt, dkr = dp[n], dp[LANES + n], dp[2 * LANES + n]
+        dmw = 4.0 * dp[12 * LANES + n]
+        dm = dp[7 * LANES + n] + dmw
+        dload = 0.25 * (dm * gravity + m * dp[10 * LANES + n])
+        dlimit = dp[13 * LANES + n] * load + static * dload
+        dslide = dp[14 * LANES + n] * load + p[14] * dload
         dcg, dsg = -sg * dg, cg * dg
         du1 = dvu * cg + dvv * sg + v1 * dg
         dv1 = -dvu * sg + dvv * cg - u1 * dg
-        dlo, dla, dturn = push[2, n], push[3, n], push[4, n]
-        dqr = 2.0 * w[HR] * (dp[2, n] * load + k_roll * dload)
-        dqr += 2.0 * k_roll * load * by_hr * push[0, n]
-        dql = 2.0 * w[HL] * (dp[2, n] * load + k_roll * dload)
-        dql += 2.0 * k_roll * load * by_hl * push[1, n]
-        slip_r = drad * spin_r + r * push[0, n] - du1 - db * w1 - b * dw1
-        slip_l = drad * spin_l + r * push[1, n] - du1 + db * w1 + b * dw1
+        dlo, dla, dturn = push[2 * LANES + n], push[3 * LANES + n], push[4 * LANES + n]
+        dqr = 2.0 * w[HR] * (dkr * load + k_roll * dload)
+        dqr += 2.0 * k_roll * load * by_hr * push[n]
+        dql = 2.0 * w[HL] * (dkr * load + k_roll * dload)
+        dql += 2.0 * k_roll * load * by_hl * push[LANES + n]
+        slip_r = drad * spin_r + r * push[n] - du1 - db * w1 - b * dw1
+        slip_l = drad * spin_l + r * push[LANES + n] - du1 + db * w1 + b * dw1
         dt1 = dd * w1 + d * dw1
         for k in range(4):
             at = FRONT + 8 * k
@@ -191,7 +199,8 @@ def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Flo
             dc = dkt * w[at + 1] + k_lat * (dv1 + end * dt1)
             flon = w[at + 4] * dslide + w[at + 6] * da + w[at + 7] * dc
             flat = -(w[at + 5] * dslide + w[at + 7] * da + w[GCC + k] * dc)
-            moved[k, n] = 2.0 * over * (a * da + c * dc - (a * a + c * c) / limit * dlimit)
+            passed = a * da + c * dc - (a * a + c * c) * by_limit * dlimit
+            out[(MOVED + k) * LANES + n] = over * passed
             dlo += flon
             dla += flat
             dturn += end * (dd * w[at + 3] + d * flat) - side * (db * w[at + 2] + b * flon)
@@ -204,16 +213,16 @@ def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Flo
         dv2 = dvv - darm * (w1 * cg + w2) - arm * (dw1 * cg + w1 * dcg + dw2)
         t2 = dd * w2 + d * dw2
         c0, c1 = dkt * e0 + k_lat * (dv2 + t2), dkt * e1 + k_lat * (dv2 - t2)
-        moved[4, n] = 2.0 * over * k_lat * e0 * (c0 - k_lat * e0 / limit * dlimit)
-        moved[5, n] = 2.0 * over * k_lat * e1 * (c1 - k_lat * e1 / limit * dlimit)
+        out[(MOVED + 4) * LANES + n] = over * k_lat * e0 * (c0 - k_lat * e0 * by_limit * dlimit)
+        out[(MOVED + 5) * LANES + n] = over * k_lat * e1 * (c1 - k_lat * e1 * by_limit * dlimit)
         dlat0 = -s0 * dslide if slide0 else -c0
         dlat1 = -s1 * dslide if slide1 else -c1
-        df2v = 2.0 * (dlat0 + dlat1) + push[5, n]
-        droll = 2.0 * (dp[2, n] * load + k_roll * dload) / r - rolling * drad / r
+        df2v = 2.0 * (dlat0 + dlat1) + push[5 * LANES + n]
+        droll = (2.0 * (dkr * load + k_roll * dload) - rolling * drad) * by_r
         dbw = db * w2 + b * dw2
-        ddr = droll * dr + by_r * ((du2 + dbw) / (r * W0) - rear_r * drad / r)
-        ddl = droll * dl + by_l * ((du2 - dbw) / (r * W0) - rear_l * drad / r)
-        dadded = 4.0 * (dp[9, n] - 2.0 * p[9] * drad / r) / (r * r)
+        ddr = droll * dr + of_r * ((du2 + dbw) * by_w0 - rear_r * drad * by_r)
+        ddl = droll * dl + of_l * ((du2 - dbw) * by_w0 - rear_l * drad * by_r)
+        dadded = 4.0 * (dp[9 * LANES + n] - 2.0 * inertia * drad * by_r) * by_r * by_r
         dhb = (
             dvv * w2 + vv * dw2 + (darm * cg + arm * dcg) * w1 * (w1 - w2)
             + arm * cg * (dw1 * (w1 - w2) + w1 * (dw1 - dw2))
@@ -221,7 +230,7 @@ def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Flo
         dgu = -ddr - ddl - dadded * a2u - added * (dl_sg * a1 + dhb)
         dml = dm * arm + m * darm
         dmll = (dm * arm + 2.0 * m * darm) * arm
-        di = dp[8, n] + 4.0 * dp[12, n] * (b * b + d * d) + 8.0 * p[12] * (b * db + d * dd)
+        di = dp[8 * LANES + n] + dmw * (b * b + d * d) + 8.0 * wheel * (b * db + d * dd)
         dfu = dlo * cg + along * dcg - dla * sg - across * dsg
         dfv = dlo * sg + along * dsg + dla * cg + across * dcg
         qu = (
@@ -240,23 +249,24 @@ def tangents(p: Floats, dp: Floats, y: Floats, dy: Floats, slides: Flags, w: Flo
             - mll * (dcg * a2 + dsg * w2 * w2 + 2.0 * sg * w2 * dw2)
         )  # fmt: skip
         q2 = (
-            push[6, n]
+            push[6 * LANES + n]
             + 2.0 * dd * (lat0 - lat1) + 2.0 * d * (dlat0 - dlat1)
             - db * rolling * (dr - dl) - b * (ddr - ddl) - darm * f2v - arm * df2v
             + dml * av - dmll * (cg * a1 + a2 - sg * w1 * w1) - di * a2
             - mll * (dcg * a1 - dsg * w1 * w1 - 2.0 * sg * w1 * dw1)
             - dadded * b * b * a2 - 2.0 * added * b * db * a2
         )  # fmt: skip
-        r1, r2 = q1 - mu / mass * qu + 0.5 * arm * cg * qv, q2 + 0.5 * arm * qv
-        da1, da2 = (m22 * r1 - m12 * r2) / det, (m11 * r2 - m12 * r1) / det
-        dau, dav = (qu - mu * da1) / mass, (qv + ml * (cg * da1 + da2)) / (2.0 * m)
-        dth2 = dy[TH2, n]
-        out[X, n] = dvu * c2 - dvv * s2 - (vu * s2 + vv * c2) * dth2
-        out[Y, n] = dvu * s2 + dvv * c2 + (vu * c2 - vv * s2) * dth2
-        out[TH2, n], out[G, n] = dw2, dw1 - dw2
-        out[VU, n], out[VV, n] = dau + dvv * w2 + vv * dw2, dav - dvu * w2 - vu * dw2
-        out[W1, n], out[W2, n] = da1, da2
-        out[QR, n], out[QL, n] = dqr, dql
+        r1, r2 = q1 - mu_m * qu + 0.5 * arm * cg * qv, q2 + 0.5 * arm * qv
+        da1, da2 = (m22 * r1 - m12 * r2) * by_det, (m11 * r2 - m12 * r1) * by_det
+        dau, dav = (qu - mu * da1) * by_mass, (qv + ml * (cg * da1 + da2)) * by_half
+        dth2 = dy[TH2 * LANES + n]
+        out[X * LANES + n] = dvu * c2 - dvv * s2 - (vu * s2 + vv * c2) * dth2
+        out[Y * LANES + n] = dvu * s2 + dvv * c2 + (vu * c2 - vv * s2) * dth2
+        out[TH2 * LANES + n], out[G * LANES + n] = dw2, dw1 - dw2
+        out[VU * LANES + n] = dau + dvv * w2 + vv * dw2
+        out[VV * LANES + n] = dav - dvu * w2 - vu * dw2
+        out[W1 * LANES + n], out[W2 * LANES + n] = da1, da2
+        out[QR * LANES + n], out[QL * LANES + n] = dqr, dql
 
 
 @kernel
@@ -290,47 +300,47 @@ def place(p: Floats, dp: Floats, y: Floats, dy: Floats, tangent: Floats, moving:
 
 
 @kernel
-def advance(p: Floats, dp: Floats, speeds: Floats, pushes: Floats, h: float, y: Floats,
-            tangent: Floats, slides: Flags, moving: bool, new: Floats, new_tangent: Floats,
-            k: Floats, kt: Floats, w: Floats, excess: Floats, moved: Floats) -> None:  # fmt: skip
+def advance(p: Floats, dp: Floats, speeds: Floats, pushes: Floats, disturbed: bool, h: float,
+            y: Floats, tangent: Floats, slides: Flags, moving: bool, new: Floats,
+            new_tangent: Floats, k: Floats, kt: Floats, begun: Floats, w: Floats,
+            excess: Floats) -> None:  # fmt: skip
     """Take a step of Runge-Kutta (4th order) to ``new``; ``k`` (6, STATES) and ``kt`` are work.
 
     ``speeds`` (2, 2) and ``pushes`` (2, DISTURBED, LANES) are those at its begin and its end. The
-    rates at the end, and the contacts' excess there, are in ``k[4]`` and ``excess``.
+    rates at its begin are in ``k[0]`` and ``begun``, those at its end, and the contacts' excess
+    there, come to ``k[4]``, ``w`` and ``excess``.
     """
-    sixth = h / 6.0
-    for stage in range(5):
-        share = 0.0 if stage == 0 else (0.5 if stage < 3 else 1.0)
-        before = k[max(stage - 1, 0)]
+    sixth, push = h / 6.0, pushes[2]
+    if moving:
+        push[:] = pushes[0]
+        tangents(p, dp, y, tangent, slides, begun, push, kt[0])
+    for stage in range(1, 5):
+        share = 0.5 if stage < 3 else 1.0
         for j in range(STATES):
             if stage == 4:
                 new[j] = y[j] + sixth * (k[0, j] + 2.0 * (k[1, j] + k[2, j]) + k[3, j])
             else:
-                new[j] = y[j] + share * h * before[j]
+                new[j] = y[j] + share * h * k[stage - 1, j]
         right = speeds[0, 0] + share * (speeds[1, 0] - speeds[0, 0])
         left = speeds[0, 1] + share * (speeds[1, 1] - speeds[0, 1])
         rates(p, right, left, new, slides, k[stage], w, excess)
         if moving and stage < 4:
-            last = kt[max(stage - 1, 0)]
-            for j in range(STATES):
-                for n in range(LANES):
-                    new_tangent[j, n] = tangent[j, n] + share * h * last[j, n]
-            push = pushes[2]
-            for j in range(DISTURBED):
-                for n in range(LANES):
-                    push[j, n] = pushes[0, j, n] + share * (pushes[1, j, n] - pushes[0, j, n])
-            tangents(p, dp, new, new_tangent, slides, w, push, kt[stage], moved)
+            for j in range(STATES * LANES):
+                new_tangent[j] = tangent[j] + share * h * kt[stage - 1, j]
+            if disturbed:
+                for j in range(DISTURBED * LANES):
+                    push[j] = pushes[0, j] + share * (pushes[1, j] - pushes[0, j])
+            tangents(p, dp, new, new_tangent, slides, w, push, kt[stage])
     if moving:
-        for j in range(STATES):
-            for n in range(LANES):
-                total = kt[0, j, n] + 2.0 * (kt[1, j, n] + kt[2, j, n]) + kt[3, j, n]
-                new_tangent[j, n] = tangent[j, n] + sixth * total
+        for j in range(STATES * LANES):
+            total = kt[0, j] + 2.0 * (kt[1, j] + kt[2, j]) + kt[3, j]
+            new_tangent[j] = tangent[j] + sixth * total
 
 
 @kernel
 def leap(p: Floats, dp: Floats, speeds: Floats, slope: Floats, push: Floats, y: Floats,
          tangent: Floats, slides: Flags, moving: bool, k: Floats, kt: Floats, w: Floats,
-         excess: Floats, moved: Floats) -> None:  # fmt: skip
+         excess: Floats) -> None:  # fmt: skip
     """Change the branch of the contact that leaves it, and the derivatives by what that moves.
 
     ``speeds`` (2,) and their rates ``slope`` (2,) are those at the cut, as ``k[4]`` and ``excess``.
@@ -342,19 +352,20 @@ def leap(p: Floats, dp: Floats, speeds: Floats, slope: Floats, push: Floats, y: 
             worst = j
     if moving:
         for j in range(STATES):
-            tangent[j, TIME] = k[4, j]
-        push[0, TIME], push[1, TIME] = slope[0], slope[1]
-        tangents(p, dp, y, tangent, slides, w, push, kt[5], moved)
-        push[0, TIME], push[1, TIME] = 0.0, 0.0
+            tangent[j * LANES + TIME] = k[4, j]
+        push[TIME], push[LANES + TIME] = slope[0], slope[1]
+        tangents(p, dp, y, tangent, slides, w, push, kt[5])
+        push[TIME], push[LANES + TIME] = 0.0, 0.0
         for j in range(STATES):
-            tangent[j, TIME] = 0.0
+            tangent[j * LANES + TIME] = 0.0
     slides[worst] = not slides[worst]
-    if moving and abs(moved[worst, TIME]) > STOPPED:
+    moved = kt[5, (MOVED + worst) * LANES : (MOVED + worst + 1) * LANES]
+    if moving and abs(moved[TIME]) > STOPPED:
         rates(p, speeds[0], speeds[1], y, slides, k[5], w, excess)
         for j in range(STATES):
-            jump = (k[4, j] - k[5, j]) / moved[worst, TIME]
+            jump = (k[4, j] - k[5, j]) / moved[TIME]
             for n in range(TIME):
-                tangent[j, n] -= jump * moved[worst, n]
+                tangent[j * LANES + n] -= jump * moved[n]
 
 
 @kernel
@@ -382,25 +393,26 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
     by_pose, by_torque = np.zeros((frames, 6, lanes)), np.zeros((frames, 2, lanes))
     forces, share = np.zeros((frames, CONTACTS, 3)), np.zeros(CONTACTS)
     y, new = np.zeros(STATES), np.zeros(STATES)
-    tangent, new_tangent = np.zeros((STATES, LANES)), np.zeros((STATES, LANES))
-    k, kt = np.zeros((6, STATES)), np.zeros((6, STATES, LANES))
-    w, excess, moved = np.zeros(WORK), np.zeros(CONTACTS), np.zeros((CONTACTS, LANES))
+    tangent, new_tangent = np.zeros(STATES * LANES), np.zeros(STATES * LANES)
+    k, kt = np.zeros((6, STATES)), np.zeros((6, ROWS * LANES))
+    begun, w, excess = np.zeros(WORK), np.zeros(WORK), np.zeros(CONTACTS)
     slides = np.zeros(CONTACTS, np.bool_)
-    two, pushes, slope = np.zeros((2, 2)), np.zeros((3, DISTURBED, LANES)), np.zeros(2)
+    two, pushes, slope = np.zeros((2, 2)), np.zeros((3, DISTURBED * LANES)), np.zeros(2)
+    by, acting = dp.reshape(-1), disturbed.reshape(disturbed.shape[0], DISTURBED * LANES)
+    acts, rows = acting.shape[0] > 0, tangent.reshape(STATES, LANES)
     at, after = np.zeros((2, 6)), np.zeros((2, 6))
     at_moved, after_moved = np.zeros((6, LANES)), np.zeros((6, LANES))
     y[TH2], y[G] = -p[11], p[11]
     for lane in range(LANES):
-        tangent[TH2, lane], tangent[G, lane] = -dp[11, lane], dp[11, lane]
+        rows[TH2, lane], rows[G, lane] = -dp[11, lane], dp[11, lane]
     rates(p, speeds[0, 0], speeds[0, 1], y, slides, k[4], w, excess)
-    place(p, dp, y, k[4], tangent, moving, after[0], after[1], after_moved)
     shown = 0
     for i in range(n):
         if i % sub == 0:
             frame = i // sub
             torque[frame, 0], torque[frame, 1] = y[QR], y[QL]
             if moving:
-                by_torque[frame] = tangent[QR:]
+                by_torque[frame] = rows[QR:]
             for j in range(CONTACTS):
                 if j < 4:
                     forces[frame, j, 0] = w[FRONT + 8 * j + 2]
@@ -408,49 +420,57 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
                 forces[frame, j, 2] = 1.0 if slides[j] else 0.0
         if i == n - 1:
             break
-        at[:] = after
-        at_moved[:] = after_moved
+        seen = shown < frames and (shown * sub - late < i + 1 or i >= n - 2)
+        if seen:
+            place(p, dp, y, k[4], rows, moving, at[0], at[1], at_moved)
         done, events = 0.0, 0
-        slope[:] = (speeds[i + 1] - speeds[i]) / step
+        for j in range(2):
+            slope[j] = (speeds[i + 1, j] - speeds[i, j]) / step
         while done < 1.0:
-            low, high, end, searching, last = done, 1.0, 1.0, False, False
-            two[0] = speeds[i] + done * step * slope
-            if moving and disturbed.shape[0] > 0:
-                pushes[0] = disturbed[i] + done * (disturbed[i + 1] - disturbed[i])
-            while True:
-                two[1] = speeds[i] + end * step * slope
-                if last and disturbed.shape[0] > 0:
-                    pushes[1] = disturbed[i] + end * (disturbed[i + 1] - disturbed[i])
-                advance(p, dp, two, pushes, (end - done) * step, y, tangent, slides, last, new,
-                        new_tangent, k, kt, w, excess, moved)  # fmt: skip
-                beyond = farthest(slides, excess)
-                if last:
-                    tangent[:] = new_tangent
-                    break
-                if searching:
-                    last = abs(beyond) <= LOCATED or high - low <= LOCATED
+            end, left = 1.0, (1.0 - done) * step
+            for j in range(2):
+                two[0, j], two[1, j] = speeds[i, j] + done * step * slope[j], speeds[i + 1, j]
+            if moving and acts:
+                pushes[0] = acting[i] + done * (acting[i + 1] - acting[i])
+                pushes[1] = acting[i + 1]
+            k[0], begun[:] = k[4], w
+            advance(p, by, two, pushes, acts, left, y, tangent, slides, moving, new, new_tangent,
+                    k, kt, begun, w, excess)  # fmt: skip
+            leaves = farthest(slides, excess) > BEYOND and events < EVENTS
+            if leaves:
+                low, high, located = done, 1.0, False
+                while not located:
+                    end = 0.5 * (low + high)
+                    left = (end - done) * step
+                    for j in range(2):
+                        two[1, j] = speeds[i, j] + end * step * slope[j]
+                    advance(p, by, two, pushes, acts, left, y, tangent, slides, False, new,
+                            new_tangent, k, kt, begun, w, excess)  # fmt: skip
+                    beyond = farthest(slides, excess)
+                    located = abs(beyond) <= LOCATED or high - low <= LOCATED
                     if beyond > 0.0:
                         high = end
                     else:
                         low = end
-                else:
-                    last = beyond <= BEYOND or events >= EVENTS
-                    searching = not last
-                if last and not moving:
-                    break
-                if not last:
-                    end = 0.5 * (low + high)
+                if moving:
+                    if acts:
+                        pushes[1] = acting[i] + end * (acting[i + 1] - acting[i])
+                    advance(p, by, two, pushes, acts, left, y, tangent, slides, True, new,
+                            new_tangent, k, kt, begun, w, excess)  # fmt: skip
             y[:] = new
+            if moving:
+                tangent[:] = new_tangent
             for j in range(CONTACTS):
                 share[j] = max(share[j], math.sqrt(max(excess[j] + 1.0, 0.0)) * p[13])
-            if searching:
-                leap(p, dp, two[1], slope, pushes[1], y, tangent, slides, moving, k, kt, w, excess,
-                     moved)  # fmt: skip
+            if leaves:
+                leap(p, by, two[1], slope, pushes[1], y, tangent, slides, moving, k, kt, w,
+                     excess)  # fmt: skip
                 events += 1
                 rates(p, two[1, 0], two[1, 1], y, slides, k[4], w, excess)
             done = end
-        place(p, dp, y, k[4], tangent, moving, after[0], after[1], after_moved)
-        while shown < frames:
+        if seen:
+            place(p, dp, y, k[4], rows, moving, after[0], after[1], after_moved)
+        while seen and shown < frames:
             due = shown * sub - late
             if due >= i + 1 and i < n - 2:
                 break

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class RobotTrial:
         at = np.arange(len(self.poses))
         return np.asarray((at > 0) & (at % TORQUE_FRAMES == 0), dtype=np.bool_)
 
-    @property
+    @cached_property
     def standing(self) -> FloatArray:
         """Return the poses (6,) at the begin."""
         return np.asarray(np.median(self.poses[:REST_FRAMES], axis=0))

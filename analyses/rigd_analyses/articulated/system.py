@@ -70,12 +70,12 @@ class RobotSystem:
     constants: Mapping[str, tuple[float, float]]
     gear_ratio: float
 
-    @property
+    @cached_property
     def shared(self) -> tuple[Unknown, ...]:
         """Return contacts, constants and camera, in the order of SHARED."""
         return tuple(self._unknown(name) for name in SHARED)
 
-    @property
+    @cached_property
     def local(self) -> tuple[Unknown, ...]:
         """Return by how much each trial begins off where its first frames show the robot."""
         units = ("m", "m", "rad", "rad")
