@@ -74,7 +74,8 @@ SIDE_BY_SIDE = places(
     "analyses", "analysis", "cli", "config", "daemon/doctor/test_statistics.py",
     "daemon/doctor/test_storage.py", "daemon/doctor/test_survey.py", "daemon/live", "daemon/serve",
     "daemon/test_forms.py",
-    "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py", "derived",
+    "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py",
+    "controllers", "derived",
     "docs",
     "drivers", "engine/recorder/test_exactly_once.py", "engine/shared",
     "engine/slow/test_latest.py", "engine/test_asking.py", "engine/test_cycle.py",
@@ -103,7 +104,7 @@ WITH_PRIORITY = places(
 QUICK = places(
     "analysis/test_fit.py", "analysis/test_resample.py", "analysis/test_residuals.py", "config",
     "daemon/live/test_points.py", "daemon/serve/test_library.py",
-    "daemon/serve/test_recordings.py", "derived", "drivers/canopen/test_bus.py",
+    "daemon/serve/test_recordings.py", "controllers", "derived", "drivers/canopen/test_bus.py",
     "drivers/canopen/test_eds_on_bus.py", "drivers/canopen/test_servo_cycle.py",
     "drivers/canopen/test_servo_safe.py", "drivers/canopen/test_servo_setup.py",
     "drivers/canopen/test_sheet.py",

@@ -46,7 +46,7 @@ class CheckupView:
             text = f"This takes about {seconds + 2:.0f} s. --rig examines a rig too."
         else:
             text = f"This takes about {2 * seconds + 10:.0f} s. It opens every device of the rig"
-            if rig.plant is None and any(device.setpoints for device in rig.devices.values()):
+            if rig.plant is None and any(device.is_actuator for device in rig.devices.values()):
                 text += (
                     ", and stops the heartbeat to each drive once, to prove that the drive "
                     "makes itself safe"

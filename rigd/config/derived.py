@@ -168,7 +168,7 @@ class _Reader:
             term = self.channel(name)
             if term is None:
                 raise _Noted
-            return term
+            return replace(term, dimension=plain(term.dimension))  # that of its unit
         if name.startswith("rig."):
             constant = self.rig.constants.get(name.removeprefix("rig."))
             if constant is None:

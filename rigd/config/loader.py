@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
+from rigd.config.controllers import add_controllers
 from rigd.config.derived import add_derived
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.following import read_following
@@ -111,7 +112,10 @@ def _build(document: Document) -> RigConfig:
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown
+    before = len(problems.found)
     rig = add_derived(document, source.derived, rig, problems)
+    if len(problems.found) == before:  # wrong derived channels would all seem unknown
+        rig = add_controllers(document, source.controllers, rig, problems)
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})

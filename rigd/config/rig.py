@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.config.remote import RemoteSetup
+from rigd.controllers.driver import Controller, ControllerConfig
 from rigd.model.channels import ECHO, Channel, Stream
 from rigd.model.constants import Constant
 from rigd.model.limits import Interlock, SetpointLimit
@@ -82,6 +83,11 @@ class DeviceConfig:
     limits: Mapping[str, SetpointLimit]
     link: str | None = None
     waiver: Waiver | None = None
+
+    @property
+    def is_actuator(self) -> bool:
+        """Whether it can move something: it takes setpoints, and is more than a controller."""
+        return bool(self.setpoints) and self.driver_class is not Controller
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -161,6 +167,30 @@ class RigConfig:
     def setpoint(self, name: str) -> Channel | None:
         """Return the setpoint called ``device.setpoint``, or None."""
         return _find(self.devices, name, "setpoints")
+
+    def setpoint_name(self, name: str) -> str:
+        """Return ``name``, or the setpoint of the controller with this name."""
+        config = None if name not in self.devices else self.devices[name].config
+        return config.setpoint if isinstance(config, ControllerConfig) else name
+
+    @property
+    def settable(self) -> list[str]:
+        """What a procedure can set: setpoints of devices, and controllers by name."""
+        return [
+            name
+            for device in self.devices.values()
+            for name in (
+                [f"{device.name}.{setpoint.name}" for setpoint in device.setpoints]
+                if device.driver_class is not Controller
+                else [device.name]
+            )
+        ]
+
+    @property
+    def loops(self) -> Mapping[str, str]:
+        """What each controller commands, by its setpoint."""
+        configs = (device.config for device in self.devices.values())
+        return {c.setpoint: c.output for c in configs if isinstance(c, ControllerConfig)}
 
 
 def _find(devices: Mapping[str, DeviceConfig], name: str, kind: str) -> Channel | None:

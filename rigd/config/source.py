@@ -25,6 +25,8 @@ Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length
 FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_length=60)]
 #: ``device.channel``.
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
+#: ``device.setpoint``, or the name of a controller.
+SetpointName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)?$")]
 #: A quantity whose unit follows from another part of the file.
 QuantityText = Annotated[str, Field(json_schema_extra=quantity_schema())]
 #: Path of a file, relative to the file that names it.
@@ -200,6 +202,52 @@ class DerivedSource(Source):
     """What it is, in one line."""
 
 
+class TargetLimitSource(Source):
+    """Bounds of the setpoint of a controller."""
+
+    low: QuantityText
+    """Lowest setpoint."""
+    high: QuantityText
+    """Highest setpoint."""
+    rate: QuantityText | None = None
+    """Largest change per second; by default any."""
+
+
+class ControllerSource(Source):
+    """A controller (PID): holds a measured channel at its setpoint by another setpoint."""
+
+    measured: ChannelName
+    """The channel that is held."""
+    output: SetpointName
+    """What it commands: a setpoint, as `device.setpoint`, or another controller by its name."""
+    kp: QuantityText | None = None
+    """Proportional gain, such as `0.02 A/N`; negative if more output lowers the measured value."""
+    ki: QuantityText | None = None
+    """Integral gain, such as `0.1 A/(N s)`."""
+    kd: QuantityText | None = None
+    """Derivative gain, such as `0.001 A s/N`."""
+    filter: QuantityText | None = None
+    """Cut-off frequency of the filter of the derivative; needed with `kd`."""
+    setpoint_weight: Annotated[float, In("1"), Ge(0), Le(1)] = 1.0
+    """Part of a change of the setpoint that acts at once, by `kp`."""
+    output_limits: Annotated[list[QuantityText], Field(min_length=2, max_length=2)] | None = None
+    """Lowest and highest output; by default the limits of what it commands."""
+    limits: TargetLimitSource | None = None
+    """Limits of its setpoint; by default the range of the measured channel, at any rate."""
+    feed_forward: ChannelName | None = None
+    """A channel that is added to the output, in its unit; often a derived channel."""
+    schedule: ChannelName | None = None
+    """A channel without unit by which all gains are multiplied; often a derived channel."""
+    stale_after: Annotated[float, In("s"), Gt(0), Le(60)] = 0.05
+    """Age at which a channel that it uses counts as lost, which ends the trial."""
+    frozen_after: Annotated[float, In("s"), Gt(0), Le(3600)] = 1.0
+    """The trial ends if the measured value does not change at all for so long, while the output
+    moves by more than 1 % of its range.
+    """
+    stuck_after: Annotated[float, In("s"), Gt(0), Le(3600)] = 2.0
+    """The trial ends if the output is at a limit for so long and the error does not shrink."""
+
+
 class PlantSource(Documented):
     """The physics behind a simulated rig, with the options of its model."""
 
@@ -241,6 +289,10 @@ class RigSource(Source):
         dict[ChannelName, DerivedSource], BeforeValidator(_nothing_is_empty), Field(max_length=64)
     ] = {}
     """Channels computed in every cycle from others, by name, as `group.channel`."""
+    controllers: Annotated[
+        dict[Name, ControllerSource], BeforeValidator(_nothing_is_empty), Field(max_length=16)
+    ] = {}
+    """Controllers by name, which is that of their setpoint in procedures: `set: {NAME: 20 N}`."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
     """Conditions that end a run; `[]` if there are none."""
     remote: RemoteSource | None = None

@@ -12,6 +12,7 @@ from time import monotonic_ns
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
@@ -28,6 +29,7 @@ from rigd.procedure.program import CycleProgram, Recorded
 from rigd.sdk import Driver
 
 if TYPE_CHECKING:
+    from rigd.controllers.bank import Bank
     from rigd.derived.evaluator import Evaluator
 
 #: Between two programs setpoints are held for this time at most, then they go to rest: the next
@@ -89,6 +91,7 @@ class Cycle:
         clock: Clock,
         control: Control,
         evaluator: Evaluator | None = None,
+        controllers: Bank | None = None,
     ) -> None:
         self.rig = rig
         self.limiter = limiter
@@ -113,7 +116,7 @@ class Cycle:
         self._actuators = [
             (mount.name, mount.driver, mount.commands)
             for mount in rig.mounts
-            if mount.driver.declaration.setpoints
+            if mount.driver.declaration.setpoints and not isinstance(mount.driver, Controller)
         ]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
@@ -132,6 +135,15 @@ class Cycle:
                 rig.readings, rig.device_of, late_ns, rig.setpoints,
                 self._values, self._stamps, limiter.applied,
             )  # fmt: skip
+        self._controllers = controllers
+        self._computed = [
+            (mount.values, controllers.places[mount.name])
+            for mount in rig.mounts
+            if controllers is not None and isinstance(mount.driver, Controller)
+        ]
+        self._acting: frozenset[str] = frozenset()  #: setpoints of the controllers that act
+        if controllers is not None:
+            controllers.bind(rig.readings, rig.device_of, rig.setpoints)
         self._hold_until_ns = 0
         self._settle_ns = max(self._silent_ns, default=0)
         self._begun_ns = 0
@@ -213,7 +225,10 @@ class Cycle:
             self._evaluator.begin_trial()
 
     def _bound(self, program: CycleProgram | None) -> Player | None:
-        return None if program is None else Player(program, self._watched, self.rig.setpoints)
+        if program is None:
+            return None
+        loops = _NONE if self._controllers is None else self._controllers.loops
+        return Player(program, self._watched, self.rig.setpoints, loops)
 
     def readings(self) -> Mapping[str, float]:
         """Return the newest value of every channel."""
@@ -235,11 +250,13 @@ class Cycle:
             self._stamps[:] = [t_ns] * len(self._stamps)
         self._slot = slot
         self._playing = ""
+        self._acting = frozenset()
 
         try:
             outcome = self._read(t_ns)
             if outcome is None:
                 outcome = self._decide(t_ns)
+                self._control(t_ns)
                 if outcome is None or outcome.severity is not Severity.ESTOP:
                     outcome = self._write(t_ns) or outcome
         except BaseException:
@@ -328,6 +345,7 @@ class Cycle:
             if ended is None or ended.severity is Severity.DONE:
                 self._playing = self.segment  # the program ``then`` begins in the next cycle
             if ended is None:
+                self._acting = self._player.acting
                 return None
             if ended.severity is Severity.DONE:
                 self._player, self._then = self._then, None
@@ -338,6 +356,19 @@ class Cycle:
             return None
         self._wanted[:] = self._rest
         return self._stop_completed(t_ns)
+
+    def _control(self, t_ns: int) -> None:
+        """Let the controllers of the present step set what they command; end the trial for one."""
+        bank = self._controllers
+        if bank is None:
+            return
+        values, wanted, applied = self._values, self._wanted, self.limiter.applied
+        reason = bank.step(t_ns, self._acting, values, self._stamps, wanted, applied)
+        for places, place in self._computed:
+            values[places] = bank.rows[place]
+        if reason:
+            wanted[:] = self._rest
+            self._leave(Outcome(Severity.END_TRIAL, reason))
 
     def _stop_completed(self, t_ns: int) -> Outcome | None:
         """Return the outcome when the stop is complete."""

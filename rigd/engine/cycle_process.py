@@ -292,7 +292,7 @@ class CycleProcess:
         reasons = []
         for mount in self._cycle.rig.mounts:
             driver, device = mount.driver, self._job.rig.devices[mount.name]
-            if not device.setpoints or self._plant is not None:
+            if not device.is_actuator or self._plant is not None:
                 continue
             if driver.watchdog_s is None:
                 if device.waiver is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rigd.model.limits import SetpointLimit
 
@@ -11,14 +11,24 @@ from rigd.model.limits import SetpointLimit
 class Limiter:
     """Bounds every setpoint in value and in rate, cycle by cycle.
 
-    ``limits`` are in the order of the command table. Setpoints begin at rest.
+    ``limits`` are in the order of the command table. Setpoints begin at rest. ``elsewhere`` are the
+    indices of those that move nothing and are limited where they are used: of controllers.
     """
 
-    def __init__(self, limits: Sequence[SetpointLimit], period_s: float) -> None:
+    def __init__(
+        self,
+        limits: Sequence[SetpointLimit],
+        period_s: float,
+        elsewhere: Collection[int] = (),
+    ) -> None:
         self.limits = tuple(limits)
         self.applied = [limit.rest for limit in limits]  #: the last setpoints that passed
         self.cut: set[int] = set()  #: indices of commands refused or out of bounds
-        self._bounds = [(lim.low, lim.high, lim.rate * period_s) for lim in limits]
+        self._bounds = [
+            (index, limit.low, limit.high, limit.rate * period_s)
+            for index, limit in enumerate(limits)
+            if index not in elsewhere
+        ]
 
     def apply(self, wanted: Sequence[float]) -> list[float]:
         """Return the setpoints that may be written now.
@@ -26,7 +36,7 @@ class Limiter:
         For a setpoint that is not finite, the last finite value holds.
         """
         applied = self.applied
-        for index, (low, high, step) in enumerate(self._bounds):
+        for index, low, high, step in self._bounds:
             target = wanted[index]
             last = applied[index]
             if target == last:
@@ -49,6 +59,5 @@ class Limiter:
 
     def at_rest(self) -> bool:
         """Return whether every setpoint has its rest value."""
-        return all(
-            value == limit.rest for value, limit in zip(self.applied, self.limits, strict=True)
-        )
+        applied, limits = self.applied, self.limits
+        return all(applied[bound[0]] == limits[bound[0]].rest for bound in self._bounds)

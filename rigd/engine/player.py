@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
+from rigd.controllers.chain import through
 from rigd.engine.interlocks import Trip
 from rigd.model.severity import Severity, WayOut, way_out
 from rigd.procedure.condition_text import describe_values
@@ -59,16 +61,22 @@ class Player:
 
     Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
     place and returns an outcome when the program has ended. The next segment begins within the same
-    cycle. ``readings`` also contains status words, as ``device.status``.
+    cycle. ``readings`` also contains status words, as ``device.status``. ``loops`` maps the
+    setpoint of each controller to what it commands.
 
     Raises:
         KeyError: the program names an unknown channel or setpoint.
     """
 
     def __init__(
-        self, program: CycleProgram, readings: Mapping[str, int], setpoints: Mapping[str, int]
+        self,
+        program: CycleProgram,
+        readings: Mapping[str, int],
+        setpoints: Mapping[str, int],
+        loops: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._segments = program.segments
+        self._acting = list(through(loops, (segment.setpoints for segment in program.segments)))
         self._watches = [
             tuple(tuple(_watch(item, readings) for item in row) for row in segment.until)
             for segment in program.segments
@@ -92,6 +100,11 @@ class Player:
         """The present segment."""
         inside = 0 <= self._position < len(self._segments)
         return self._segments[self._position] if inside else None
+
+    @property
+    def acting(self) -> frozenset[str]:
+        """The setpoints of the controllers that act in the present segment."""
+        return self._acting[self._position]
 
     def step(
         self, t_ns: int, values: Sequence[float], wanted: MutableSequence[float]

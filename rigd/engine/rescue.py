@@ -34,7 +34,7 @@ def rescue(rig: RigConfig) -> Rescue:
     threads = [
         threading.Thread(target=_rescue, args=(rig, device, found), daemon=True, name=device.name)
         for device in rig.devices.values()
-        if device.setpoints
+        if device.is_actuator
     ]
     for thread in threads:
         thread.start()

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.controllers.driver import Controller, ControllerConfig
 from rigd.derived.driver import Derived, DerivedConfig
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
@@ -23,6 +24,7 @@ from rigd.model.errors import Blocked
 from rigd.sdk import BlockDriver, Driver, Link, Plant
 
 if TYPE_CHECKING:
+    from rigd.controllers.bank import Bank
     from rigd.derived.evaluator import Evaluator
 
 #: ``stand_in(device)``: returns the driver that replaces an off-cycle device in the cycle.
@@ -65,9 +67,9 @@ def wire(
     if rig.plant is not None:
         plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
     links = {name: setup.link_class(setup.config) for name, setup in rig.links.items()}
-    evaluator = evaluator_of(rig)
+    evaluator, bank = evaluator_of(rig), bank_of(rig)
     devices: dict[str, tuple[str, Driver]] = {
-        name: (device.driver, _driver(device, plant, links, stand_in, evaluator))
+        name: (device.driver, _driver(device, plant, links, stand_in, evaluator, bank))
         for name, device in rig.devices.items()
     }
     mounted = mount(devices, links)
@@ -84,8 +86,9 @@ def wire(
     interlocks = InterlockBank(
         rig.interlocks, mounted.readings, units, mounted.device_of, mounted.setpoints
     )
-    limiter = Limiter(limits, rig.period_ns * 1e-9)
-    return Wiring(Cycle(mounted, limiter, interlocks, clock, control, evaluator), plant)
+    targets = [] if bank is None else [mounted.setpoints[name] for name in bank.loops]
+    limiter = Limiter(limits, rig.period_ns * 1e-9, targets)
+    return Wiring(Cycle(mounted, limiter, interlocks, clock, control, evaluator, bank), plant)
 
 
 def evaluator_of(rig: RigConfig) -> Evaluator | None:
@@ -102,13 +105,33 @@ def evaluator_of(rig: RigConfig) -> Evaluator | None:
     return Evaluator(graphs[0])
 
 
+def bank_of(rig: RigConfig) -> Bank | None:
+    """Return what computes the controllers of ``rig``, all at once; None without.
+
+    The first call after an installation compiles it, which takes seconds.
+    """
+    devices = rig.devices.values()
+    configs = [item.config for item in devices if isinstance(item.config, ControllerConfig)]
+    if not configs:
+        return None
+    from rigd.controllers.bank import Bank  # it loads numba
+
+    limits = {
+        f"{item.name}.{name}": limit for item in devices for name, limit in item.limits.items()
+    }
+    return Bank(configs, limits, rig.period_ns * 1e-9)
+
+
 def _driver(
     device: DeviceConfig,
     plant: Plant | None,
     links: Mapping[str, Link],
     stand_in: StandIn | None,
     evaluator: Evaluator | None,
+    bank: Bank | None,
 ) -> Driver:
+    if bank is not None and isinstance(device.config, ControllerConfig):
+        return Controller(device.config, bank)
     if evaluator is not None and isinstance(device.config, DerivedConfig):
         return Derived(device.config, evaluator)
     if issubclass(device.driver_class, Driver):

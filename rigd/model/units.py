@@ -61,6 +61,8 @@ _MAX_POWER: Final = 9  # no quantity of physics needs more, and 1000.0**200 over
 _FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
 #: A number in the style of many languages: the part before the comma, and the part after it.
 DECIMAL_COMMA: Final = re.compile(r"\s*([-+]?\d+),(\d.*)$", re.DOTALL)
+#: What a unit is divided by, in parentheses: the ``N s`` of ``A/(N s)``.
+_DIVISOR: Final = re.compile(r"/ +\(([^()/]+)\)")
 _NUMBER: Final = re.compile(
     r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*?)\s*$"
 )
@@ -95,15 +97,16 @@ class Quantity:
 
 @lru_cache(maxsize=1024)
 def parse_unit(text: str) -> Unit:
-    """Return the unit written as ``m/s^2``, ``N m``, ``kg·m²``, ``1/m`` or ``s/m``.
+    """Return the unit written as ``m/s^2``, ``N m``, ``kg·m²``, ``1/m`` or ``A/(N s)``.
 
-    Every ``/`` divides by the single factor after it.
+    Every ``/`` divides by the single factor after it, or by the product in parentheses.
 
     Raises:
         ValueError: unknown unit; the message names the unknown factor.
     """
     symbol = text.strip() or "1"
     plain = symbol.translate(_SUPERSCRIPTS).replace("·", " ").replace("*", " ").replace("/", " / ")
+    plain = _DIVISOR.sub(lambda match: "/ " + " / ".join(match[1].split()), plain)
     factor, dimension, sign = 1.0, list(NO_DIMENSION), 1
     words = plain.split()
     if not words:

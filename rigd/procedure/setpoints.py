@@ -180,20 +180,18 @@ def read_setpoint(
     rig: RigConfig,
 ) -> Profile | None:
     """Return the profile of the setpoint called ``name``, or None with the problem noted."""
-    setpoint = rig.setpoint(name)
-    device, _, short = name.partition(".")
+    full = rig.setpoint_name(name)
+    setpoint = rig.setpoint(full)
+    device, _, short = full.partition(".")
     if setpoint is None:
-        known = [
-            f"{item.name}.{channel.name}"
-            for item in rig.devices.values()
-            for channel in item.setpoints
-        ]
         if rig.channel(name) is not None:
             message = f"{name!r} is measured by the rig {rig.name}, not commanded"
-            reader.note_key(path, message, suggest(name, known))
+            reader.note_key(path, message, suggest(name, rig.settable))
         else:
             place = reader.document.key_place(path)
-            reader.problems.add_lacking(place, rig.name, "setpoint", name, known)
+            reader.problems.add_lacking(place, rig.name, "setpoint", name, rig.settable)
         return None
+    if name in rig.loops:
+        reader.note_key(path, f"{name} belongs to the controller {device}", f"write '{device}'")
     limit = rig.devices[device].limits[short]
     return SetpointReader(reader, path, name, setpoint.unit, limit, scope).profile(source)

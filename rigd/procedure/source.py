@@ -24,6 +24,7 @@ from rigd.config.source import (
     GivenConstant,
     Name,
     QuantityText,
+    SetpointName,
     Source,
 )
 from rigd.model.patterns import condition_schema
@@ -161,8 +162,8 @@ class MoveSource(Source):
     """Name of the step, for the log."""
     when: dict[Name, Words] = Field(default_factory=dict)
     """The step plays only if each of these parameters is (one of) the given word(s)."""
-    set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
-    """Setpoints as `device.setpoint`; those not named keep their value."""
+    set: dict[SetpointName, Setpoint] = Field(default_factory=dict)
+    """Setpoints as `device.setpoint`, or controllers by name; those not named keep their value."""
     until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
     """Ends the step: `carriage.position > 1.15 m`; any item of a list; `and` and `or` join
     conditions, `and` before `or`.

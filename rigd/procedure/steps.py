@@ -10,6 +10,7 @@ from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.controllers.chain import commands
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value
 from rigd.procedure.program import (
@@ -164,7 +165,8 @@ class StepCompiler:
             where = (*path, "set", name)
             profile = read_setpoint(self.reader, where, name, item, scope, self.rig)
             if profile is not None:
-                setpoints[name] = profile
+                setpoints[self.rig.setpoint_name(name)] = profile
+        self._check_controllers(path, source)
         until = (
             read_until(self.reader, (*path, "until"), source.until, scope, self.rig, limits)
             if source.until is not None
@@ -179,6 +181,19 @@ class StepCompiler:
             timeout_s=self.reader.time((*path, "timeout"), source.timeout, scope),
             on_timeout=OnTimeout(source.on_timeout),
         )
+
+    def _check_controllers(self, path: KeyPath, source: MoveSource) -> None:
+        """Note a setpoint that this step sets beside a controller that commands it."""
+        loops = self.rig.loops
+        names = {self.rig.setpoint_name(name): name for name in source.set}
+        for full, name in names.items():
+            for commanded in commands(loops, full):
+                if commanded in names:
+                    self.reader.note_key(
+                        (*path, "set", names[commanded]),
+                        f"the step sets {names[commanded]} and {name}, which commands it",
+                        "leave one of them out: a controller ends where its output is set",
+                    )
 
     def _check_end(self, path: KeyPath, source: MoveSource) -> None:
         place = (*path, "step")

@@ -125,7 +125,7 @@ def _links_and_devices(
 def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
     """Yield a check of every watchdog; each has acted once for it."""
     rig, group = look.rig, "watchdogs"
-    actuators = [device for device in rig.devices.values() if device.setpoints]
+    actuators = [device for device in rig.devices.values() if device.is_actuator]
     if rig.plant is not None:
         found = "none needed: the devices are simulated in this process and end with it"
         yield Check(group, "all", CheckVerdict.OK, found)

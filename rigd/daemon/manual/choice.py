@@ -15,6 +15,7 @@ from dataclasses import replace
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.controllers.driver import ControllerConfig
 from rigd.derived.driver import DerivedConfig
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock
@@ -68,11 +69,18 @@ def actions_of(rig: RigConfig, name: str) -> Mapping[str, str]:
 def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
     """Return ``rig`` with these devices, their links, and the interlocks on them, alone.
 
-    A group of derived channels also keeps the devices from which it is computed.
+    A group of derived channels also keeps the devices from which it is computed, and a controller
+    what it uses.
     """
-    asked = [rig.devices[name].config for name in devices if name in rig.devices]
-    groups = [config for config in asked if isinstance(config, DerivedConfig)]
-    devices = {*devices, *(name for group in groups for name in group.devices)}
+    devices, before = set(devices), set[str]()
+    while devices != before:
+        before = set(devices)
+        for name in before & rig.devices.keys():
+            config = rig.devices[name].config
+            if isinstance(config, DerivedConfig):
+                devices |= config.devices
+            elif isinstance(config, ControllerConfig):
+                devices |= config.needs
     kept = {name: device for name, device in rig.devices.items() if name in devices}
     links = {device.link for device in kept.values()}
     return replace(

@@ -1,0 +1,255 @@
+"""Computes all controllers of a rig, compiled once: what they are is data.
+
+The PID is in velocity form: each step adds to the output that was really set, after all limits, so
+that nothing winds up and control passes from and to other hands without a bump (K. J. Astrom and
+T. Hagglund, Advanced PID Control, 2006, sections 3.5, 3.6 and 13.4). With the error e = r - y, the
+weight b of the setpoint, the filter Tf of the derivative and the time h since the last reading:
+
+- P = kp (b r - y)
+- I = (output set) - (P + D + F of the last step) + ki h e; without ki it stays as it began
+- D = (Tf D_last - kd (y - y_last)) / (Tf + h), by backward differences
+- output = P + I + D + F within its limits, F the feed-forward.
+
+A step is taken when a reading comes. Between readings the output stays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.model.kernel import kernel
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+# Columns of the parameters.
+KP, KI, KD, FILTER, WEIGHT, LOW, HIGH = 0, 1, 2, 3, 4, 5, 6
+TARGET_LOW, TARGET_HIGH, TARGET_STEP = 7, 8, 9
+PARAMETERS: Final = 10
+# Columns of the times, in ns.
+STALE, FROZEN, STUCK = 0, 1, 2
+# Columns of what goes in: values, and for the first three the times of the readings.
+MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED = 0, 1, 2, 3, 4
+INPUTS: Final = 5
+# Columns of the memory.
+_TARGET, _R, _Y, _P, _I, _D, _F, _U, _ENGAGED = 0, 1, 2, 3, 4, 5, 6, 7, 8
+_FROZEN_U, _BEST, _SIDE = 9, 10, 11
+MEMORY: Final = 12
+# Columns of the memory of times.
+_TAKEN, _CHANGED, _PROGRESS = 0, 1, 2
+TIMES: Final = 3
+# Columns of the results: those of the channels, then the setpoint within its limits.
+R_MEASURED, R_ERROR, R_P, R_I, R_D, R_F, R_OUTPUT, R_SATURATED, R_ACTIVE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+R_TARGET: Final = 9
+RESULTS: Final = 10
+
+# Why a controller gives up, as numbers.
+FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW = 0, 1, 2, 3, 4, 5
+
+#: Of the range of the output: so far it must have moved before a value without change is frozen.
+_MOVED: Final = 0.01
+#: Part of the error by which it must shrink at a limit to count as progress.
+_PROGRESS_PART: Final = 0.01
+
+
+@kernel
+def control(
+    t_ns: int,
+    active: NDArray[np.bool_],
+    commands: Times,
+    parameters: Floats,
+    limits_ns: Times,
+    used: NDArray[np.bool_],
+    inputs: Floats,
+    stamps: Times,
+    memory: Floats,
+    taken: Times,
+    results: Floats,
+    faults: Times,
+) -> None:
+    """Take a step of each of the n controllers for the cycle at ``t_ns``.
+
+    A controller stands before the one that it ``commands`` (n; -1: a device). ``used`` (n, 3) is
+    whether it has the input. ``faults`` (n, 2) gets why one gives up, and which input it is; its
+    output then stays.
+    """
+    for c in range(active.shape[0]):
+        faults[c, 0], faults[c, 1] = FINE, 0
+        inner = commands[c]
+        if inner >= 0:  # what is set there is the setpoint of the inner controller
+            inputs[c, APPLIED] = memory[inner, _TARGET]
+        if not active[c]:
+            _track(c, parameters, inputs, memory, results)
+            continue
+        _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
+        _check(c, t_ns, limits_ns, used, inputs, stamps, faults)
+        _limit(c, parameters, inputs, memory)
+        if faults[c, 0] == FINE:
+            _step(c, parameters, used, inputs, stamps, memory, taken, faults)
+            _watch(c, t_ns, parameters, limits_ns, inputs, memory, taken, faults)
+        _tell(c, inputs, memory, results)
+        if inner >= 0 and faults[c, 0] == FINE:
+            inputs[inner, WANTED] = memory[c, _U]
+
+
+@kernel
+def _track(c: int, parameters: Floats, inputs: Floats, memory: Floats, results: Floats) -> None:
+    """Let the setpoint of a controller that is off follow the measured value, within its limits."""
+    y = inputs[c, MEASURED]
+    low, high = parameters[c, TARGET_LOW], parameters[c, TARGET_HIGH]
+    if math.isfinite(y):
+        memory[c, _TARGET] = min(max(y, low), high)
+    memory[c, _ENGAGED] = 0.0
+    for column in range(RESULTS):
+        results[c, column] = 0.0
+    results[c, R_MEASURED] = y
+    results[c, R_OUTPUT] = inputs[c, APPLIED]
+    results[c, R_TARGET] = memory[c, _TARGET]
+
+
+@kernel
+def _engage(
+    c: int, t_ns: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats,
+    taken: Times,
+) -> None:  # fmt: skip
+    """Begin at the output that is set, and at the measured value as setpoint."""
+    if memory[c, _ENGAGED] != 0.0 or not math.isfinite(inputs[c, MEASURED]):
+        return
+    y, u = inputs[c, MEASURED], inputs[c, APPLIED]
+    low, high = parameters[c, TARGET_LOW], parameters[c, TARGET_HIGH]
+    memory[c, _TARGET] = min(max(y, low), high)
+    memory[c, _Y], memory[c, _R] = y, memory[c, _TARGET]
+    memory[c, _D], memory[c, _U], memory[c, _ENGAGED] = 0.0, u, 1.0
+    memory[c, _P], memory[c, _I], memory[c, _F] = 0.0, math.nan, 0.0
+    memory[c, _FROZEN_U], memory[c, _BEST], memory[c, _SIDE] = u, math.inf, 0.0
+    taken[c, _TAKEN] = stamps[c, MEASURED] - 1  # the reading that is there counts
+    taken[c, _CHANGED], taken[c, _PROGRESS] = t_ns, t_ns
+
+
+@kernel
+def _check(
+    c: int, t_ns: int, limits_ns: Times, used: NDArray[np.bool_], inputs: Floats, stamps: Times,
+    faults: Times,
+) -> None:  # fmt: skip
+    """Note an input that is not a number or too old."""
+    for source in range(3):
+        if used[c, source]:
+            value = inputs[c, source]
+            if not math.isfinite(value) or (source == SCHEDULE and value < 0.0):
+                faults[c, 0], faults[c, 1] = NAN, source
+                return
+            if t_ns - stamps[c, source] > limits_ns[c, STALE]:
+                faults[c, 0], faults[c, 1] = OLD, source
+                return
+
+
+@kernel
+def _limit(c: int, parameters: Floats, inputs: Floats, memory: Floats) -> None:
+    """Bring the setpoint nearer to what is wanted, within its limits in value and rate."""
+    wanted, last = inputs[c, WANTED], memory[c, _TARGET]
+    if not math.isfinite(wanted):
+        return
+    value = min(max(wanted, parameters[c, TARGET_LOW]), parameters[c, TARGET_HIGH])
+    step = parameters[c, TARGET_STEP]
+    if value - last > step:
+        value = last + step
+    elif last - value > step:
+        value = last - step
+    memory[c, _TARGET] = value
+
+
+@kernel
+def _step(
+    c: int, parameters: Floats, used: NDArray[np.bool_], inputs: Floats, stamps: Times,
+    memory: Floats, taken: Times, faults: Times,
+) -> None:  # fmt: skip
+    """Take a step of the PID if there is a new reading; see the head of this module."""
+    if stamps[c, MEASURED] <= taken[c, _TAKEN]:
+        return
+    begins = math.isnan(memory[c, _I])
+    h = 0.0 if begins else 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
+    y, r = inputs[c, MEASURED], memory[c, _TARGET]
+    gain = inputs[c, SCHEDULE] if used[c, SCHEDULE] else 1.0
+    kp, ki, kd = gain * parameters[c, KP], gain * parameters[c, KI], gain * parameters[c, KD]
+    weight, lag = parameters[c, WEIGHT], parameters[c, FILTER]
+    forward = inputs[c, FORWARD] if used[c, FORWARD] else 0.0
+    before = kp * (weight * memory[c, _R] - memory[c, _Y])  # with the gains of now
+    if begins:
+        memory[c, _F] = forward
+    integral = memory[c, _I]
+    if begins or ki != 0.0:
+        integral = inputs[c, APPLIED] - before - memory[c, _D] - memory[c, _F]
+    else:
+        integral += memory[c, _P] - before
+    integral += ki * h * (r - y)
+    derivative = memory[c, _D]
+    if lag + h > 0.0:
+        derivative = (lag * derivative - kd * (y - memory[c, _Y])) / (lag + h)
+    proportional = kp * (weight * r - y)
+    raw = proportional + integral + derivative + forward
+    if not math.isfinite(raw):
+        faults[c, 0] = OVERFLOW
+        return
+    low, high = parameters[c, LOW], parameters[c, HIGH]
+    output = min(max(raw, low), high)
+    if ki != 0.0:
+        integral = output - proportional - derivative - forward
+    if y != memory[c, _Y]:
+        taken[c, _CHANGED] = stamps[c, MEASURED]
+        memory[c, _FROZEN_U] = output
+    memory[c, _P], memory[c, _I], memory[c, _D] = proportional, integral, derivative
+    memory[c, _F], memory[c, _U] = forward, output
+    memory[c, _R], memory[c, _Y] = r, y
+    side = 1.0 if raw >= high else (-1.0 if raw <= low else 0.0)
+    if side != memory[c, _SIDE]:
+        memory[c, _BEST] = math.inf
+    memory[c, _SIDE] = side
+    taken[c, _TAKEN] = stamps[c, MEASURED]
+
+
+@kernel
+def _watch(
+    c: int, t_ns: int, parameters: Floats, limits_ns: Times, inputs: Floats, memory: Floats,
+    taken: Times, faults: Times,
+) -> None:  # fmt: skip
+    """Note a measured value that is frozen, and an output at a limit without progress."""
+    if faults[c, 0] != FINE:
+        return
+    moved = abs(memory[c, _U] - memory[c, _FROZEN_U])
+    if (
+        t_ns - taken[c, _CHANGED] > limits_ns[c, FROZEN]
+        and moved > _MOVED * (parameters[c, HIGH] - parameters[c, LOW])
+    ):  # fmt: skip
+        faults[c, 0] = STILL
+        return
+    error = abs(memory[c, _TARGET] - inputs[c, MEASURED])
+    if memory[c, _SIDE] == 0.0 or error < (1.0 - _PROGRESS_PART) * memory[c, _BEST]:
+        memory[c, _BEST] = error if memory[c, _SIDE] != 0.0 else math.inf
+        taken[c, _PROGRESS] = t_ns
+    elif t_ns - taken[c, _PROGRESS] > limits_ns[c, STUCK]:
+        faults[c, 0] = NO_PROGRESS
+
+
+@kernel
+def _tell(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
+    """Write the results of a controller that acts."""
+    results[c, R_MEASURED] = inputs[c, MEASURED]
+    results[c, R_ERROR] = memory[c, _TARGET] - inputs[c, MEASURED]
+    results[c, R_P], results[c, R_I], results[c, R_D] = (
+        memory[c, _P], memory[c, _I], memory[c, _D],
+    )  # fmt: skip
+    results[c, R_F], results[c, R_OUTPUT] = memory[c, _F], memory[c, _U]
+    results[c, R_SATURATED], results[c, R_ACTIVE] = memory[c, _SIDE], 1.0
+    results[c, R_TARGET] = memory[c, _TARGET]
+
+
+def warm() -> None:
+    """Load the compiled functions, or compile them: no cycle has time for that."""
+    flags, times = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.int64)
+    table, pairs = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int64)
+    used = np.zeros((0, 3), dtype=np.bool_)
+    control(0, flags, times, table, pairs, used, table, pairs, table, pairs, table, pairs)

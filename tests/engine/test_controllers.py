@@ -1,0 +1,235 @@
+"""Controllers in the cycle: they hold, are recorded, end safely, and outlive no program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bench import ListSink
+
+from rigd.config.loader import parse_rig
+from rigd.config.rig import RigConfig
+from rigd.dry_run import dry_run
+from rigd.engine.clock import VirtualClock
+from rigd.engine.control import Control
+from rigd.engine.in_process import InProcessHost
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import wire
+from rigd.model import ConfigError
+from rigd.model.severity import Severity
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import parse_procedure
+from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
+from rigd.sdk.shipped import shipped_folder
+
+CONTROLLERS = """\
+derived:
+  rim.speed: {is: derivative(wheel_encoder.angle) * rig.wheel_radius, lowpass: 50 Hz}
+
+controllers:
+  rim_hold:
+    measured: rim.speed
+    output: wheel_servo.current
+    kp: 5 A s/m
+    ki: 300 A/m
+    output_limits: [-1 A, 1.2 A]
+    limits: {low: -0.5 m/s, high: 0.5 m/s, rate: 1 m/s^2}
+    stale_after: 10 ms
+    stuck_after: 0.5 s
+"""
+PROCEDURE = """\
+procedure: hold
+title: Hold the speed of the rim
+doc: For tests.
+trial:
+  steps:
+    - step: still
+      set: {wheel_servo.current: 0.2 A, longitudinal_belt.speed: 0.1 m/s}
+      for: 0.2 s
+    - step: hold
+      set: {rim_hold: 0.12 m/s}
+      for: 1 s
+    - step: back
+      set: {wheel_servo.current: {ramp: {to: 0 A, over: 0.1 s}}}
+      for: 0.2 s
+"""
+FILE = Path("p.yaml")
+
+
+class KeptRows(ListSink):
+    """Keeps the rows of every stream."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.kept: dict[str, list[Rows]] = {}
+
+    def write(self, stream: str, rows: Rows) -> None:
+        self.kept.setdefault(stream, []).append(rows.copy())
+
+    def of(self, stream: str) -> Rows:
+        return np.concatenate(self.kept[stream])
+
+
+def rig_with(*changes: tuple[str, str]) -> RigConfig:
+    path = shipped_folder("configs") / "sim_lugre.yaml"
+    controllers = CONTROLLERS
+    for old, new in changes:
+        assert old in controllers
+        controllers = controllers.replace(old, new)
+    text = path.read_text().replace("interlocks:\n", f"{controllers}\ninterlocks:\n", 1)
+    head, _, tail = text.partition("  - name: wheel_encoder_silent")  # it would act as well
+    text = head + "  - name" + tail.partition("  - name")[2]
+    return parse_rig(text.replace("floor: stone", "floor: pvc"), path)
+
+
+def compiled(rig: RigConfig, text: str = PROCEDURE) -> CompiledProcedure:
+    return compile_procedure(parse_procedure(text, FILE), rig)
+
+
+class Played:
+    """The rig of the first paper with a controller, playing the steps of ``text``."""
+
+    def __init__(self, rig: RigConfig, text: str = PROCEDURE) -> None:
+        clock = VirtualClock(rig.period_ns, 1_790_000_000_000_000_000)
+        self.sink = KeptRows()
+        self.cycle = wire(rig, clock, Control(), 1).cycle
+        record = {stream.name: Recorded() for stream in self.cycle.rig.streams}
+        self.host = InProcessHost(self.cycle, clock, virtual=True, sink=self.sink, record=record)
+        assert not self.host.open()
+        assert self.host.arm() is None
+        (program,) = compiled(rig, text).trials[0].steps
+        assert isinstance(program, CycleProgram)
+        self.program = program
+
+    def spoil(self, device: str, change: Callable[[int, Sequence[float]], object]) -> None:
+        """Let ``change(call, row)`` replace each row that ``device`` returns."""
+        (driver,) = (m.driver for m in self.cycle.rig.mounts if m.name == device)
+        read, calls = driver.read, []
+
+        def spoilt(t_ns: int) -> object:
+            calls.append(t_ns)
+            return change(len(calls), read(t_ns) or ())
+
+        driver.read = spoilt  # type: ignore[method-assign, assignment]
+
+    def play(self) -> tuple[Severity, str]:
+        outcome = self.host.play(self.program)
+        self.host.drain()
+        return outcome.severity, outcome.reason
+
+
+def test_controller_holds_and_its_terms_are_recorded() -> None:
+    played = Played(rig_with())
+    assert played.play() == (Severity.DONE, "")
+    hold, servo = played.sink.of("rim_hold"), played.sink.of("wheel_servo")
+    rim = played.sink.of("rim")
+    on = hold["active"] == 1.0
+    assert 995 <= on.sum() <= 1005
+    late = np.flatnonzero(on)[700:]
+    assert np.sqrt(np.mean(hold["error"][late] ** 2)) < 0.02 * 0.12
+    assert np.array_equal(hold["speed"], rim["speed"])
+    assert np.array_equal(servo["current_setpoint"][on], hold["output"][on])
+    assert np.allclose(hold["speed_setpoint"][on] - hold["speed"][on], hold["error"][on])
+    total = hold["proportional"] + hold["integral"] + hold["derivative"] + hold["forward"]
+    assert np.allclose(total[on], hold["output"][on])
+
+
+def test_output_passes_both_ways_without_bump() -> None:
+    played = Played(rig_with())
+    played.play()
+    hold, current = played.sink.of("rim_hold"), played.sink.of("wheel_servo")["current_setpoint"]
+    on = np.flatnonzero(hold["active"])
+    first, last = on[0], on[-1]
+    assert current[first - 1] == 0.2
+    assert abs(current[first] - 0.2) < 0.01
+    assert abs(current[last + 1] - current[last]) < 0.005
+    goal = hold["speed_setpoint"]
+    assert np.all(np.abs(np.diff(goal[first : last + 1])) <= 1e-3 + 1e-12)
+    assert abs(goal[first] - hold["speed"][first]) <= 1e-3 + 1e-12
+
+
+def test_controller_ends_with_its_program() -> None:
+    played = Played(rig_with(), PROCEDURE.split("    - step: back")[0])
+    played.play()
+    held = played.cycle.limiter.applied[played.cycle.rig.setpoints["wheel_servo.current"]]
+    played.host.rest_while(lambda: played.cycle.counters.cycles < 2000)
+    played.host.drain()
+    hold, current = played.sink.of("rim_hold"), played.sink.of("wheel_servo")["current_setpoint"]
+    on = np.flatnonzero(hold["active"])
+    assert current[on[-1] + 1] == held == current[on[-1]]
+    assert not np.any(hold["active"][on[-1] + 1 :])
+    assert current[-1] == 0.0
+
+
+def test_nan_goes_to_rest_in_the_same_cycle() -> None:
+    played = Played(rig_with())
+    played.spoil("wheel_encoder", lambda n, row: (math.nan, *row[1:]) if n == 600 else row)
+    severity, reason = played.play()
+    assert severity is Severity.END_TRIAL
+    assert reason == "controller rim_hold: rim.speed is not a number"
+    hold, current = played.sink.of("rim_hold"), played.sink.of("wheel_servo")["current_setpoint"]
+    on = np.flatnonzero(hold["active"])
+    assert on[-1] == 599
+    assert current[598] > 0.0
+    assert current[599] == 0.0  # 2000 A/s: in one cycle
+
+
+def test_stale_reading_goes_to_rest_after_its_time() -> None:
+    played = Played(rig_with())
+    played.spoil("wheel_encoder", lambda n, row: row if n < 600 else None)
+    severity, reason = played.play()
+    assert (severity, "rim.speed is stale" in reason) == (Severity.END_TRIAL, True)
+    on = np.flatnonzero(played.sink.of("rim_hold")["active"])
+    assert on[-1] == 598 + 11
+
+
+def test_interlock_acts_before_controller() -> None:
+    rig = rig_with(
+        ("stuck_after: 0.5 s", "stuck_after: 60 s"),
+        ("limits: {low: -0.5", "frozen_after: 60 s\n    limits: {low: -0.5"),
+    )
+    played = Played(rig)
+    played.spoil("carriage", lambda n, row: (2.0, *row[1:]) if n >= 600 else row)
+    assert played.play()[0] is Severity.ABORT
+    hold, current = played.sink.of("rim_hold"), played.sink.of("wheel_servo")["current_setpoint"]
+    assert np.flatnonzero(hold["active"])[-1] == 598
+    assert current[599] == 0.0
+
+
+def test_dry_run_refuses_gains_of_wrong_sign() -> None:
+    rig = rig_with(("kp: 5", "kp: -5"), ("ki: 300", "ki: -300"))
+    found = dry_run(compiled(rig), rig, seed=1)
+    (refusal,) = found.refusals
+    assert "controller rim_hold: wheel_servo.current has been at its limit of -1 A" in refusal
+    assert "wrong sign" in refusal
+    right = rig_with()
+    assert dry_run(compiled(right), right, seed=1).refusals == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "token", "part"),
+    [
+        ("set: {rim_hold: 0.12 m/s}", "set: {rim_hold: 0.12 m/s, wheel_servo.current: 0 A}",
+         "wheel_servo.current: 0 A}", "rim_hold, which commands it"),
+        ("rim_hold: 0.12 m/s", "rim_hold: 0.6 m/s", "0.6", "above the rig's limit of 0.5 m/s"),
+        ("rim_hold: 0.12 m/s", "rim_hold: {ramp: {from: 0 m/s, to: 0.2 m/s, over: 0.1 s}}",
+         "{from", "faster than the rig's limit of 1 m/s^2"),
+        ("rim_hold: 0.12 m/s", "rim_hold: 0.12 N", "0.12 N", "expected m/s"),
+        ("rim_hold: 0.12 m/s", "rim_hld: 0.12 m/s", "rim_hld", "did you mean 'rim_hold'?"),
+        ("rim_hold: 0.12 m/s", "rim_hold.speed: 0.12 m/s", "rim_hold.speed", "write 'rim_hold'"),
+    ],
+)  # fmt: skip
+def test_wrong_setpoint_of_controller_names_its_place(
+    old: str, new: str, token: str, part: str
+) -> None:
+    text = PROCEDURE.replace(old, new)
+    with pytest.raises(ConfigError) as caught:
+        compiled(rig_with(), text)
+    assert part in str(caught.value)
+    assert not caught.value.others
+    place, at = caught.value.place, text.index(new) + new.index(token)
+    assert place is not None
+    assert (place.line, place.column) == (text[:at].count("\n") + 1, at - text[:at].rfind("\n"))
