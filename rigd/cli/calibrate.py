@@ -166,7 +166,10 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     overrides = options.read_assignments(args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
-    if plan is None or not analysis_of(plan, place, procedure.trials[0].parameters, rig).measures:
+    if (
+        plan is None
+        or not analysis_of(plan, place, procedure.trials[0].parameters, procedure.on(rig)).measures
+    ):
         raise ConfigError(
             f"procedure {procedure.name} calibrates nothing",
             place=place,

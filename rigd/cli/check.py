@@ -182,7 +182,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
             compiled.identify,
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,
-            rig,
+            compiled.on(rig),
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"

@@ -170,7 +170,7 @@ def _execute(args: argparse.Namespace) -> int:
             procedure.identify,
             source.document.key_place(("identify",)),
             procedure.trials[0].parameters,
-            rig,
+            procedure.on(rig),
         )
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     request = RunRequest(

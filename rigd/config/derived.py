@@ -15,7 +15,7 @@ from rigd.derived.driver import DERIVED, Derived, DerivedConfig
 from rigd.derived.formula import read_formula
 from rigd.derived.functions import FUNCTIONS, Call
 from rigd.derived.graph import Builder, Graph, Op, Term
-from rigd.derived.quantities import FormulaError
+from rigd.derived.quantities import FormulaError, Named, no_names
 from rigd.model.channels import ECHO, Channel
 from rigd.model.units import dimension_text, parse_unit, si_symbol
 
@@ -24,9 +24,16 @@ _CYCLE: Final = "cycle"
 
 
 def add_derived(
-    document: Document, sources: Mapping[str, DerivedSource], rig: RigConfig, problems: Problems
+    document: Document,
+    sources: Mapping[str, DerivedSource],
+    rig: RigConfig,
+    problems: Problems,
+    named: Named = no_names,
 ) -> RigConfig:
-    """Return ``rig`` with the derived channels of ``sources``; problems are noted."""
+    """Return ``rig`` with the derived channels of ``sources``; problems are noted.
+
+    One graph computes them and those that the rig has. ``named`` knows what is written ``${name}``.
+    """
     if not sources:
         return rig
     for name in sources:
@@ -34,12 +41,12 @@ def add_derived(
         if group in rig.devices or group in (_CYCLE, "rig"):
             problems.add(
                 document.key_place(("derived", name)),
-                f"{group} is {'a device of this rig' if group in rig.devices else 'taken'}: its "
-                "channels cannot be computed",
+                f"{group} is {_owner(rig, group)}: its channels cannot be computed",
                 f"choose another name before the dot, such as '{group}_derived'",
             )
             return rig
-    reader = _Reader(document, sources, rig, problems)
+    before = _graph_of(rig)
+    reader = _Reader(document, sources, rig, problems, before, named)
     found = {name: reader.channel(name) for name in sources}
     if any(term is None for term in found.values()):
         return rig
@@ -49,13 +56,32 @@ def add_derived(
         parameters=tuple(reader.builder.parameters),
         states=reader.builder.states,
         inputs=tuple(reader.builder.inputs),
-        outputs={name: term.row for name, term in terms.items()},
-        uses={name: term.uses for name, term in terms.items()},
+        outputs=before.outputs | {name: term.row for name, term in terms.items()},
+        uses=before.uses | {name: term.uses for name, term in terms.items()},
     )
-    devices = {
-        group: _device(group, names, graph, reader) for group, names in graph.groups().items()
-    }
-    return replace(rig, devices={**rig.devices, **devices})
+    devices = dict(rig.devices)
+    for group, names in graph.groups().items():
+        known = devices.get(group)
+        if known is None:
+            devices[group] = _device(group, names, graph, reader)
+        elif isinstance(known.config, DerivedConfig):
+            config = known.config.model_copy(update={"graph": graph})
+            devices[group] = replace(known, config=config)
+    return replace(rig, devices=devices)
+
+
+def _owner(rig: RigConfig, group: str) -> str:
+    device = rig.devices.get(group)
+    if device is None:
+        return "taken"
+    return "a group of this rig" if device.driver == DERIVED else "a device of this rig"
+
+
+def _graph_of(rig: RigConfig) -> Graph:
+    """Return the graph of the derived channels that ``rig`` has; an empty one without."""
+    configs = (device.config for device in rig.devices.values())
+    graphs = (config.graph for config in configs if isinstance(config, DerivedConfig))
+    return next(graphs, Graph((), (), 0, (), {}, {}))
 
 
 def _device(group: str, names: list[str], graph: Graph, reader: _Reader) -> DeviceConfig:
@@ -83,10 +109,15 @@ class _Reader:
     sources: Mapping[str, DerivedSource]
     rig: RigConfig
     problems: Problems
-    builder: Builder = field(default_factory=Builder)
+    before: Graph  #: that of the derived channels which the rig has
+    named: Named
+    builder: Builder = field(init=False)
     _known: dict[str, Term | None] = field(default_factory=dict)
     _units: dict[str, str] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.builder = Builder.after(self.before)
 
     def described(self, name: str) -> Channel:
         """Return the derived channel ``name`` with its unit."""
@@ -149,10 +180,10 @@ class _Reader:
 
         self.builder.reset = source.reset == "trial"
         try:
-            return read_formula(text, self.builder, find, self._period_s)
+            return read_formula(text, self.builder, find, self._period_s, self.named)
         except FormulaError as error:
             place = self.document.inside(path, error.offset)
-            self.problems.add(place, str(error), error.hint)
+            self.problems.add(place, str(error), error.hint, lacks=error.lacks)
         except _Noted:
             pass  # the problem of the other channel is noted at its own place
         return None
@@ -173,7 +204,9 @@ class _Reader:
             constant = self.rig.constants.get(name.removeprefix("rig."))
             if constant is None:
                 known = [f"rig.{item}" for item in self.rig.constants]
-                raise FormulaError(f"unknown constant {name!r}", offset, suggest(name, known))
+                raise FormulaError(
+                    f"unknown constant {name!r}", offset, suggest(name, known), lacks=name
+                )
             return self.builder.constant(constant.value, constant.unit.dimension)
         channel = self.rig.recorded(name)
         if channel is None:
@@ -186,8 +219,11 @@ class _Reader:
                 )
             ]
             raise FormulaError(
-                f"unknown channel {name!r}", offset, suggest(name, [*known, *self.sources])
-            )
+                f"unknown channel {name!r}", offset, suggest(name, [*known, *self.sources]),
+                lacks=name,
+            )  # fmt: skip
+        if name in self.before.outputs:
+            return self.before.term(name, parse_unit(channel.unit).dimension)
         uses = frozenset({name}) if self.rig.channel(name) else frozenset[str]()
         return self.builder.input(name, parse_unit(channel.unit).dimension, uses)
 

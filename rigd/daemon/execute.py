@@ -6,7 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from queue import SimpleQueue
@@ -126,6 +126,7 @@ def perform(
         RecordingError: the recording cannot be written; the rig is safe.
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
+    request = replace(request, rig=request.procedure.on(request.rig))
     rests_on = needed(request.procedure, request.rig)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done

@@ -16,7 +16,7 @@ from typing import Final
 from rigd.derived.dimensions import alike, over, plain, times
 from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
 from rigd.derived.graph import Builder, Op, Term
-from rigd.derived.quantities import STAND_IN, FormulaError, Prepared, prepare
+from rigd.derived.quantities import STAND_IN, FormulaError, Named, Prepared, no_names, prepare
 from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, si_symbol
 
 #: Most characters of a formula; people cannot read a longer one.
@@ -31,10 +31,12 @@ _BINARY: Final = {ast.Add: Op.ADD, ast.Sub: Op.SUBTRACT, ast.Mult: Op.MULTIPLY, 
 _VERBS: Final = {Op.ADD: "add", Op.SUBTRACT: "subtract"}
 
 
-def read_formula(text: str, builder: Builder, find: Find, period_s: float) -> Term:
+def read_formula(
+    text: str, builder: Builder, find: Find, period_s: float, named: Named = no_names
+) -> Term:
     """Return the term of ``text``; its rows are added to ``builder``.
 
-    ``period_s`` is that of the cycle.
+    ``period_s`` is that of the cycle, ``named`` knows what is written ``${name}``.
 
     Raises:
         FormulaError: it is no formula, a unit does not fit, or a name is unknown; with the place.
@@ -43,7 +45,7 @@ def read_formula(text: str, builder: Builder, find: Find, period_s: float) -> Te
         raise FormulaError(f"a formula has at most {MAX_LENGTH} characters")
     if (taken := re.search(rf"\b{STAND_IN}\d", text)) is not None:
         raise FormulaError(f"unknown name {taken[0]!r}", taken.start())
-    prepared = prepare(text)
+    prepared = prepare(text, named)
     strange = next((at for at, letter in enumerate(prepared.text) if not letter.isascii()), None)
     if strange is not None:
         raise FormulaError(f"cannot read {prepared.text[strange]!r}", prepared.original(strange))
@@ -66,8 +68,6 @@ def read_formula(text: str, builder: Builder, find: Find, period_s: float) -> Te
 def _hint(text: str) -> str | None:
     if "&" in text or "|" in text or "!" in text:
         return "write 'and', 'or', 'not' and 'abs(...)'"
-    if "${" in text:
-        return "channels are written bare, as device.channel; constants as rig.NAME"
     return "write channels as device.channel and quantities as '5 N'"
 
 

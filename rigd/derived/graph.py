@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum, unique
+from typing import Self
 
 from rigd.model.units import NO_DIMENSION, Dimension
 
@@ -105,6 +106,14 @@ class Graph:
     outputs: dict[str, int]
     uses: dict[str, frozenset[str]]
 
+    def term(self, name: str, dimension: Dimension) -> Term:
+        """Return the derived channel ``name``, of this ``dimension``, as a part of a formula."""
+        place = self.outputs[name]
+        row = self.rows[place]
+        value = self.parameters[row.parameter] if row.op is Op.CONSTANT else None
+        is_condition = Op.LESS <= row.op <= Op.NOT
+        return Term(place, dimension, value, is_condition, self.uses[name])
+
     def groups(self) -> dict[str, list[str]]:
         """Return the names of the channels of each group, in order."""
         found: dict[str, list[str]] = {}
@@ -137,6 +146,11 @@ class Builder:
     inputs: list[str] = field(default_factory=list)
     #: Whether what is added now begins anew with each trial.
     reset: bool = False
+
+    @classmethod
+    def after(cls, graph: Graph) -> Self:
+        """Return a builder that adds to ``graph``: its rows stay what they are."""
+        return cls(list(graph.rows), list(graph.parameters), graph.states, list(graph.inputs))
 
     def constant(self, value: float, dimension: Dimension = NO_DIMENSION) -> Term:
         """Return a term with a value that never changes, in SI."""

@@ -1,16 +1,19 @@
-"""Finds the quantities in a formula (``0.03 m``), which Python's grammar does not know."""
+"""Finds what Python's grammar does not know in a formula: ``0.03 m`` and ``${stroke}``."""
 
 from __future__ import annotations
 
 import keyword
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from rigd.model.units import NO_DIMENSION, Dimension, parse_unit
 
-_NUMBER: Final = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_VALUE: Final = re.compile(
+    r"\$\{\s*(?P<name>[A-Za-z_][\w.]*)\s*\}|(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+)
 _FACTOR: Final = re.compile(
     r"(?:1[ \t]*/[ \t]*)?(?P<word>[A-Za-zµμΩ°%]+)(?:\^-?\d+|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|\d+)?(?![\w.(])"
 )
@@ -21,12 +24,32 @@ STAND_IN: Final = "_q"
 
 
 class FormulaError(ValueError):
-    """A formula is wrong; ``offset`` counts characters from its start."""
+    """A formula is wrong; ``offset`` counts characters from its start.
 
-    def __init__(self, message: str, offset: int = 0, hint: str | None = None) -> None:
+    ``lacks`` is the channel or constant that the rig does not have, if that is what is wrong.
+    """
+
+    def __init__(
+        self, message: str, offset: int = 0, hint: str | None = None, *, lacks: str = ""
+    ) -> None:
         super().__init__(message)
         self.offset = offset
         self.hint = hint
+        self.lacks = lacks
+
+
+#: ``named(name, offset)``: returns value in SI and dimension of what is written ``${name}``.
+Named = Callable[[str, int], tuple[float, Dimension]]
+
+
+def no_names(name: str, offset: int) -> tuple[float, Dimension]:
+    """Refuse ``${name}``: a rig file has no parameters.
+
+    Raises:
+        FormulaError: always.
+    """
+    hint = "channels are written bare, as device.channel; constants as rig.NAME"
+    raise FormulaError(f"unknown name '${{{name}}}'", offset, hint)
 
 
 @dataclass(frozen=True)
@@ -52,14 +75,14 @@ class Prepared:
         return column + shift
 
 
-def prepare(text: str) -> Prepared:
-    """Return ``text`` with its quantities taken out.
+def prepare(text: str, named: Named = no_names) -> Prepared:
+    """Return ``text`` with its quantities taken out, and what ``named`` knows by ``${name}``.
 
     A unit ends before an operator other than ``/``, a channel, a function or a word such as
     ``and``; factors are joined by a space, ``·`` or ``/``: ``2 N m``, ``3 m/s^2``.
 
     Raises:
-        FormulaError: a number with an unknown unit, or with a decimal comma.
+        FormulaError: a number with an unknown unit, or with a decimal comma; an unknown name.
     """
     comma = _COMMA.search(text)
     if comma is not None:
@@ -69,21 +92,30 @@ def prepare(text: str) -> Prepared:
     quantities: list[tuple[float, Dimension]] = []
     spans: list[tuple[int, int, int, int]] = []
     out, at = "", 0
-    for number in _NUMBER.finditer(text):
-        if number.start() < at:  # inside the unit of the number before: the power in m/s2
+    for found in _VALUE.finditer(text):
+        if found.start() < at:  # inside the unit of the number before: the power in m/s2
             continue
-        end, unit = _unit(text, number.end())
-        value = float(number[0])
-        if not math.isfinite(value):
-            raise FormulaError(f"{number[0]} is too large a number", number.start())
-        factor, dimension = (1.0, NO_DIMENSION) if unit is None else unit
-        out += text[at : number.start()]
+        if found["name"] is None:
+            quantity, end = _quantity(text, found)
+        else:
+            quantity, end = named(found["name"], found.start()), found.end()
+        out += text[at : found.start()]
         name = f"{STAND_IN}{len(quantities)}"
-        spans.append((len(out), len(out) + len(name), number.start(), end))
+        spans.append((len(out), len(out) + len(name), found.start(), end))
         out += name
-        quantities.append((value * factor, dimension))
+        quantities.append(quantity)
         at = end
     return Prepared(out + text[at:], tuple(quantities), tuple(spans))
+
+
+def _quantity(text: str, number: re.Match[str]) -> tuple[tuple[float, Dimension], int]:
+    """Return the quantity that begins with ``number``, and where it ends."""
+    end, unit = _unit(text, number.end())
+    value = float(number[0])
+    if not math.isfinite(value):
+        raise FormulaError(f"{number[0]} is too large a number", number.start())
+    factor, dimension = (1.0, NO_DIMENSION) if unit is None else unit
+    return (value * factor, dimension), end
 
 
 def _unit(text: str, at: int) -> tuple[int, tuple[float, Dimension] | None]:

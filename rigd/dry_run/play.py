@@ -71,6 +71,7 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
             ],
             "nothing is played",
         )
+    rig = procedure.on(rig)
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)

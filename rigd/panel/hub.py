@@ -52,6 +52,7 @@ class Hub:
         )  # browsers that have received the past, and now get frames
         self._status: PageStatus | None = None
         self._description: PageDescription | None = None
+        self._described = False  # whether no event has come since that changes the description
         self._latest: LatestValues | None = None
         self._events: deque[PageEvent] = deque(maxlen=KEPT_EVENTS)
         self._status_s = -SILENCE_S
@@ -156,7 +157,10 @@ class Hub:
         while True:
             if self._description is None and self.alive:
                 try:
+                    self._described = True
                     found = await self._rig.request(Kind.ASK, "describe", {}, Description)
+                    if not self._described:
+                        continue  # the streams have changed since it was asked
                     self._description = PageDescription.of(found)
                     self._put(LiveDescription(describe=self._description))
                     await self._fill_events()
@@ -193,6 +197,8 @@ class Hub:
     def _take_event(self, event: RigEvent) -> None:
         if self._events and event.seq <= self._events[-1].seq:
             return
+        if event.kind == "streams":  # this run has others than the run before
+            self._description, self._described = None, False
         shown = PageEvent.of(event)
         self._events.append(shown)
         for outbox in self._outboxes:

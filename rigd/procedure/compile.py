@@ -15,6 +15,7 @@ from rigd.config.loader import channel_names
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
+from rigd.procedure.derived import with_derived
 from rigd.procedure.expression import Number, Scope, Value
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
@@ -69,6 +70,9 @@ def compile_procedure(
     units |= {name: read_unit(reader, ("tables", name, "unit"), table.unit)
               for name, table in source.tables.items() if table.unit}  # fmt: skip
     reader = replace(reader, units=units)
+    known, rig = rig.devices, with_derived(reader, source, rig, base, hidden)
+    if source.derived and rig.devices is known:
+        _raise_any(problems, source, rig)  # uncomputed channels would all seem unknown
     compiler = StepCompiler(reader, rig, source.parameters)
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)
@@ -76,10 +80,7 @@ def compile_procedure(
     record = _record(reader, source, rig)
     identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
-    try:
-        problems.raise_any()
-    except ConfigError as error:
-        raise other_rig(error, source.procedure, rig) or error from None
+    _raise_any(problems, source, rig)
     return CompiledProcedure(
         name=source.procedure,
         title=source.title,
@@ -91,7 +92,17 @@ def compile_procedure(
         record=record,
         identify=identify,
         on_client_loss=OnClientLoss(source.on_client_loss),
+        derived={
+            name: device for name, device in rig.devices.items() if device is not known.get(name)
+        },
     )
+
+
+def _raise_any(problems: Problems, source: ProcedureSource, rig: RigConfig) -> None:
+    try:
+        problems.raise_any()
+    except ConfigError as error:
+        raise other_rig(error, source.procedure, rig) or error from None
 
 
 def _constants(rig: RigConfig) -> dict[str, Value]:

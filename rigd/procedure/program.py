@@ -10,9 +10,10 @@ All values are in SI units. Channels are written ``device.channel``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.constants import Uncertainty
 from rigd.procedure.profiles import Profile
@@ -236,7 +237,8 @@ class CompiledProcedure:
 
     ``parameters`` are the procedure's own after ``--set``; ``trials`` are in the order of play.
     ``record`` has the recorded part of each stream; a stream without entry is not recorded.
-    ``units`` gives the unit of every numeric parameter, for people.
+    ``units`` gives the unit of every numeric parameter, for people. ``derived`` are the groups of
+    derived channels, those of the rig included, if the procedure adds some (see :meth:`on`).
     """
 
     name: str
@@ -249,6 +251,13 @@ class CompiledProcedure:
     record: Mapping[str, Recorded]
     identify: IdentifyPlan | None = None
     on_client_loss: OnClientLoss = OnClientLoss.STOP
+    derived: Mapping[str, DeviceConfig] = field(default_factory=dict)
+
+    def on(self, rig: RigConfig) -> RigConfig:
+        """Return ``rig`` with the derived channels of this procedure, compiled for ``rig``."""
+        if not self.derived:
+            return rig
+        return replace(rig, devices={**rig.devices, **self.derived})
 
     def steps(self) -> Iterator[Step]:
         """Yield every step of every block, in no particular order."""

@@ -20,6 +20,7 @@ from pydantic_core import CoreSchema, core_schema
 from rigd.config.schema import file_schema
 from rigd.config.source import (
     ChannelName,
+    DerivedSource,
     FileName,
     GivenConstant,
     Name,
@@ -362,6 +363,8 @@ class ProcedureSource(Source):
     """The trials; without a sweep there is one trial."""
     repeats: Annotated[int, Ge(1), Le(1000)] = 1
     """How often each point of the sweep is played."""
+    derived: dict[ChannelName, DerivedSource] = Field(default_factory=dict, max_length=64)
+    """Channels computed in every cycle of the run from others, by name, as `group.channel`."""
     prepare: Steps = Field(default_factory=list)
     """Steps before the first trial, once."""
     trial: TrialSource

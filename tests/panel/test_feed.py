@@ -57,6 +57,13 @@ def test_late_page_gets_description_and_past_events(panel: ServedPanel) -> None:
     Status.model_validate_json(json.dumps(status))  # as the protocol has it, and nothing else
 
 
+def test_description_is_asked_again_with_other_streams(panel: ServedPanel) -> None:
+    with panel.visitor().page() as page:
+        hear(page, "describe")
+        panel.rig.emit("streams", added=["own"])
+        assert hear(page, "describe")["rig"] == "lugre-1"
+
+
 def test_values_are_asked_for_while_nothing_plays(panel: ServedPanel) -> None:
     with panel.visitor().page() as page:
         values = hear(page, "latest")["values"]

@@ -7,6 +7,7 @@ on this thread.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import threading
@@ -22,6 +23,7 @@ from rigd.daemon.live.stream import LiveStream
 from rigd.engine.shared import EVENT_SOURCES, EventView, RunFolder, Word
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
+from rigd.model.channels import Stream
 from rigd.record.events import NO_TRIAL
 from rigd.record.events import Event as RecordedEvent
 from rigd.remote.protocol import Code, Refusal, RigEvent, encode_frame
@@ -55,6 +57,9 @@ class Feed:
         rig: the rig; its streams are numbered in the order of its file, that of the cycle last.
         outlet: gets a frame of each stream that has new rows, 30 times a second, and every event.
         raw: gets the rows themselves, as the ring stores them (``t_ns`` Unix); must not wait long.
+
+    A run may have streams that the rig does not have (derived channels of its procedure). They stay
+    until other streams are shown; each gets a number that no stream had before.
     """
 
     def __init__(
@@ -62,11 +67,13 @@ class Feed:
         rig: RigConfig,
         outlet: Outlet,
         *,
-        raw: Callable[[str, Rows], None] = lambda _, __: None,
+        raw: Callable[[Stream, Rows], None] = lambda _, __: None,
     ) -> None:
         self._streams = {
             stream.name: LiveStream(number, stream) for number, stream in enumerate(streams_of(rig))
         }
+        self._of_rig = frozenset(self._streams)
+        self._numbers = itertools.cycle(range(len(self._streams), 2**16))  # a frame has 16 bits
         self._outlet, self._raw = outlet, raw
         self._log = EventLog()
         self._views: list[EventView] = []
@@ -95,6 +102,12 @@ class Feed:
         with self._lock:
             return sum(stream.skipped for stream in self._streams.values())
 
+    @property
+    def of_run(self) -> Sequence[LiveStream]:
+        """The streams that the rig has only in the present or the last run."""
+        with self._lock:
+            return [live for name, live in self._streams.items() if name not in self._of_rig]
+
     def start(self) -> None:
         """Begin to show; once."""
         self._thread.start()
@@ -119,6 +132,7 @@ class Feed:
         with self._lock:
             self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
             self._views = views
+            self._know(job.streams)
             for name, live in self._streams.items():
                 live.attach(rings.get(name))
 
@@ -132,6 +146,20 @@ class Feed:
             self._views = []
             for live in self._streams.values():
                 live.attach(None)
+
+    def _know(self, streams: Sequence[Stream]) -> None:
+        """Take the streams of a run that the rig does not have in place of those before."""
+        added = [stream for stream in streams if stream.name not in self._of_rig]
+        before = {name: live for name, live in self._streams.items() if name not in self._of_rig}
+        if added == [live.stream for live in before.values()]:
+            return
+        for name in before:
+            del self._streams[name]
+        for stream in added:
+            self._streams[stream.name] = LiveStream(next(self._numbers), stream)
+        data = {"added": [stream.name for stream in added]}
+        event = self._log.add(RecordedEvent(self.t_ns, "streams", NO_TRIAL, data))
+        self._guarded(partial(self._outlet.event, event))
 
     def publish(self, kind: str, data: Mapping[str, Any]) -> None:
         """Add an event of the daemon's own, which is in no recording.
@@ -217,7 +245,7 @@ class Feed:
         rows = live.read()
         if rows is not None:
             self._outlet.frame(live.stream.name, encode_frame(live.frame(rows)))
-            self._raw(live.stream.name, rows)
+            self._raw(live.stream, rows)
 
     def _work(self) -> None:
         due = time.monotonic()

@@ -16,6 +16,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
+from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError, LinkError
 from rigd.model.extras import require
 from rigd.model.rows import TIME_FIELD
@@ -72,26 +73,41 @@ class FoxgloveServer:
                 hint="--foxglove PORT takes another port",
             ) from error
         self.address = f"ws://{_HOST}:{self._server.port}"
+        self._rig = rig
         streams = streams_of(rig)
         self._topics = {
-            stream.name: _Topic(
-                foxglove.Channel(
-                    f"/{stream.name}",
-                    schema=foxglove.Schema(
-                        name=name, encoding="ros2msg", data=schema_text(stream).encode()
-                    ),
-                    message_encoding="cdr",
-                    metadata=channel_metadata(stream),
-                    context=context,
-                ),
-                math.ceil(most_rows_hz(rig, stream) / MOST_HZ),
-            )
+            stream.name: self._topic(stream, name)
             for stream, name in zip(streams, type_names(streams), strict=True)
         }
 
-    def show(self, stream: str, rows: Rows) -> None:
-        """Send rows to the viewers of their stream; a slow viewer misses some."""
-        self._topics[stream].send(rows)
+    def show(self, stream: Stream, rows: Rows) -> None:
+        """Send rows to the viewers of their stream; a slow viewer misses some.
+
+        A stream that only this run has becomes a topic with its first rows, in place of that of
+        another run with this name.
+        """
+        topic = self._topics.get(stream.name)
+        if topic is None or topic.stream != stream:
+            if topic is not None:
+                topic.channel.close()
+            (name,) = type_names([stream])
+            topic = self._topics[stream.name] = self._topic(stream, name)
+        topic.send(rows)
+
+    def _topic(self, stream: Stream, type_name: str) -> _Topic:
+        import foxglove
+
+        schema = foxglove.Schema(
+            name=type_name, encoding="ros2msg", data=schema_text(stream).encode()
+        )
+        channel = foxglove.Channel(
+            f"/{stream.name}",
+            schema=schema,
+            message_encoding="cdr",
+            metadata=channel_metadata(stream),
+            context=self._context,
+        )
+        return _Topic(stream, channel, math.ceil(most_rows_hz(self._rig, stream) / MOST_HZ))
 
     def stop(self) -> None:
         """Disconnect all clients and free the port."""
@@ -104,13 +120,14 @@ class FoxgloveServer:
 class _Topic:
     """Sends every ``every``-th row of a stream."""
 
-    def __init__(self, channel: Channel, every: int) -> None:
-        self._channel = channel
+    def __init__(self, stream: Stream, channel: Channel, every: int) -> None:
+        self.stream = stream
+        self.channel = channel
         self._every = every
         self._left_out = 0  #: rows to leave out before the next
 
     def send(self, rows: Rows) -> None:
-        if not self._channel.has_sinks():
+        if not self.channel.has_sinks():
             return
         chosen = rows[self._left_out :: self._every]
         self._left_out = (self._left_out - len(rows)) % self._every
@@ -118,4 +135,4 @@ class _Topic:
         size, payload = chosen.itemsize, chosen.tobytes()
         for number, t_ns in enumerate(chosen[TIME_FIELD].tolist()):
             body = payload[number * size + _TIME_BYTES : (number + 1) * size]
-            self._channel.log(CDR_HEADER + body, log_time=t_ns)
+            self.channel.log(CDR_HEADER + body, log_time=t_ns)

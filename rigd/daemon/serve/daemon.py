@@ -32,6 +32,7 @@ from rigd.engine.realtime import as_program, before_programs
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
+from rigd.model.channels import Stream
 from rigd.remote.certificates import expires_soon
 from rigd.remote.protocol import Role
 from rigd.remote.server import Lease, Server, role_of
@@ -167,7 +168,7 @@ def _compose(
     )
     stack.enter_context(before_programs())  # with every thread from here on, zenoh's too
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
-    raw: Callable[[str, Rows], None] = _nowhere
+    raw: Callable[[Stream, Rows], None] = _nowhere
     if options.foxglove is not None:
         with as_program():  # its viewers are not authenticated
             foxglove = FoxgloveServer(rig, options.foxglove)
@@ -225,7 +226,7 @@ def _compose(
     return parts, server
 
 
-def _nowhere(stream: str, rows: Rows) -> None:
+def _nowhere(stream: Stream, rows: Rows) -> None:
     """Discard raw rows, which only Foxglove uses."""
 
 

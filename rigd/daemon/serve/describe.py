@@ -1,12 +1,13 @@
-"""Describes a rig to clients: everything that does not change while the daemon runs."""
+"""Describes a rig to clients: what changes only with the streams of a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import cast
 
 from rigd.config.rig import RigConfig
+from rigd.daemon.live.stream import LiveStream
 from rigd.daemon.manual import actions_of
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.wiring import streams_of
@@ -25,14 +26,20 @@ from rigd.remote.protocol.results import (
 from rigd.remote.protocol.status import ActionName
 
 
-def describe(rig: RigConfig, role: Role) -> Description:
-    """Return the description of ``rig`` for a client with ``role``."""
+def describe(rig: RigConfig, role: Role, of_run: Sequence[LiveStream] = ()) -> Description:
+    """Return the description of ``rig`` for a client with ``role``.
+
+    ``of_run`` are the streams that the rig has in the present run only.
+    """
     return Description(
         rig=rig.name,
         title=rig.title,
         simulated=rig.plant is not None or rig.simulation is not None,
         # Numbered as in the frames (rigd.daemon.live).
-        streams=tuple(_stream(rig, n, item) for n, item in enumerate(streams_of(rig))),
+        streams=(
+            *(_stream(rig, n, item) for n, item in enumerate(streams_of(rig))),
+            *(_stream(rig, live.number, live.stream) for live in of_run),
+        ),
         setpoints=tuple(_setpoints(rig)),
         interlocks=tuple(_interlock(interlock) for interlock in rig.interlocks),
         actions=tuple(_actions(rig)),

@@ -72,7 +72,7 @@ def bind_handlers(parts: Parts) -> Handlers:
     """Return the handler of each verb, bound to ``parts``."""
     steering, lease, recordings = parts.steering, parts.lease, parts.recordings
     return Handlers(
-        describe=lambda requester, _: describe(parts.rig, requester.role),
+        describe=lambda requester, _: describe(parts.rig, requester.role, parts.feed.of_run),
         events=lambda _, args: _events(parts, args),
         latest=lambda *_: parts.feed.latest(),
         history=lambda _, args: parts.feed.history(args.stream),

@@ -97,12 +97,15 @@ class Sizes(Message):
 
 
 class Description(Message):
-    """`describe`: the data that do not change while the daemon runs."""
+    """`describe`: what does not change while the daemon runs, but for the streams of a run."""
 
     rig: Name
     title: DaemonText
     simulated: bool
     streams: tuple[StreamView, ...]
+    """Those of the rig, then those that only the present or the last run has: derived channels of
+    its procedure. If these change, the daemon sends the event `streams`: ask again.
+    """
     setpoints: tuple[SetpointView, ...] = ()
     interlocks: tuple[InterlockView, ...] = ()
     actions: tuple[ActionView, ...] = ()

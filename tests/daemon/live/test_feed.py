@@ -10,17 +10,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.live import PATIENCE_S, START_NS, Kept, folder_of, writer
+from support.live import PATIENCE_S, START_NS, Kept, folder_of, prepared, writer
 from support.ring_writer import STEP_NS, numbered
 
 from rigd.config.loader import load_rig
 from rigd.daemon.live import Feed
+from rigd.daemon.serve.describe import describe
 from rigd.engine.shared import RunFolder, Word
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
+from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
 from rigd.model.rows import row_dtype
-from rigd.remote.protocol import Refusal, decode, decode_frame, encode
+from rigd.remote.protocol import Refusal, Role, decode, decode_frame, encode
 
 RIG = load_rig("lugre-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}
@@ -75,8 +77,8 @@ def test_thread_sends_rows_of_another_process(tmp_path: Path) -> None:
     folder, kept = folder_of(RIG, tmp_path / "run", 100_000), Kept()
     raw: dict[str, int] = {}
 
-    def count(name: str, rows: Rows) -> None:
-        raw[name] = raw.get(name, 0) + len(rows)
+    def count(stream: Stream, rows: Rows) -> None:
+        raw[stream.name] = raw.get(stream.name, 0) + len(rows)
 
     with Feed(RIG, kept, raw=count) as feed:
         with writer(folder, rate_hz=1000):
@@ -235,3 +237,19 @@ def test_stopping_twice_and_never_starting_are_silent() -> None:
     feed.stop()
     with Feed(RIG, Kept()) as feed:
         feed.stop()
+
+
+def test_stream_of_run_gets_a_new_number(tmp_path: Path) -> None:
+    kept = Kept()
+    feed = Feed(RIG, kept)
+    numbers = []
+    for run, names in enumerate((("force",), ("force", "power"), (), ("force",))):
+        channels = tuple(Channel(name, "N") for name in names)
+        streams = [*streams_of(RIG), *([Stream("own", channels)] if channels else [])]
+        feed.attach(prepared(tmp_path / str(run), streams, 100))
+        numbers += [(live.number, len(live.stream.channels)) for live in feed.of_run]
+    base = len(STREAMS)
+    assert numbers == [(base, 1), (base + 1, 2), (base + 2, 1)]
+    assert [event.data["added"] for event in kept.events] == [["own"], ["own"], [], ["own"]]
+    described = describe(RIG, Role.OBSERVER, feed.of_run).streams[-1]
+    assert (described.number, described.name, described.rate_hz) == (base + 2, "own", 1000)

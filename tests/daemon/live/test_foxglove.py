@@ -28,6 +28,7 @@ from websockets.typing import Subprotocol
 from rigd.config.loader import load_rig
 from rigd.daemon.live.foxglove import STOP_S, FoxgloveServer
 from rigd.engine.wiring import streams_of
+from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, LinkError
 from rigd.model.extras import MissingExtra
 from rigd.record.schema import stream_from_json
@@ -72,7 +73,7 @@ def subscribe(client: ClientConnection, server: FoxgloveServer, *names: str) -> 
     wanted = [{"id": n, "channelId": known[f"/{name}"]["id"]} for n, name in enumerate(names)]
     client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
     until = time.monotonic() + PATIENCE_S
-    while not all(server._topics[name]._channel.has_sinks() for name in names):
+    while not all(server._topics[name].channel.has_sinks() for name in names):
         assert time.monotonic() < until
         time.sleep(0.005)
 
@@ -108,7 +109,7 @@ def test_a_row_arrives_bit_for_bit(server: FoxgloveServer, client: ClientConnect
     for number, name in enumerate(("relay", "daq")):
         rows = numbered(STREAMS[name], START_NS, 7, 3)
         rows[STREAMS[name].channels[0].name][0] = np.nan
-        server.show(name, rows[:1])
+        server.show(STREAMS[name], rows[:1])
         subscription, t_ns, payload = received(client)
         assert (subscription, t_ns) == (number, rows["t_ns"][0])
         assert payload[:4] == b"\x00\x01\x00\x00"  # CDR, little-endian (OMG DDSI-RTPS 10.2.1.2)
@@ -124,9 +125,9 @@ def test_a_fast_stream_is_thinned_evenly(server: FoxgloveServer, client: ClientC
     subscribe(client, server, "daq", "cycle")
     first = 0
     for count in (1, 3, 319, 5, 20, 52):
-        server.show("daq", numbered(STREAMS["daq"], START_NS, first, count))
+        server.show(STREAMS["daq"], numbered(STREAMS["daq"], START_NS, first, count))
         first += count
-    server.show("cycle", numbered(STREAMS["cycle"], START_NS, 0, 1))
+    server.show(STREAMS["cycle"], numbered(STREAMS["cycle"], START_NS, 0, 1))
     numbers: list[float] = []
     while (sample := received(client))[0] == 0:
         numbers.append(*struct.unpack_from("<d", sample[2], 4))
@@ -149,7 +150,7 @@ def test_foxglove_commands_are_refused(server: FoxgloveServer, client: ClientCon
     assert "does not support services" in told(client, "serviceCallFailure")["message"]
     client.send("[" * 1000)
     assert told(client, "status")["level"] == 2
-    server.show("cycle", numbered(STREAMS["cycle"], START_NS, 0, 1))
+    server.show(STREAMS["cycle"], numbered(STREAMS["cycle"], START_NS, 0, 1))
     assert received(client)[1] == START_NS
 
 
@@ -176,20 +177,20 @@ def test_client_that_reads_nothing_delays_no_other() -> None:
         masked = bytes(byte ^ mask[place % 4] for place, byte in enumerate(wanted))
         frozen.sendall(bytes([0x81, 0x80 | len(wanted)]) + mask + masked)
         until = time.monotonic() + PATIENCE_S
-        while not server._topics["daq"]._channel.has_sinks():
+        while not server._topics["daq"].channel.has_sinks():
             assert time.monotonic() < until
             time.sleep(0.005)
         with witnessed() as lost_s:
             began = time.monotonic()
             for first in range(0, 960_000, 9600):
-                server.show("daq", numbered(STREAMS["daq"], START_NS, first, 9600))
+                server.show(STREAMS["daq"], numbered(STREAMS["daq"], START_NS, first, 9600))
             assert time.monotonic() - began < 10.0 + lost_s()  # 100 s of samples
         until = time.monotonic() + PATIENCE_S
         client.send(
             json.dumps({"op": "subscribe", "subscriptions": [{"id": 9, "channelId": channel}]})
         )
         while True:
-            server.show("daq", numbered(STREAMS["daq"], START_NS, 5, 10))
+            server.show(STREAMS["daq"], numbered(STREAMS["daq"], START_NS, 5, 10))
             try:
                 if isinstance(client.recv(0.1), bytes):
                     break
@@ -216,3 +217,13 @@ def test_occupied_port_and_missing_sdk_are_reported(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(MissingExtra, match=r"rigd\[foxglove\]"):
         FoxgloveServer(RIG, 0)
+
+
+def test_stream_of_a_run_becomes_a_topic(server: FoxgloveServer, client: ClientConnection) -> None:
+    topics(client)
+    for names in (("force",), ("force", "power")):
+        stream = Stream("own", tuple(Channel(name, "N") for name in names))
+        server.show(stream, numbered(stream, START_NS, 0, 1))
+        (offered,) = told(client, "advertise")["channels"]
+        assert offered["topic"] == "/own"
+        assert stream_from_json(offered["metadata"]["rigd.stream"]) == stream
