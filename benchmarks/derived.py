@@ -29,7 +29,7 @@ from rigd.sdk.shipped import shipped_folder
 ROUNDS = 7
 SECONDS = 8.0
 FOUR = """\
-  {g}.speed{n}: {{is: derivative(wheel_encoder.angle) * rig.wheel_radius, lowpass: 50 Hz}}
+  {g}.speed{n}: {{is: derivative(wheel_encoder.angle) * 5{n} mm, lowpass: 5{n} Hz}}
   {g}.slip{n}: {{is: {g}.speed{n} - derivative(carriage.position)}}
   {g}.done{n}: {{is: integral(abs({g}.slip{n}) * 5 N), reset: trial}}
   {g}.mean{n}: {{is: "mean({g}.slip{n}, 0.1 s)", where: {g}.speed{n} > 1 mm/s}}

@@ -1,12 +1,12 @@
 """Reads derived channels in the cycle, as if a device measured them, from the rows of the devices.
 
 The channels of a group (``friction.mu`` and ``friction.power``) are a stream of their own. One
-evaluator computes the graph of all groups once per cycle, after all devices were read.
+evaluator computes the graph of all groups once per cycle, after all devices were read, and the
+cycle takes all rows at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from rigd.derived.graph import Graph
@@ -48,11 +48,8 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
 
     def __init__(self, config: DerivedConfig, link: Evaluator) -> None:
         super().__init__(config, link)
-        groups = list(config.graph.groups())
-        self._group = groups.index(config.group)
-        begin = sum(len(names) + 1 for names in list(config.graph.groups().values())[: self._group])
-        self._places = slice(begin, begin + len(config.channels) + 1)
-        self.taken_ns = 0  #: time of the oldest reading in the row that :meth:`read` returned
+        #: The newest row as a ring has it; the memory stays the same.
+        self.packed = link.packed[list(config.graph.groups()).index(config.group)]
 
     @classmethod
     def declare(cls, config: DerivedConfig) -> Declaration:
@@ -67,15 +64,8 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
     def arm(self) -> None:
         """Do nothing: it only computes."""
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return the values of the group, as old as the oldest reading in them.
-
-        The status has bit 31 if the device of one of them is late.
-        """
-        link = self.link
-        link.compute(t_ns)
-        self.taken_ns = link.taken_ns[self._group]
-        return link.results[self._places]
+    def read(self, t_ns: int) -> None:
+        """Do nothing: the cycle takes the rows of all groups from the evaluator."""
 
     def make_safe(self) -> None:
         """Do nothing: it only computes."""

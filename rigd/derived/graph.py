@@ -138,7 +138,7 @@ class Term:
 
 @dataclass
 class Builder:
-    """Collects the rows of a graph."""
+    """Collects the rows of a graph; what is computed already is not computed again."""
 
     rows: list[GraphRow] = field(default_factory=list)
     parameters: list[float] = field(default_factory=list)
@@ -146,6 +146,7 @@ class Builder:
     inputs: list[str] = field(default_factory=list)
     #: Whether what is added now begins anew with each trial.
     reset: bool = False
+    _known: dict[tuple[object, ...], int] = field(default_factory=dict)
 
     @classmethod
     def after(cls, graph: Graph) -> Self:
@@ -154,15 +155,13 @@ class Builder:
 
     def constant(self, value: float, dimension: Dimension = NO_DIMENSION) -> Term:
         """Return a term with a value that never changes, in SI."""
-        self.rows.append(GraphRow(Op.CONSTANT, parameter=self._keep(value)))
-        return Term(len(self.rows) - 1, dimension, value)
+        return Term(self._row(Op.CONSTANT, parameters=(value,)), dimension, value)
 
     def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Term:
         """Return the term of a channel or a setpoint of a device."""
         if name not in self.inputs:
             self.inputs.append(name)
-        self.rows.append(GraphRow(Op.INPUT, a=self.inputs.index(name)))
-        return Term(len(self.rows) - 1, dimension, uses=uses)
+        return Term(self._row(Op.INPUT, (self.inputs.index(name),)), dimension, uses=uses)
 
     def add(
         self,
@@ -174,19 +173,30 @@ class Builder:
         is_condition: bool = False,
     ) -> Term:
         """Return the term of an operation on ``terms``."""
-        a, b, c = (*(term.row for term in terms), 0, 0, 0)[:3]
-        first = len(self.parameters)
+        row = self._row(op, tuple(term.row for term in terms), parameters, size)
+        uses = frozenset[str]().union(*(term.uses for term in terms))
+        return Term(row, dimension, None, is_condition, uses)
+
+    def _row(
+        self,
+        op: Op,
+        operands: tuple[int, ...] = (),
+        parameters: tuple[float, ...] = (),
+        size: int = 0,
+    ) -> int:
+        """Return the row of an operation: a new one, or that with the same result."""
+        memory = MEMORY.get(op, 0)
+        reset = self.reset and bool(memory)
+        key = (op, operands, parameters, size, reset)
+        if key in self._known:
+            return self._known[key]
+        a, b, c = (*operands, 0, 0, 0)[:3]
+        self.rows.append(GraphRow(op, a, b, c, len(self.parameters), self.states, size, reset))
         self.parameters += parameters
-        state, memory = self.states, MEMORY.get(op, 0)
         if memory:
             self.states += memory + (2 * size if op in WINDOWED else 0)
-        self.rows.append(GraphRow(op, a, b, c, first, state, size, self.reset and bool(memory)))
-        uses = frozenset[str]().union(*(term.uses for term in terms))
-        return Term(len(self.rows) - 1, dimension, None, is_condition, uses)
-
-    def _keep(self, value: float) -> int:
-        self.parameters.append(value)
-        return len(self.parameters) - 1
+        self._known[key] = len(self.rows) - 1
+        return self._known[key]
 
 
 #: Operations that keep the samples of a window, with their times.

@@ -22,11 +22,14 @@ from rigd.model.kernel import kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
+Words = NDArray[np.uint32]
 
 #: A time before all others: of what never changes.
 NEVER: Final = -(2**62)
+#: A time after all others: a constant makes nothing older.
+ALWAYS: Final = 2**62
 
-_CONSTANT, _INPUT = int(Op.CONSTANT), int(Op.INPUT)
+_INPUT = int(Op.INPUT)
 _ADD, _SUBTRACT = int(Op.ADD), int(Op.SUBTRACT)
 _MULTIPLY, _DIVIDE = int(Op.MULTIPLY), int(Op.DIVIDE)
 _NEGATE, _ABS, _SQRT = int(Op.NEGATE), int(Op.ABS), int(Op.SQRT)
@@ -41,8 +44,33 @@ _RATE_LIMIT, _DELAY, _EDGES = int(Op.RATE_LIMIT), int(Op.DELAY), int(Op.EDGES)
 
 
 @kernel
-def evaluate(
+def compute(
     t_ns: int,
+    begun_ns: int,
+    inputs: Floats,
+    ages: Times,
+    rows: Times,
+    parameters: Floats,
+    state: Floats,
+    values: Floats,
+    times: Times,
+    layout: Times,
+    results: Floats,
+    taken: Times,
+    packed: Words,
+) -> None:
+    """Compute all groups for the cycle at ``t_ns``, Unix time, in a run that began at ``begun_ns``.
+
+    ``ages`` (2, n) are the times of the inputs since then, and how old each may be; ``times``
+    (3, m) are those of each row: oldest, newest, and of its last step. See :func:`evaluate` and
+    :func:`gather`.
+    """
+    evaluate(inputs, ages[0], rows, parameters, state, values, times[0], times[1], times[2])
+    gather(t_ns, begun_ns, layout, values, times[0], ages, results, taken, packed)
+
+
+@kernel
+def evaluate(
     inputs: Floats,
     stamps: Times,
     rows: Times,
@@ -53,19 +81,17 @@ def evaluate(
     newest: Times,
     stepped: Times,
 ) -> None:
-    """Compute ``values``, ``oldest`` and ``newest`` of every row for the cycle at ``t_ns``.
+    """Compute ``values``, ``oldest`` and ``newest`` of every row.
 
     ``inputs`` are the values of the n channels used, ``stamps`` their times in ns, all since the
     start of the run, so that seconds keep their digits. ``rows`` has
-    shape (m, 7): operation, a, b, c, parameter, state, size. ``stepped`` (m) has the time at which
+    shape (m, 8): place, operation, a, b, c, parameter, state, size; without those of constants,
+    whose values and times stand in their places already. ``stepped`` has the time at which
     each block took its last step.
     """
-    for row in range(rows.shape[0]):
-        op, a, b, c = rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3]
-        p, s, size = rows[row, 4], rows[row, 5], rows[row, 6]
-        if op == _CONSTANT:
-            values[row], oldest[row], newest[row] = parameters[p], t_ns, NEVER
-            continue
+    for at in range(rows.shape[0]):
+        row, op, a, b, c = rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3], rows[at, 4]
+        p, s, size = rows[at, 5], rows[at, 6], rows[at, 7]
         if op == _INPUT:
             values[row], oldest[row], newest[row] = inputs[a], stamps[a], stamps[a]
             if not math.isfinite(values[row]):
@@ -92,36 +118,45 @@ def evaluate(
 @kernel
 def gather(
     t_ns: int,
+    begun_ns: int,
     layout: Times,
     values: Floats,
     oldest: Times,
-    stamps: Times,
-    late_ns: Times,
+    ages: Times,
     results: Floats,
     taken: Times,
+    packed: Words,
 ) -> None:
     """Collect the row of every group in ``results``, one after the other, each with its status.
 
     ``layout`` has for each group the number of its channels, their rows, the number of its inputs
-    and these. ``taken`` gets the time of the oldest reading of each group. The status is 2^31 if an
-    input is older than its ``late_ns``, else 0.
+    and these. ``taken`` gets the Unix time of the oldest reading of each group. The status is 2^31
+    if an input is older than it may be (``ages``), else 0. ``packed`` gets the same rows as a ring
+    has them (:func:`rigd.model.rows.row_dtype`): time, values, and the status as uint32.
     """
-    at = place = 0
+    at = place = word = 0
+    bits = results.view(np.uint32)
     for group in range(taken.shape[0]):
+        packed[word], packed[word + 1] = t_ns & 0xFFFFFFFF, t_ns >> 32
+        word += 2
         count = layout[at]
-        earliest = t_ns
+        earliest = t_ns - begun_ns
         for row in layout[at + 1 : at + 1 + count]:
             results[place] = values[row]
+            packed[word], packed[word + 1] = bits[2 * place], bits[2 * place + 1]
             earliest = min(earliest, oldest[row])
             place += 1
+            word += 2
         at += 1 + count
         count = layout[at]
         late = False
         for read in layout[at + 1 : at + 1 + count]:
-            late = late or t_ns - stamps[read] > late_ns[read]
+            late = late or t_ns - begun_ns - ages[0, read] > ages[1, read]
         at += 1 + count
-        results[place], taken[group] = 2147483648.0 if late else 0.0, earliest
+        results[place], taken[group] = 2147483648.0 if late else 0.0, begun_ns + earliest
+        packed[word] = 2147483648 if late else 0
         place += 1
+        word += 1
 
 
 @kernel
@@ -362,6 +397,8 @@ def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> floa
 def warm() -> None:
     """Load the compiled functions, or compile them: no cycle has time for that."""
     floats, times = np.zeros(0), np.zeros(0, dtype=np.int64)
-    table = np.zeros((0, 7), dtype=np.int64)
-    evaluate(0, floats, times, table, floats, floats, floats, times, times, times)
-    gather(0, times, floats, times, times, times, floats, times)
+    table, words = np.zeros((0, 8), dtype=np.int64), np.zeros(0, dtype=np.uint32)
+    ages, row_times = np.zeros((2, 0), dtype=np.int64), np.zeros((3, 0), dtype=np.int64)
+    compute(
+        0, 0, floats, ages, table, floats, floats, floats, row_times, times, floats, times, words
+    )

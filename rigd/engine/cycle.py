@@ -110,7 +110,8 @@ class Cycle:
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
-        self._silent = {mount.name for mount in rig.mounts}
+        computed = [n for n, mount in enumerate(rig.mounts) if isinstance(mount.driver, Derived)]
+        self._silent = {item.name for n, item in enumerate(rig.mounts) if n not in computed}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [
@@ -120,13 +121,17 @@ class Cycle:
         ]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
-        self._reads = [_Read.of(mount) for mount in rig.mounts]
-        self._steady = [
-            i for i, mount in enumerate(rig.mounts)
-            if mount.driver.declaration.every_cycle and not isinstance(mount.driver, Derived)
-        ]  # fmt: skip
+        self._reads = [
+            (n, _Read.of(mount)) for n, mount in enumerate(rig.mounts) if n not in computed
+        ]
+        self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
         self._evaluator = evaluator
         if evaluator is not None:
+            # The groups follow one another, as in the graph: their rows are taken at once.
+            first, last = rig.mounts[computed[0]], rig.mounts[computed[-1]]
+            self._computed = slice(computed[0], computed[-1] + 1)
+            self._computed_values = slice(first.values.start, last.values.stop)
+            self._fresh[self._computed] = [True] * len(computed)
             late_ns = [
                 0 if mount.driver.declaration.every_cycle else silent_ns
                 for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
@@ -273,7 +278,7 @@ class Cycle:
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{name}: {error.one_line}")
         values, stamps, silent, fresh = self._values, self._stamps, self._silent, self._fresh
-        for index, (name, driver, places, width) in enumerate(self._reads):
+        for index, (name, driver, places, width) in self._reads:
             try:
                 row = driver.read(t_ns)
             except DEVICE_ERRORS as error:
@@ -306,6 +311,10 @@ class Cycle:
                     f"{name} gave no row for {silent_ms} ms (check its supply, its cable "
                     "and the parts between)",
                 )
+        if self._evaluator is not None:
+            self._evaluator.compute(t_ns)
+            values[self._computed_values] = self._evaluator.results
+            stamps[self._computed] = self._evaluator.taken_ns
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:

@@ -21,6 +21,10 @@ class RowSink(Protocol):
         """Append a row: the values in order, the status word (an int) last if there is one."""
         ...
 
+    def push_packed(self, row: memoryview) -> None:
+        """Append a row that has the bytes of the stream's row dtype already."""
+        ...
+
 
 class _Pushed(NamedTuple):
     """A device whose rows are pushed: its places in the tables, and when they are pushed."""
@@ -30,7 +34,6 @@ class _Pushed(NamedTuple):
     commands: slice
     has_status: bool
     every_cycle: bool
-    computed: bool  #: a row is of its cycle, however old the readings in it are
     ring: RowSink
     every: int
     window: Windows | None
@@ -53,6 +56,7 @@ class CycleRows:
     ) -> None:
         self._windows = StepWindows(record, windows)
         self._devices: list[_Pushed] = []
+        self._computed: list[tuple[RowSink, memoryview, int, Windows | None]] = []
         self._own: tuple[RowSink, int, Windows | None] | None = None
         for index, mount in enumerate(rig.mounts):
             name = mount.name
@@ -61,6 +65,9 @@ class CycleRows:
                     mount.driver.record(blocks[name], record[name].every, self._windows.of(name))
             elif name in rings:
                 every, window = record[name].every, self._windows.of(name)
+                if isinstance(mount.driver, Derived):
+                    self._computed.append((rings[name], mount.driver.packed, every, window))
+                    continue
                 declared = mount.driver.declaration
                 self._devices.append(
                     _Pushed(
@@ -69,7 +76,6 @@ class CycleRows:
                         mount.commands,
                         declared.has_status,
                         declared.every_cycle,
-                        isinstance(mount.driver, Derived),
                         rings[name],
                         every,
                         window,
@@ -98,7 +104,7 @@ class CycleRows:
         values, ``fresh`` is whether this cycle has read them.
         """
         for pushed in self._devices:
-            position, places, commands, has_status, steady, computed, ring, every, window = pushed
+            position, places, commands, has_status, steady, ring, every, window = pushed
             new = fresh[position]
             if slot % every or not (new or steady):
                 continue
@@ -113,7 +119,10 @@ class CycleRows:
                 row.append(word if new else word | STALE)
             else:
                 row += setpoints[commands]
-            ring.push(stamps[position] if new and not computed else t_ns, row)
+            ring.push(stamps[position] if new else t_ns, row)
+        for ring, packed, every, window in self._computed:
+            if slot % every == 0 and (window is None or window.is_open):
+                ring.push_packed(packed)  # a row of its cycle, however old the readings in it are
 
     def push_own(self, t_ns: int, slot: int, row: Sequence[float]) -> None:
         """Push the cycle's own counters and times."""

@@ -86,6 +86,17 @@ class RowRing(Ring):
         self._head = head + 1
         self._words[HEAD] = head + 1
 
+    def push_packed(self, row: memoryview) -> None:
+        """Append a row that has the bytes of the stream's row dtype already."""
+        head = self._head
+        if head - self._seen_tail >= self.capacity and not self._room():
+            self._lose(1)
+            return
+        at = head % self.capacity * self._size
+        self._payload[at : at + self._size] = row
+        self._head = head + 1
+        self._words[HEAD] = head + 1
+
     def push_block(self, rows: Rows) -> None:
         """Append rows of the stream's row dtype, shape (n,); rows without room are lost."""
         count = min(len(rows), self._room())
