@@ -13,6 +13,7 @@ from rigd.derived.driver import DerivedConfig
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
+from rigd.procedure.other_rig import OtherRigError
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
 
 Compile = Callable[..., CompiledProcedure]
@@ -136,4 +137,5 @@ def test_procedure_of_another_rig_names_what_is_lacking(small: str, rig: RigConf
     text = deriving(small, "derived:\n  a.b: {is: load_cell.force * rig.arm}\n")
     with pytest.raises(ConfigError) as caught:
         compile_procedure(parse_procedure(text, Path("small.yaml")), rig)
-    assert caught.value.lacks == "load_cell.force"
+    assert isinstance(caught.value, OtherRigError)
+    assert caught.value.missing == ("load_cell",)
