@@ -6,7 +6,7 @@ acts last, whatever the program commands. When no program is loaded, setpoints g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic_ns
 from types import MappingProxyType
@@ -80,6 +80,25 @@ class _Read(NamedTuple):
         return cls(mount.name, driver, places, places.stop - places.start)
 
 
+def _runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, slice, slice]]:
+    """Yield groups of derived channels that follow one another, to be taken at once.
+
+    ``groups`` have the number of their mount and their places in the table of values, in the order
+    of the graph. The slices are those of mounts, values, groups and results.
+    """
+    at = first = 0
+    for place, (mount, values) in enumerate(groups):
+        if place + 1 < len(groups) and groups[place + 1][0] == mount + 1:
+            continue
+        begin, start = groups[first]
+        width = values.stop - start.start
+        yield (
+            slice(begin, mount + 1), slice(start.start, values.stop),
+            slice(first, place + 1), slice(at, at + width),
+        )  # fmt: skip
+        at, first = at + width, place + 1
+
+
 class Cycle:
     """The control cycle of one rig; call :meth:`connect` before the first :meth:`step`."""
 
@@ -110,8 +129,8 @@ class Cycle:
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
-        computed = [n for n, mount in enumerate(rig.mounts) if isinstance(mount.driver, Derived)]
-        self._silent = {item.name for n, item in enumerate(rig.mounts) if n not in computed}
+        derived = [n for n, mount in enumerate(rig.mounts) if isinstance(mount.driver, Derived)]
+        self._silent = {item.name for n, item in enumerate(rig.mounts) if n not in derived}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [
@@ -122,16 +141,14 @@ class Cycle:
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [
-            (n, _Read.of(mount)) for n, mount in enumerate(rig.mounts) if n not in computed
+            (n, _Read.of(mount)) for n, mount in enumerate(rig.mounts) if n not in derived
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
         self._evaluator = evaluator
+        self._derived = list(_runs([(n, rig.mounts[n].values) for n in derived]))
+        for n in derived:
+            self._fresh[n] = True
         if evaluator is not None:
-            # The groups follow one another, as in the graph: their rows are taken at once.
-            first, last = rig.mounts[computed[0]], rig.mounts[computed[-1]]
-            self._computed = slice(computed[0], computed[-1] + 1)
-            self._computed_values = slice(first.values.start, last.values.stop)
-            self._fresh[self._computed] = [True] * len(computed)
             late_ns = [
                 0 if mount.driver.declaration.every_cycle else silent_ns
                 for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
@@ -313,8 +330,10 @@ class Cycle:
                 )
         if self._evaluator is not None:
             self._evaluator.compute(t_ns)
-            values[self._computed_values] = self._evaluator.results
-            stamps[self._computed] = self._evaluator.taken_ns
+            results, taken_ns = self._evaluator.results, self._evaluator.taken_ns
+            for mounts, places, groups, rows in self._derived:
+                values[places] = results[rows]
+                stamps[mounts] = taken_ns[groups]
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:

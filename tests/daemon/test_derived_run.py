@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rigd.config.loader import load_rig
+from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.daemon.resume import read_resume_point
 from rigd.dry_run import dry_run
@@ -101,3 +101,22 @@ def test_dry_run_ends_where_the_run_does(tmp_path: Path) -> None:
     run = perform(made, Control())
     seconds = run_info(Recording.open(run.path)).duration_s
     assert abs(found.duration_s - seconds) < 0.1
+
+
+def test_rig_with_controller_keeps_its_channels_apart(tmp_path: Path) -> None:
+    text = RIG.source.text.replace(
+        "interlocks:\n",
+        "derived:\n  own.way: {is: 3 * carriage.position}\n"
+        "controllers:\n  hold: {measured: wheel_servo.current, output: lateral_belt.speed, "
+        "kp: 1 m/(A s), output_limits: [-0.1 m/s, 0.1 m/s]}\ninterlocks:\n",
+        1,
+    )
+    rig = parse_rig(text, RIG.source.path)
+    procedure = compile_procedure(parse_procedure(TEXT, Path("far.yaml")), rig)
+    run = perform(RunRequest(procedure, TEXT, rig, 1, output=tmp_path / "far.mcap"), Control())
+    recording = Recording.open(run.path)
+    assert list(recording.streams)[-4:] == ["own", "hold", "cart", "cycle"]
+    position = recording.read("carriage")["position"]
+    assert np.array_equal(recording.read("own")["way"], 3 * position)
+    assert np.array_equal(recording.read("cart")["twice"], 2 * position)
+    assert not np.any(recording.read("hold")["error"])  # it does not act
