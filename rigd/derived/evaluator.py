@@ -28,10 +28,11 @@ class Evaluator:
         self._rows = np.array(rows, dtype=np.int64).reshape(-1, 8)
         self._parameters = np.array([*graph.parameters, 0.0])
         self._state = np.full(graph.states + 1, math.nan)
-        self._inputs = np.full(len(graph.inputs), math.nan)
-        self._ages = np.zeros((2, len(graph.inputs)), dtype=np.int64)
+        self._inputs = np.full(len(graph.inputs) + 1, math.nan)
+        self._ages = np.zeros((2, len(graph.inputs) + 1), dtype=np.int64)
         # A memoryview takes a number in half the time of an array.
-        self._given, self._stamps = memoryview(self._inputs), memoryview(self._ages[0])
+        self._given = self._inputs.data.cast("B").cast("d")
+        self._stamps = self._ages[0].data.cast("B").cast("q")
         self._values = np.full(count, math.nan)
         self._times = np.zeros((3, count), dtype=np.int64)
         self._stepped = self._times[2]
@@ -51,7 +52,7 @@ class Evaluator:
         self._taken = np.zeros(len(groups), dtype=np.int64)
         sizes = [2 + 2 * len(names) + 1 for names in groups.values()]
         self._packed = np.zeros(sum(sizes), dtype=np.uint32)
-        packed, ends = memoryview(self._packed).cast("B"), list(accumulate(sizes, initial=0))
+        packed, ends = self._packed.data.cast("B"), list(accumulate(sizes, initial=0))
         #: The same rows with their time, as a ring has them; the memory stays the same.
         self.packed: Sequence[memoryview] = [
             packed[4 * begin : 4 * end] for begin, end in pairwise(ends)

@@ -330,10 +330,10 @@ class Cycle:
                 )
         if self._evaluator is not None:
             self._evaluator.compute(t_ns)
-            results, taken_ns = self._evaluator.results, self._evaluator.taken_ns
+            results, oldest_ns = self._evaluator.results, self._evaluator.taken_ns
             for mounts, places, groups, rows in self._derived:
                 values[places] = results[rows]
-                stamps[mounts] = taken_ns[groups]
+                stamps[mounts] = oldest_ns[groups]
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:
