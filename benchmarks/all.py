@@ -27,6 +27,7 @@ BENCHES = (
     "articulated",
     "simulated_run",
     "derived",
+    "controllers",
     "simulated_bus",
     "can_cycle",
     "modbus_codec",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Collection, Mapping, MutableSequence, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +15,9 @@ from rigd.controllers.driver import ControllerConfig
 from rigd.model.limits import SetpointLimit
 from rigd.model.units import format_quantity
 
-_SOURCES = ("measured", "forward", "schedule")
+#: The time of an input that is not used: it never is too old.
+_FUTURE: Final = 2**62
+_SOURCES: Final = ("measured", "forward", "schedule")
 
 
 class Bank:
@@ -42,37 +46,33 @@ class Bank:
         #: What each controller did in the last cycle: the values of its channels.
         self.rows: list[list[float]] = [[math.nan] * kernel.R_TARGET for _ in range(count)]
         own = [limits[name] for name in ordered]
-        self._limits = own
+        index = {name: place for place, name in enumerate(ordered)}
         self._parameters = np.array(
             [
                 (c.kp, c.ki, c.kd, c.filter_s, c.weight, c.low, c.high,
-                 limit.low, limit.high, limit.rate * period_s)
+                 limit.low, limit.high, limit.rate * period_s,
+                 *(round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)),
+                 index.get(c.output, -1))
                 for c, limit in zip(self.configs, own, strict=True)
             ]
         ).reshape(count, kernel.PARAMETERS)  # fmt: skip
-        self._limits_ns = np.array(
-            [[round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)] for c in self.configs],
-            dtype=np.int64,
-        ).reshape(count, 3)
-        self._used = np.array(
-            [[True, c.forward is not None, c.schedule is not None] for c in self.configs]
-        ).reshape(count, 3)
-        index = {name: place for place, name in enumerate(ordered)}
-        self._commands = np.array(
-            [index.get(config.output, -1) for config in self.configs], dtype=np.int64
+        # Arrays of Python take and give single numbers much faster than those of numpy.
+        self._inputs = array("d", [0.0, 0.0, 1.0, 0.0, 0.0, 0.0] * count)
+        self._stamps = array("q", [_FUTURE] * (3 * count))
+        self._results = array("d", [0.0] * (kernel.RESULTS * count))
+        self._tables = (
+            self._parameters,
+            np.frombuffer(self._inputs).reshape(count, kernel.INPUTS),
+            np.frombuffer(self._stamps, dtype=np.int64).reshape(count, 3),
+            np.zeros((count, kernel.MEMORY)),
+            np.zeros((count, kernel.TIMES), dtype=np.int64),
+            np.frombuffer(self._results).reshape(count, kernel.RESULTS),
         )
-        self._active = np.zeros(count, dtype=np.bool_)
-        self._inputs = np.zeros((count, kernel.INPUTS))
-        self._stamps = np.zeros((count, 3), dtype=np.int64)
-        self._memory = np.zeros((count, kernel.MEMORY))
-        self._taken = np.zeros((count, kernel.TIMES), dtype=np.int64)
-        self._results = np.zeros((count, kernel.RESULTS))
-        self._faults = np.zeros((count, 2), dtype=np.int64)
-        for place, limit in enumerate(own):  # a setpoint begins at rest
-            self._memory[place, 0] = limit.rest
         self._readings: list[tuple[int, int, int, int]] = []
-        self._setpoints: list[tuple[int, int]] = []
+        self._setpoints: list[tuple[int, int, int, int, str]] = []
         self._begun_ns: int | None = None
+        for place, limit in enumerate(own):  # a setpoint begins at rest
+            self._tables[3][place, 0] = limit.rest
         kernel.warm()
 
     def bind(
@@ -86,8 +86,11 @@ class Bank:
             for source, name in enumerate((config.measured, config.forward, config.schedule)):
                 if name is not None:
                     place = readings[name]
-                    self._readings.append((c, source, place, device_of[place]))
-            self._setpoints.append((setpoints[config.setpoint], setpoints[config.output]))
+                    at = c * kernel.INPUTS + source
+                    self._readings.append((at, 3 * c + source, place, device_of[place]))
+            target, output = setpoints[config.setpoint], setpoints[config.output]
+            begin = c * kernel.INPUTS + kernel.WANTED
+            self._setpoints.append((begin, c * kernel.RESULTS, target, output, config.setpoint))
 
     def step(
         self,
@@ -107,31 +110,30 @@ class Bank:
         if self._begun_ns is None:
             self._begun_ns = t_ns
         begun_ns, inputs, times = self._begun_ns, self._inputs, self._stamps
-        for c, source, place, device in self._readings:
-            inputs[c, source] = values[place]
-            times[c, source] = stamps[device] - begun_ns
-        for c, (target, output) in enumerate(self._setpoints):
-            inputs[c, kernel.WANTED] = wanted[target]
-            inputs[c, kernel.APPLIED] = applied[output]
-            self._active[c] = self.configs[c].setpoint in active
-        kernel.control(
-            t_ns - begun_ns, self._active, self._commands, self._parameters, self._limits_ns,
-            self._used, inputs, times, self._memory, self._taken, self._results, self._faults,
-        )  # fmt: skip
-        results, acting = self._results.tolist(), self._active.tolist()
-        for c, (target, output) in enumerate(self._setpoints):
-            *row, goal = results[c]
-            self.rows[c] = row
-            applied[target] = goal
-            if not acting[c]:
-                wanted[target] = goal
+        for at, when, place, device in self._readings:
+            inputs[at] = values[place]
+            times[when] = stamps[device] - begun_ns
+        for at, _, target, output, name in self._setpoints:
+            inputs[at] = wanted[target]
+            inputs[at + 1] = applied[output]
+            inputs[at + 2] = name in active
+        kernel.control(t_ns - begun_ns, *self._tables)
+        results, fault = self._results.tolist(), False
+        for c, (_, at, target, output, name) in enumerate(self._setpoints):
+            self.rows[c] = results[at : at + kernel.R_TARGET]
+            goal = applied[target] = results[at + kernel.R_TARGET]
+            if name in active:
+                wanted[output] = results[at + kernel.R_OUTPUT]
             else:
-                wanted[output] = row[kernel.R_OUTPUT]
-        return "" if not self._faults[:, 0].any() else self._why()
+                wanted[target] = goal
+            fault = fault or results[at + kernel.R_FAULT] != kernel.FINE
+        return self._why() if fault else ""
 
     def _why(self) -> str:
-        c = int(np.flatnonzero(self._faults[:, 0])[0])
-        config, row, (fault, source) = self.configs[c], self.rows[c], self._faults[c].tolist()
+        told = self._tables[-1][:, kernel.R_FAULT :]
+        c = int(np.flatnonzero(told[:, 0])[0])
+        config, row = self.configs[c], self.rows[c]
+        fault, source = int(told[c, 0]), int(told[c, 1])
         name = getattr(config, _SOURCES[source])
         reason = "its output is too large a number"
         if fault == kernel.NAN:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rigd.model.channels import Channel
 from rigd.sdk import Declaration, Driver, DriverConfig
-
-if TYPE_CHECKING:  # a rig file is checked without numpy
-    from rigd.controllers.bank import Bank
 
 #: Name in recordings and lists, in place of that of a driver.
 CONTROLLER: Final = "controller"
@@ -74,15 +70,11 @@ class ControllerConfig(DriverConfig):
         return tuple(item for item in (self.measured, self.forward, self.schedule) if item)
 
 
-class Controller(Driver[ControllerConfig, "Bank"]):
+class Controller(Driver[ControllerConfig, None]):
     """A controller in the cycle. It moves nothing itself: what it commands passes the limiter."""
 
     title = "controller"
     Config = ControllerConfig
-
-    def __init__(self, config: ControllerConfig, link: Bank) -> None:
-        super().__init__(config, link)
-        self._place = link.places[config.name]
 
     @classmethod
     def declare(cls, config: ControllerConfig) -> Declaration:
@@ -110,9 +102,8 @@ class Controller(Driver[ControllerConfig, "Bank"]):
         """Do nothing: it acts only in steps that set it."""
 
     def read(self, t_ns: int) -> Sequence[float] | None:
-        """Return what it computed in the cycle before; None before the first."""
-        row = self.link.rows[self._place]
-        return None if math.isnan(row[-1]) else row
+        """Return None: the cycle takes its row when the bank has computed it."""
+        return None
 
     def make_safe(self) -> None:
         """Do nothing: without a program it does not act."""

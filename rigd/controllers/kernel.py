@@ -29,12 +29,12 @@ Times = NDArray[np.int64]
 # Columns of the parameters.
 KP, KI, KD, FILTER, WEIGHT, LOW, HIGH = 0, 1, 2, 3, 4, 5, 6
 TARGET_LOW, TARGET_HIGH, TARGET_STEP = 7, 8, 9
-PARAMETERS: Final = 10
-# Columns of the times, in ns.
-STALE, FROZEN, STUCK = 0, 1, 2
+STALE, FROZEN, STUCK = 10, 11, 12  # in ns
+INNER: Final = 13  # the controller that it commands; -1: a device
+PARAMETERS: Final = 14
 # Columns of what goes in: values, and for the first three the times of the readings.
-MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED = 0, 1, 2, 3, 4
-INPUTS: Final = 5
+MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
+INPUTS: Final = 6
 # Columns of the memory.
 _TARGET, _R, _Y, _P, _I, _D, _F, _U, _ENGAGED = 0, 1, 2, 3, 4, 5, 6, 7, 8
 _FROZEN_U, _BEST, _SIDE = 9, 10, 11
@@ -42,10 +42,11 @@ MEMORY: Final = 12
 # Columns of the memory of times.
 _TAKEN, _CHANGED, _PROGRESS = 0, 1, 2
 TIMES: Final = 3
-# Columns of the results: those of the channels, then the setpoint within its limits.
+# Columns of the results: those of the channels.
 R_MEASURED, R_ERROR, R_P, R_I, R_D, R_F, R_OUTPUT, R_SATURATED, R_ACTIVE = 0, 1, 2, 3, 4, 5, 6, 7, 8
-R_TARGET: Final = 9
-RESULTS: Final = 10
+# Then the setpoint within its limits, why it gives up, and for which input.
+R_TARGET, R_FAULT, R_SOURCE = 9, 10, 11
+RESULTS: Final = 12
 
 # Why a controller gives up, as numbers.
 FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW = 0, 1, 2, 3, 4, 5
@@ -59,40 +60,34 @@ _PROGRESS_PART: Final = 0.01
 @kernel
 def control(
     t_ns: int,
-    active: NDArray[np.bool_],
-    commands: Times,
     parameters: Floats,
-    limits_ns: Times,
-    used: NDArray[np.bool_],
     inputs: Floats,
     stamps: Times,
     memory: Floats,
     taken: Times,
     results: Floats,
-    faults: Times,
 ) -> None:
     """Take a step of each of the n controllers for the cycle at ``t_ns``.
 
-    A controller stands before the one that it ``commands`` (n; -1: a device). ``used`` (n, 3) is
-    whether it has the input. ``faults`` (n, 2) gets why one gives up, and which input it is; its
-    output then stays.
+    A controller stands before the one that it commands. The columns of the arrays (a row for each
+    controller) are above. The output of one that gives up stays.
     """
-    for c in range(active.shape[0]):
-        faults[c, 0], faults[c, 1] = FINE, 0
-        inner = commands[c]
+    for c in range(parameters.shape[0]):
+        inner = int(parameters[c, INNER])
         if inner >= 0:  # what is set there is the setpoint of the inner controller
             inputs[c, APPLIED] = memory[inner, _TARGET]
-        if not active[c]:
+        if inputs[c, ACTIVE] == 0.0:
             _track(c, parameters, inputs, memory, results)
             continue
+        results[c, R_FAULT], results[c, R_SOURCE] = FINE, 0.0
         _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
-        _check(c, t_ns, limits_ns, used, inputs, stamps, faults)
+        _check(c, t_ns, parameters, inputs, stamps, results)
         _limit(c, parameters, inputs, memory)
-        if faults[c, 0] == FINE:
-            _step(c, parameters, used, inputs, stamps, memory, taken, faults)
-            _watch(c, t_ns, parameters, limits_ns, inputs, memory, taken, faults)
+        if results[c, R_FAULT] == FINE:
+            _step(c, parameters, inputs, stamps, memory, taken, results)
+            _watch(c, t_ns, parameters, inputs, memory, taken, results)
         _tell(c, inputs, memory, results)
-        if inner >= 0 and faults[c, 0] == FINE:
+        if inner >= 0 and results[c, R_FAULT] == FINE:
             inputs[inner, WANTED] = memory[c, _U]
 
 
@@ -132,19 +127,17 @@ def _engage(
 
 @kernel
 def _check(
-    c: int, t_ns: int, limits_ns: Times, used: NDArray[np.bool_], inputs: Floats, stamps: Times,
-    faults: Times,
-) -> None:  # fmt: skip
+    c: int, t_ns: int, parameters: Floats, inputs: Floats, stamps: Times, results: Floats
+) -> None:
     """Note an input that is not a number or too old."""
     for source in range(3):
-        if used[c, source]:
-            value = inputs[c, source]
-            if not math.isfinite(value) or (source == SCHEDULE and value < 0.0):
-                faults[c, 0], faults[c, 1] = NAN, source
-                return
-            if t_ns - stamps[c, source] > limits_ns[c, STALE]:
-                faults[c, 0], faults[c, 1] = OLD, source
-                return
+        value = inputs[c, source]
+        if not math.isfinite(value) or (source == SCHEDULE and value < 0.0):
+            results[c, R_FAULT], results[c, R_SOURCE] = NAN, source
+            return
+        if t_ns - stamps[c, source] > parameters[c, STALE]:
+            results[c, R_FAULT], results[c, R_SOURCE] = OLD, source
+            return
 
 
 @kernel
@@ -164,8 +157,8 @@ def _limit(c: int, parameters: Floats, inputs: Floats, memory: Floats) -> None:
 
 @kernel
 def _step(
-    c: int, parameters: Floats, used: NDArray[np.bool_], inputs: Floats, stamps: Times,
-    memory: Floats, taken: Times, faults: Times,
+    c: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats, taken: Times,
+    results: Floats,
 ) -> None:  # fmt: skip
     """Take a step of the PID if there is a new reading; see the head of this module."""
     if stamps[c, MEASURED] <= taken[c, _TAKEN]:
@@ -173,10 +166,10 @@ def _step(
     begins = math.isnan(memory[c, _I])
     h = 0.0 if begins else 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
     y, r = inputs[c, MEASURED], memory[c, _TARGET]
-    gain = inputs[c, SCHEDULE] if used[c, SCHEDULE] else 1.0
+    gain = inputs[c, SCHEDULE]
     kp, ki, kd = gain * parameters[c, KP], gain * parameters[c, KI], gain * parameters[c, KD]
     weight, lag = parameters[c, WEIGHT], parameters[c, FILTER]
-    forward = inputs[c, FORWARD] if used[c, FORWARD] else 0.0
+    forward = inputs[c, FORWARD]
     before = kp * (weight * memory[c, _R] - memory[c, _Y])  # with the gains of now
     if begins:
         memory[c, _F] = forward
@@ -192,7 +185,7 @@ def _step(
     proportional = kp * (weight * r - y)
     raw = proportional + integral + derivative + forward
     if not math.isfinite(raw):
-        faults[c, 0] = OVERFLOW
+        results[c, R_FAULT] = OVERFLOW
         return
     low, high = parameters[c, LOW], parameters[c, HIGH]
     output = min(max(raw, low), high)
@@ -213,25 +206,25 @@ def _step(
 
 @kernel
 def _watch(
-    c: int, t_ns: int, parameters: Floats, limits_ns: Times, inputs: Floats, memory: Floats,
-    taken: Times, faults: Times,
+    c: int, t_ns: int, parameters: Floats, inputs: Floats, memory: Floats, taken: Times,
+    results: Floats,
 ) -> None:  # fmt: skip
     """Note a measured value that is frozen, and an output at a limit without progress."""
-    if faults[c, 0] != FINE:
+    if results[c, R_FAULT] != FINE:
         return
     moved = abs(memory[c, _U] - memory[c, _FROZEN_U])
     if (
-        t_ns - taken[c, _CHANGED] > limits_ns[c, FROZEN]
+        t_ns - taken[c, _CHANGED] > parameters[c, FROZEN]
         and moved > _MOVED * (parameters[c, HIGH] - parameters[c, LOW])
     ):  # fmt: skip
-        faults[c, 0] = STILL
+        results[c, R_FAULT] = STILL
         return
     error = abs(memory[c, _TARGET] - inputs[c, MEASURED])
     if memory[c, _SIDE] == 0.0 or error < (1.0 - _PROGRESS_PART) * memory[c, _BEST]:
         memory[c, _BEST] = error if memory[c, _SIDE] != 0.0 else math.inf
         taken[c, _PROGRESS] = t_ns
-    elif t_ns - taken[c, _PROGRESS] > limits_ns[c, STUCK]:
-        faults[c, 0] = NO_PROGRESS
+    elif t_ns - taken[c, _PROGRESS] > parameters[c, STUCK]:
+        results[c, R_FAULT] = NO_PROGRESS
 
 
 @kernel
@@ -249,7 +242,5 @@ def _tell(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
 
 def warm() -> None:
     """Load the compiled functions, or compile them: no cycle has time for that."""
-    flags, times = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.int64)
-    table, pairs = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int64)
-    used = np.zeros((0, 3), dtype=np.bool_)
-    control(0, flags, times, table, pairs, used, table, pairs, table, pairs, table, pairs)
+    table, times = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int64)
+    control(0, table, table, times, table, times, table)

@@ -141,7 +141,9 @@ class Cycle:
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [
-            (n, _Read.of(mount)) for n, mount in enumerate(rig.mounts) if n not in derived
+            (n, _Read.of(mount))
+            for n, mount in enumerate(rig.mounts)
+            if not isinstance(mount.driver, Derived | Controller)  # they compute
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
         self._evaluator = evaluator
@@ -159,8 +161,8 @@ class Cycle:
             )  # fmt: skip
         self._controllers = controllers
         self._computed = [
-            (mount.values, controllers.places[mount.name])
-            for mount in rig.mounts
+            (index, mount.values, controllers.places[mount.name])
+            for index, mount in enumerate(rig.mounts)
             if controllers is not None and isinstance(mount.driver, Controller)
         ]
         self._acting: frozenset[str] = frozenset()  #: setpoints of the controllers that act
@@ -392,8 +394,11 @@ class Cycle:
             return
         values, wanted, applied = self._values, self._wanted, self.limiter.applied
         reason = bank.step(t_ns, self._acting, values, self._stamps, wanted, applied)
-        for places, place in self._computed:
+        for index, places, place in self._computed:
             values[places] = bank.rows[place]
+            self._stamps[index], self._fresh[index] = t_ns, True
+        if self._silent:
+            self._silent -= bank.places.keys()
         if reason:
             wanted[:] = self._rest
             self._leave(Outcome(Severity.END_TRIAL, reason))
