@@ -3,8 +3,9 @@
 Prints after how long the simulated drives have no torque (p50, p99, worst), and what is missing
 from the recording. The rig is the shipped one at the wire.
 
-    python benchmarks/kill_table.py --kills 50 --table kills.jsonl
-                        continues the table: stop it and start it as you like
+    python benchmarks/kill_table.py --kills 50 --table kills.jsonl --holding
+                        continues the table: stop it and start it as you like; with --holding, a
+                        controller moves the wheel
 """
 
 from __future__ import annotations
@@ -25,17 +26,30 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import PATIENT, SIGNALS, VICTIMS, Victim, bound_s, own_state
+from support.killing import (
+    HOLDING,
+    PATIENT,
+    RIM_HOLD,
+    SHAKING,
+    SIGNALS,
+    VICTIMS,
+    Movement,
+    Victim,
+    bound_s,
+    own_state,
+)
 from support.wire import WireRig, wire_rig
 
 Row = dict[str, Any]
 
 
-def one_kill(rig: WireRig, folder: Path, victim: str, number: int, draw: random.Random) -> Row:
+def one_kill(
+    rig: WireRig, folder: Path, victim: str, number: int, draw: random.Random, movement: Movement
+) -> Row:
     """Kill one run and return what became of it, with the bound that holds for it."""
     place = Path(tempfile.mkdtemp(dir=folder))
     state = own_state(place)
-    run = Victim(rig, place, state)
+    run = Victim(rig, place, state, movement)
     try:
         time.sleep(draw.uniform(0.0, 1.0))
         killed = run.hit(victim, SIGNALS[number])
@@ -73,6 +87,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=2, help="of each victim by each signal")
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
+    parser.add_argument("--holding", action="store_true", help="while a controller acts")
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     draw = random.Random(args.seed)
@@ -89,12 +104,13 @@ def main() -> int:
         for _ in range(args.kills - done[victim, SIGNALS[number].name])
     ]
     draw.shuffle(missing)
+    movement, changes = (HOLDING, PATIENT | RIM_HOLD) if args.holding else (SHAKING, PATIENT)
     with (
         tempfile.TemporaryDirectory() as folder,
-        wire_rig(Path(folder), "wire-table", PATIENT) as rig,
+        wire_rig(Path(folder), "wire-table", changes) as rig,
     ):
         for count, (victim, number) in enumerate(missing, start=1):
-            row = one_kill(rig, Path(folder), victim, number, draw)
+            row = one_kill(rig, Path(folder), victim, number, draw, movement)
             rows.append(row)
             if args.table is not None:
                 with args.table.open("a") as table:

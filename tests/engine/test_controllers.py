@@ -233,3 +233,31 @@ def test_wrong_setpoint_of_controller_names_its_place(
     place, at = caught.value.place, text.index(new) + new.index(token)
     assert place is not None
     assert (place.line, place.column) == (text[:at].count("\n") + 1, at - text[:at].rfind("\n"))
+
+
+def test_end_at_friction_acts_in_cycle_seeing_it() -> None:
+    mu = (
+        "controllers:\n",
+        "  friction.mu: {is: -longitudinal_belt.force / 38.84 N}\n\ncontrollers:\n",
+    )
+    pairs = "".join(
+        f"    - step: raise {n}\n      set: {{rim_hold: {{ramp: {{to: 0.2 m/s, over: 0.3 s}}}}}}\n"
+        f"      until: friction.mu > {0.05 + 0.0007 * n:g}\n      timeout: 1 s\n"
+        f"    - step: fall {n}\n      set: {{wheel_servo.current: 0 A}}\n      for: 40 ms\n"
+        for n in range(100)
+    )
+    head = PROCEDURE.partition("    - step: still")[0]
+    played = Played(rig_with(mu), head + pairs)
+    assert played.play() == (Severity.DONE, "")
+    found = played.sink.of("friction")["mu"]
+    on = played.sink.of("rim_hold")["active"] == 1.0
+    current = played.sink.of("wheel_servo")["current_setpoint"]
+    begins = np.flatnonzero(on & ~np.roll(on, 1))
+    ends = np.flatnonzero(~on & np.roll(on, 1))
+    assert (len(begins), len(ends)) == (100, 100)
+    for n, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        limit = 0.05 + 0.0007 * n
+        assert np.all(found[begin + 1 : end] <= limit)
+        assert found[end] > limit
+        assert current[end - 1] > 0.0
+        assert current[end] == 0.0  # written in the cycle that read it

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,38 @@ record: all
     moves=lambda parts: any(_is_driven(parts[name]) for name in _SERVOS),
     stream="wheel_servo",
     watchdog_s=0.1,
+)
+#: A rig file's controller of the speed of the rim of the wheel.
+RIM_HOLD = {
+    "interlocks:\n": """\
+derived:
+  rim.speed: {is: derivative(wheel_encoder.angle) * rig.wheel_radius, lowpass: 30 Hz}
+
+controllers:
+  rim_hold:
+    measured: rim.speed
+    output: wheel_servo.current
+    kp: 15 A s/m
+    ki: 1000 A/m
+    limits: {low: -0.5 m/s, high: 0.5 m/s, rate: 1 m/s^2}
+    stale_after: 150 ms
+
+interlocks:
+"""
+}
+HOLDING = replace(
+    SHAKING,
+    procedure="""\
+procedure: hold
+title: Holds for as long as it is left alone
+doc: A controller lets the rim of the wheel go to and fro while the belt holds the carriage.
+trial:
+  steps:
+    - step: hold
+      set: {rim_hold: {sine: {amplitude: 0.1 m/s, frequency: 0.5 Hz}}}
+      for: 7200 s
+record: all
+""",
 )
 DRIVING = Movement(
     """\
