@@ -83,6 +83,7 @@ def unsupervised(rig: RigConfig) -> Sequence[str]:
     return [
         name
         for device in rig.devices.values()
+        if device.is_actuator
         for setpoint in device.setpoints
         if (name := f"{device.name}.{setpoint.name}") not in followed
         if rig.channel(name) is not None

@@ -89,8 +89,10 @@ class Controller(Driver[ControllerConfig, None]):
             Channel("derivative", out, "derivative term, filtered"),
             Channel("forward", out, "feed-forward"),
             Channel("output", out, f"what it asks of {goal}; while it is off, what is set there"),
-            Channel("saturated", "1", "1 at the highest output, -1 at the lowest, else 0"),
-            Channel("active", "1", "1 while it acts, else 0"),
+            Channel(
+                "saturated", "1", "1 at the highest output, -1 at the lowest, else 0", -1.0, 1.0
+            ),
+            Channel("active", "1", "1 while it acts, else 0", 0.0, 1.0),
         )
         setpoint = Channel(short, unit, f"{config.measured} to be held by {goal}")
         return Declaration(channels=channels, plain_rows=True, setpoints=(setpoint,))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rigd.config.following import unsupervised
 from rigd.config.loader import channel_names, parse_rig
 from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.manual.choice import only
@@ -63,6 +64,10 @@ def test_controllers_become_devices_with_a_setpoint(rig_text: str) -> None:
     assert units["place_hold.output"] == "m/s"
     assert not rig.devices["rim_hold"].is_actuator
     assert "rim_hold" in rig.settable
+
+
+def test_setpoint_of_controller_needs_no_following_interlock(rig_text: str) -> None:
+    assert unsupervised(parse_rig(with_controllers(rig_text, GOOD), FILE)) == []
 
 
 def test_controller_passes_between_processes(rig_text: str) -> None:
