@@ -235,16 +235,17 @@ def test_wrong_setpoint_of_controller_names_its_place(
     assert (place.line, place.column) == (text[:at].count("\n") + 1, at - text[:at].rfind("\n"))
 
 
-def test_end_at_friction_acts_in_cycle_seeing_it() -> None:
+@pytest.mark.parametrize("count", [10, 100])
+def test_end_at_friction_acts_in_cycle_seeing_it(count: int) -> None:
     mu = (
         "controllers:\n",
         "  friction.mu: {is: -longitudinal_belt.force / 38.84 N}\n\ncontrollers:\n",
     )
     pairs = "".join(
-        f"    - step: raise {n}\n      set: {{rim_hold: {{ramp: {{to: 0.2 m/s, over: 0.3 s}}}}}}\n"
+        f"    - step: raise {n}\n      set: {{rim_hold: {{ramp: {{to: 0.2 m/s, over: 0.2 s}}}}}}\n"
         f"      until: friction.mu > {0.05 + 0.0007 * n:g}\n      timeout: 1 s\n"
-        f"    - step: fall {n}\n      set: {{wheel_servo.current: 0 A}}\n      for: 40 ms\n"
-        for n in range(100)
+        f"    - step: fall {n}\n      set: {{wheel_servo.current: 0 A}}\n      for: 15 ms\n"
+        for n in range(count)
     )
     head = PROCEDURE.partition("    - step: still")[0]
     played = Played(rig_with(mu), head + pairs)
@@ -254,7 +255,7 @@ def test_end_at_friction_acts_in_cycle_seeing_it() -> None:
     current = played.sink.of("wheel_servo")["current_setpoint"]
     begins = np.flatnonzero(on & ~np.roll(on, 1))
     ends = np.flatnonzero(~on & np.roll(on, 1))
-    assert (len(begins), len(ends)) == (100, 100)
+    assert (len(begins), len(ends)) == (count, count)
     for n, (begin, end) in enumerate(zip(begins, ends, strict=True)):
         limit = 0.05 + 0.0007 * n
         assert np.all(found[begin + 1 : end] <= limit)

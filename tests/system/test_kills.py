@@ -13,10 +13,22 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
-from support.killing import QUARTER, Killed, Victim, bound_s, own_state
+from support.killing import (
+    HOLDING,
+    PATIENT,
+    QUARTER,
+    RIM_HOLD,
+    Killed,
+    Victim,
+    bound_s,
+    own_state,
+)
 from support.stalls import witnessed
 from support.wire import WireRig, wire_rig
+
+from rigd.record import Recording
 
 #: Every process is killed, stopped and asked to end once. The recorder, without which a run goes
 #: on, is hit in runs that another hit ends.
@@ -68,4 +80,30 @@ def test_kill_leaves_safe_rig_and_every_sample(
     else:
         assert killed.ending in ("aborted", "stopped", "faulted")
         assert killed.ending in killed.told
+    shutil.rmtree(state)
+
+
+@pytest.fixture(scope="module")
+def holding_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
+    folder = tmp_path_factory.mktemp("wire")
+    with wire_rig(folder, "wire-holding", PATIENT | RIM_HOLD) as rig:
+        yield rig.without("accelerometer")
+
+
+@pytest.mark.parametrize("victim", ["cycle", "all"])
+def test_kill_while_controller_acts_leaves_safe_rig(
+    holding_bench: WireRig, tmp_path: Path, victim: str
+) -> None:
+    state = own_state(tmp_path)
+    run = Victim(holding_bench, tmp_path, state, HOLDING)
+    try:
+        with witnessed() as lost_s:
+            killed = run.hit(victim, signal.SIGKILL)
+            stalled_s = lost_s()
+    finally:
+        run.end()
+    assert killed.safe_after_s < bound_s(holding_bench, victim, signal.SIGKILL) + stalled_s
+    assert killed.gaps == 0
+    recorded = Recording.open(run.recording).read("rim_hold")
+    assert np.any(recorded["active"] == 1.0)
     shutil.rmtree(state)
