@@ -8,7 +8,6 @@ import pty
 import re
 import struct
 import subprocess
-import sys
 import termios
 import threading
 from collections.abc import Iterator, Sequence
@@ -16,6 +15,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
+
+from support import warm
 
 #: What takes longer has hung.
 TIMEOUT_S: Final = 60.0
@@ -27,7 +28,7 @@ _CONTROL: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
 class Terminal:
     """A command on a pty of its own, in ``folder``."""
 
-    process: subprocess.Popen[bytes]
+    process: warm.Started | subprocess.Popen[bytes]
     master: int
     folder: Path
     seen: str = ""
@@ -37,10 +38,7 @@ class Terminal:
         """Start ``rigd`` with ``arguments`` in ``folder``."""
         master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-        process = subprocess.Popen(
-            [sys.executable, "-m", "rigd", *arguments],
-            cwd=folder, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-        )  # fmt: skip
+        process = warm.start(arguments, folder, slave, stdin=slave)
         os.close(slave)
         return cls(process, master, folder)
 

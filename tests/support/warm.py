@@ -3,7 +3,8 @@
 Most of what a short command costs is its imports. What they are, and that each command finds its
 own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
 by what is started and not run to its end: `rigd serve`, runs to be watched or killed, `rigd sim` in
-tests/sim/wire/test_bench.py. The simulation behind other tests begins here too.
+tests/sim/wire/test_bench.py. Simulations behind other tests, and commands on a terminal of
+their own (:mod:`support.terminal`), begin here.
 The processes that a run itself starts are never shared. All workers of a suite ask one process,
 which imports rigd when the first of them asks. A command ends without destroying these modules,
 which would cost more than most commands do.
@@ -20,7 +21,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -212,19 +213,19 @@ def run(
 class Started:
     """A command that goes on: what :class:`subprocess.Popen` offers of it, in its own session."""
 
-    def __init__(self, arguments: list[str], cwd: Path, log: IO[bytes]) -> None:
+    def __init__(
+        self, arguments: list[str], cwd: Path, streams: Sequence[int], environment: dict[str, str]
+    ) -> None:
         asked = {
             "arguments": arguments,
             "cwd": str(cwd.absolute()),
-            "environment": dict(os.environ),
+            "environment": environment,
             "session": True,
         }
         self.returncode: int | None = None
         self._answer = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._answer.connect(os.environ[_PLACE])
-        with Path(os.devnull).open("rb") as nothing:
-            streams = [nothing.fileno(), log.fileno(), log.fileno()]
-            socket.send_fds(self._answer, [json.dumps(asked).encode()], streams)
+        socket.send_fds(self._answer, [json.dumps(asked).encode()], streams)
         self.pid = int(self._answer.recv(1 << 16))
 
     def wait(self, timeout_s: float | None = None) -> int:
@@ -257,6 +258,30 @@ class Started:
     def kill(self) -> None:
         """Kill it, if it has not ended."""
         self.send_signal(signal.SIGKILL)
+
+
+def start(
+    arguments: Sequence[str],
+    cwd: Path,
+    out: int,
+    *,
+    stdin: int | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Started | subprocess.Popen[bytes]:
+    """Start ``rigd ARGUMENTS``, in tests from the process that has imported rigd.
+
+    Its output and errors go to the descriptor ``out``; ``environment`` is added to that of this
+    process. Its input is empty if ``stdin`` is None.
+    """
+    environ = {**os.environ, **(environment or {})}
+    with Path(os.devnull).open("rb") as nothing:
+        given = nothing.fileno() if stdin is None else stdin
+        if offered():
+            return Started(list(arguments), cwd, [given, out, out], environ)
+        return subprocess.Popen(
+            [sys.executable, "-m", "rigd", *arguments],
+            cwd=cwd, env=environ, stdin=given, stdout=out, stderr=out, start_new_session=True,
+        )  # fmt: skip
 
 
 def run_python(code: str, cwd: Path, timeout_s: float) -> tuple[int, str, str]:

@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -53,17 +52,7 @@ class WireRig:
     def start(self) -> None:
         """Serve the devices; return once they can be reached."""
         with (self.folder / "sim.log").open("wb") as log:
-            command = ["sim", str(self.rig)]
-            self.process = (
-                warm.Started(command, Path.cwd(), log)
-                if warm.offered()
-                else subprocess.Popen(
-                    [sys.executable, "-m", "rigd", *command],
-                    stdout=log,
-                    stderr=log,
-                    start_new_session=True,
-                )
-            )
+            self.process = warm.start(["sim", str(self.rig)], Path.cwd(), log.fileno())
         deadline = time.monotonic() + START_S
         while True:
             try:
