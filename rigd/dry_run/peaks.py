@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rigd.dry_run.swings import Swings
 from rigd.engine.sink import Rows
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -19,18 +20,22 @@ from rigd.model.rows import TIME_FIELD
 class PeakSink:
     """Keeps extremes of a run; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
 
-    ``steps`` has (time in ns, trial number, step name) in order of play.
+    ``steps`` has (time in ns, trial number, step name) in order of play. ``swings`` has the streams
+    of the controllers.
     """
 
     peaks: dict[str, tuple[float, float]] = field(default_factory=dict)
     steps: list[tuple[int, int, str]] = field(default_factory=list)
     trips: list[str] = field(default_factory=list)
     cut: set[str] = field(default_factory=set)
+    swings: Mapping[str, Swings] = field(default_factory=dict)
     last_ns: int = 0
 
     def write(self, stream: str, rows: Rows) -> None:
         """Update the extremes with ``rows``; NaN is skipped."""
         self.last_ns = max(self.last_ns, int(rows[TIME_FIELD][-1]))
+        if stream in self.swings:
+            self.swings[stream].take(rows)
         for name in rows.dtype.names or ():
             if name in (TIME_FIELD, STATUS_FIELD):
                 continue

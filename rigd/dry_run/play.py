@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from rigd.config.rig import RigConfig
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, step_rows
+from rigd.dry_run.swings import PASSAGES, Swings
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
@@ -75,7 +76,9 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)
-    sink = PeakSink()
+    held = {name.partition(".")[0]: name for name in rig.loops}
+    swings = {name: Swings(f"{goal.partition('.')[2]}_setpoint") for name, goal in held.items()}
+    sink = PeakSink(swings=swings)
     everything = {
         s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name
     }
@@ -86,6 +89,12 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals = list(sink.trips)
     refusals += [f"a setpoint of {name} exceeds its limit" for name in sorted(sink.cut)]
+    refusals += [
+        f"controller {name}: {rig.loops[held[name]]} swings from one limit to the other, "
+        f"{found.most} times while the setpoint is constant: lower the gains"
+        for name, found in swings.items()
+        if found.most >= PASSAGES
+    ]
     if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
     refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -207,6 +208,13 @@ def test_dry_run_refuses_gains_of_wrong_sign() -> None:
     assert "wrong sign" in refusal
     right = rig_with()
     assert dry_run(compiled(right), right, seed=1).refusals == ()
+
+
+def test_dry_run_refuses_gains_far_too_high() -> None:
+    rig = rig_with(("ki: 300", "ki: 300000"))
+    (refusal,) = dry_run(compiled(rig), rig, seed=1).refusals
+    assert re.search(r"rim_hold: wheel_servo.current swings .* \d\d+ times while", refusal)
+    assert "lower the gains" in refusal
 
 
 @pytest.mark.parametrize(
