@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from rigd.config.document import Data, Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.model.units import format_quantity
-from rigd.sdk import In
+from rigd.sdk import In, PlantConfig, WrongEntries
 from rigd.sdk.documented import description
 
 M = TypeVar("M", bound=BaseModel)
@@ -38,16 +38,24 @@ _BOUNDS: Final = {
 
 
 def bind(
-    document: Document, model: type[M], problems: Problems, path: KeyPath = (), data: Any = None
+    document: Document,
+    model: type[M],
+    problems: Problems,
+    path: KeyPath = (),
+    data: Any = None,
+    *,
+    plant: PlantConfig | None = None,
 ) -> M | None:
     """Return the part of ``document`` at ``path`` as ``model``, or None with the problems noted.
 
-    ``data`` replaces the part at ``path`` if the caller has removed keys from it.
+    ``data`` replaces the part at ``path`` if the caller has removed keys from it. ``plant`` has the
+    options of the rig's plant, for devices that are checked against it.
     """
     try:
         return model.model_validate(
             document.get(path) if data is None else data,
-            context={"folder": document.path.parent},  # the folder for relative paths
+            # the folder for relative paths, and the plant below a device
+            context={"folder": document.path.parent, "plant": plant},
         )
     except ValidationError as error:
         for detail in error.errors(include_url=False):
@@ -82,6 +90,10 @@ def _note(
     is_key = detail["loc"][-1:] == ("[key]",)  # pydantic's word for the key itself
     written = _written(str(where[-1]) if is_key else document.get(where))
     message, hint = f"{written} is not accepted here", spot.doc
+    if isinstance(error := context.get("error"), WrongEntries):
+        for below, text in error.problems:
+            problems.add(document.place((*where, *below)), text)
+        return
     if kind == "value_error":
         message = str(context["error"])
     elif kind in _EXPECTED:

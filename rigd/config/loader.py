@@ -86,9 +86,10 @@ def _build(document: Document) -> RigConfig:
         raise ConfigError("the rig file cannot be used", place=document.place(()))
     _check_supervision(document, source, problems)
     links = read_links(document, source, problems)
+    plant = _plant(document, source, problems)
     devices: dict[str, DeviceConfig] = {}
     for name, item in source.devices.items():
-        device = _device(document, name, item, links, problems)
+        device = _device(document, name, item, links, source, plant, problems)
         if device is not None:
             _check_ground(document, device, source, problems)
             devices[name] = device
@@ -97,7 +98,7 @@ def _build(document: Document) -> RigConfig:
         name=source.rig,
         title=source.title,
         period_ns=round(1e9 / source.cycle),
-        plant=_plant(document, source, problems),
+        plant=plant,
         devices=devices,
         interlocks=(),
         constants=_constants(document, source, problems),
@@ -138,6 +139,8 @@ def _device(
     name: str,
     source: DeviceSource,
     links: dict[str, LinkSetup | None],
+    rig: RigSource,
+    plant: PlantSetup | None,
     problems: Problems,
 ) -> DeviceConfig | None:
     path: KeyPath = ("devices", name)
@@ -147,7 +150,16 @@ def _device(
         problems.add(document.place((*path, "driver")), error.message, error.hint)
         return None
     check_link(document, path, source, driver_class.link_kind, links, problems)
-    config = bind(document, driver_class.Config, problems, (*path, "options"), data=source.options)
+    if driver_class.plant_model and not _stands(document, path, source, rig, plant, problems):
+        return None
+    config = bind(
+        document,
+        driver_class.Config,
+        problems,
+        (*path, "options"),
+        data=source.options,
+        plant=None if plant is None else plant.config,
+    )
     if config is None:
         return None
     try:
@@ -169,6 +181,28 @@ def _device(
         link=source.link,
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
     )
+
+
+def _stands(
+    document: Document,
+    path: KeyPath,
+    source: DeviceSource,
+    rig: RigSource,
+    plant: PlantSetup | None,
+    problems: Problems,
+) -> bool:
+    """Return whether the plant of the device is there, with the problem noted if it is another."""
+    wanted = find_driver(source.driver).plant_model
+    given = None if rig.plant is None else rig.plant.model
+    if given == wanted:
+        return plant is not None  # if it is wrong, that is noted
+    has = "no plant" if given is None else f"the plant {given!r}"
+    problems.add(
+        document.place((*path, "driver")),
+        f"{source.driver} stands on a plant with 'model: {wanted}', and this rig has {has}",
+        f"add 'plant: {{model: {wanted}, ...}}', or use another driver",
+    )
+    return False
 
 
 def _check_ground(

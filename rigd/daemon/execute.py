@@ -313,6 +313,8 @@ def attached_texts(request: RunRequest) -> dict[str, str]:
     if calibration is not None and calibration.held is not None:
         texts[ATTACHMENT] = calibration.held.text
     plant = request.rig.plant
+    if plant is not None:
+        texts.update(plant.config.attachments())
     files = {} if plant is None else dict(plant.config.files())
     for device in request.rig.devices.values():
         files.update(device.config.files())

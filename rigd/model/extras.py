@@ -18,6 +18,7 @@ MODULES: Final[Mapping[str, tuple[str, ...]]] = {
     "panel": ("starlette", "uvicorn", "h11", "websockets"),
     "ni": ("nidaqmx", "grpc"),
     "foxglove": ("foxglove",),
+    "fmu": ("fmpy",),
 }
 
 

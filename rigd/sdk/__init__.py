@@ -3,7 +3,7 @@
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.sdk.declaration import Declaration
-from rigd.sdk.documented import Documented
+from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.driver import (
     AnyDriver,
     Block,
@@ -53,6 +53,7 @@ __all__ = [
     "SimulationConfig",
     "SlowDriver",
     "Stream",
+    "WrongEntries",
     "accepted",
     "shipped_configs",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -18,6 +18,18 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaH
 from pydantic_core import CoreSchema
 
 from rigd.sdk.written import accept_text
+
+
+class WrongEntries(ValueError):
+    """Entries that a validator of a whole part refuses: ``problems`` has the path and text of each.
+
+    A path is the keys and list indices from the part that is validated to the entry; the message
+    of a rig file shows the line of that entry.
+    """
+
+    def __init__(self, problems: Sequence[tuple[tuple[str | int, ...], str]]) -> None:
+        super().__init__("; ".join(text for _, text in problems))
+        self.problems = tuple(problems)
 
 
 class Documented(BaseModel):

@@ -56,6 +56,9 @@ class AnyDriver(ABC, Generic[ConfigT, LinkT]):
     #: The kind of link that ``link: NAME`` must lead to, as in ``links: {NAME: {type: KIND}}``;
     #: "" for a driver that opens its own connection or stands on a plant.
     link_kind: ClassVar[str] = ""
+    #: The model of the plant that the device stands on, as in ``plant: {model: MODEL}``, if its
+    #: options name parts of it: a validator finds the plant's options in the context, as ``plant``.
+    plant_model: ClassVar[str] = ""
 
     #: Options that no two devices of a rig may share: the serial port that this driver opens.
     unshared: ClassVar[tuple[str, ...]] = ()

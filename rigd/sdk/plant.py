@@ -36,6 +36,10 @@ class PlantConfig(Documented):
         """
         return {}
 
+    def attachments(self) -> Mapping[str, str]:
+        """Return further texts that explain the plant, by the name that recordings give them."""
+        return {}
+
     def at_start(self) -> Mapping[str, float | str]:
         """Return the values that the options give to settings, by name; a number is in SI."""
         values = {name: getattr(self, name, None) for name in self.settings()}
@@ -74,6 +78,8 @@ class Plant(ABC):
     step_ns: ClassVar[int | None] = None
     #: The error of the hidden state falls as the step to this power.
     order: ClassVar[int] = 1
+    #: Whether what devices show depends on the seed.
+    seeded: ClassVar[bool] = True
 
     def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
         self.config = config

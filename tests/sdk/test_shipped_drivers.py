@@ -24,6 +24,9 @@ from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
 #: Options of drivers that no shipped rig has; the suite needs some to construct them.
 OPTIONS: dict[str, dict[str, Any]] = {
+    "sim-fmu": {"inputs": {"torque": {"variable": "T", "unit": "N m", "low": "-1 N m",
+                                       "high": "1 N m"}},
+                "outputs": {"speed": {"variable": "omega", "unit": "rad/s"}}},
     "modbus-transmitter": {"host": "cell", "map": "laumas-tlb4", "low": "-500 N", "high": "500 N",
                            "scale": "0.01 N/count"},
     "modbus-servo": {"host": "drive", "map": "schneider-atv320", "max_speed": "300 rpm",

@@ -23,6 +23,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_every_block_gives_its_printed_result[friction_laws.md]",
             "test_every_block_gives_its_printed_result[identification.md]",
             "test_every_block_gives_its_printed_result[lateral.md]",
+            "test_every_block_gives_its_printed_result[models.md]",
             "test_every_block_gives_its_printed_result[plants.md]",
             "test_every_block_gives_its_printed_result[robot.md]",
             "test_every_block_gives_its_printed_result[recordings.md]",
@@ -342,6 +343,14 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_unsafe_devices_are_made_safe_over_second_link",
         ),
         "engine/test_windows_between_processes.py": ("test_without_windows_all_rows_are_recorded",),
+        "sim/fmu/test_examples.py": ("test_robot_unit_of_fmi_3_is_the_plant",),
+        "sim/fmu/test_plant.py": (
+            "test_failing_unit_ends_the_run_with_its_name[discard",
+            "test_failing_unit_ends_the_run_with_its_name[exit",
+            "test_failing_unit_ends_the_run_with_its_name[nan",
+            "test_failing_unit_ends_the_run_with_its_name[sleep",
+            "test_plant_keeps_the_promises_that_apply",
+        ),
         "sim/wire/test_bench.py": (
             "test_killed_simulation_does_not_block_the_next",
             "test_one_folder_serves_one_simulation",

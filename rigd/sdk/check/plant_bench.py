@@ -99,7 +99,10 @@ class PlantBench:
         self.seen.rows = {name: [] for name in subject.devices}
 
     def _mount(self, name: str, driver_class: type[Any], options: Mapping[str, Any]) -> None:
-        driver = driver_class(driver_class.Config.model_validate(dict(options)), self.plant)
+        config = driver_class.Config.model_validate(
+            dict(options), context={"plant": self.plant.config}
+        )
+        driver = driver_class(config, self.plant)
         if isinstance(driver, Driver):
             self._drivers[name] = driver
         elif isinstance(driver, BlockDriver) and driver.on_plant:

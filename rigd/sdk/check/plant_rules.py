@@ -61,6 +61,11 @@ def needs_devices(subject: PlantSubject) -> str:
     return "" if subject.devices else "no devices were given"
 
 
+def needs_seed(subject: PlantSubject) -> str:
+    """Return why the rule for another seed cannot be applied."""
+    return needs_devices(subject) if subject.plant_class.seeded else "the plant has no noise"
+
+
 def driven(subject: PlantSubject, *, seed: int = 1, start_ns: int = 0) -> Played:
     """Return the rows of a new plant that is driven gently."""
     return PlantBench(subject, subject.make(seed=seed), start_ns=start_ns).play(CYCLES, gentle)
@@ -391,7 +396,7 @@ PLANT_RULES: Final = (
         _repeats,
         needs_devices,
     ),
-    PlantRule("other seed", "another seed gives other noise; use the seed", _seeds, needs_devices),
+    PlantRule("other seed", "another seed gives other noise; use the seed", _seeds, needs_seed),
     PlantRule(
         "origin of time",
         "time counts from the first call of advance(): use the t_ns that evolve() is given",
