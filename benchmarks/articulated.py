@@ -2,7 +2,8 @@
 
 The compiled integrator and the same scheme in C run the same random drives, one after the other in
 every round, so that a busy machine slows both. Then the straightforward way: `solve_ivp` on the 30
-coordinates with their multipliers, at a tolerance that gives the accuracy of the fixed step. Times
+coordinates with their multipliers, at a tolerance that gives the accuracy of the fixed step. Last
+the identification of both sets of tests, from recordings to numbers, without a report. All times
 are CPU times of this process.
 
     python benchmarks/articulated.py
@@ -14,6 +15,7 @@ import ctypes
 import os
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +32,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.articulated_kkt import Multipliers
 from support.articulated_robots import Driven, chain, shipped
 
+from rigd.analysis.analysis import Options
+from rigd.analysis.evaluation import evaluate
+from rigd.config.loader import load_rig
+from rigd.daemon.execute import RunRequest, perform
+from rigd.engine.control import Control
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
 from rigd.sdk import Driver
+from rigd.sdk.shipped import shipped_folder
 from rigd_sim.devices.articulated_drive import ArticulatedDrive, DriveConfig
 from rigd_sim.devices.articulated_sensors import (
     ArticulatedTracker,
@@ -51,6 +61,7 @@ STRAIGHT_S = 0.5
 MOST_RATIO = 1.3
 LEAST_RATIO = 300.0
 MOST_US = 5.0
+MOST_IDENTIFY_S = 5.0
 
 Floats = NDArray[np.float64]
 Integrate = Callable[[Driven], None]
@@ -170,6 +181,23 @@ def cycle() -> None:
     noted("robot, with six devices", statistics.median(whole), "us a cycle")
 
 
+def identification() -> None:
+    """Print how long the fit of the 19 trials of both sets takes, once all is compiled."""
+    rig = load_rig(shipped_folder("configs") / "sim_articulated.yaml")
+    with tempfile.TemporaryDirectory() as folder:
+        paths = []
+        for name in ("straight_speeds", "circles"):
+            source = load_procedure(shipped_folder("procedures") / f"{name}.yaml")
+            procedure = compile_procedure(source, rig, {})
+            paths.append(Path(folder) / f"{name}.mcap")
+            perform(RunRequest(procedure, source.file.text, rig, 1, output=paths[-1]), Control())
+        evaluate(paths, Options())
+        began = time.process_time()
+        evaluate(paths, Options())
+        spent = time.process_time() - began
+    at_most("robot, identification of 19 trials", spent, MOST_IDENTIFY_S, "s")
+
+
 def main() -> None:
     reference = compiled_reference()
     print(
@@ -182,6 +210,7 @@ def main() -> None:
     compare("five modules", reference, chain(5), "paper", fast=False)
     straightforward()
     cycle()
+    identification()
 
 
 if __name__ == "__main__":

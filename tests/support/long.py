@@ -34,6 +34,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "end to end; its parts, or a smaller one, are tried by `make test`": {
         "analyses/articulated/test_analysis.py": (
             "test_analysis_finds_what_the_plant_has",
+            "test_gradual_contacts_are_in_interval_of_mu_s",
             "test_marker_off_its_place_is_named",
             "test_wrong_constant_is_named",
         ),

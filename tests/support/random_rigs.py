@@ -107,23 +107,23 @@ def random_rig(
         return float(np.exp(spread * log_sd * random.standard_normal()))
 
     for path, log_sd in OTHERS.items():
-        _scale(plant, path, factor(log_sd))
+        scale(plant, path, factor(log_sd))
     accelerometer = plant["sensors"]["accelerometer"]
     tilt = spread * BIAS_M_S2 * random.standard_normal()
-    accelerometer["bias"] = f"{_number(accelerometer['bias']) + tilt!r} m/s^2"
+    accelerometer["bias"] = f"{number_of(accelerometer['bias']) + tilt!r} m/s^2"
     surface = plant["floors"][floor]
     for name, log_sd in FRICTION.items():
-        _scale(surface, (name,), factor(log_sd))
-    coulomb = _number(surface["mu_coulomb"])
-    rise = (_number(surface["mu_static"]) / coulomb - 1.0) * factor(RISE)
+        scale(surface, (name,), factor(log_sd))
+    coulomb = number_of(surface["mu_coulomb"])
+    rise = (number_of(surface["mu_static"]) / coulomb - 1.0) * factor(RISE)
     surface["mu_coulomb"] = coulomb * factor(MU)
     surface["mu_static"] = surface["mu_coulomb"] * (1.0 + rise)
-    surface |= {name: _with_unit(surface[name], value) for name, value in (friction or {}).items()}
+    surface |= {name: with_unit(surface[name], value) for name, value in (friction or {}).items()}
     truth = {
-        "V_s": _number(surface["stribeck_speed"]),
-        "mu_c": _number(surface["mu_coulomb"]),
-        "mu_s": _number(surface["mu_static"]),
-        **{name: _number(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
+        "V_s": number_of(surface["stribeck_speed"]),
+        "mu_c": number_of(surface["mu_coulomb"]),
+        "mu_s": number_of(surface["mu_static"]),
+        **{name: number_of(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
     }
     YAML().dump(plant, folder / "plant.yaml")
     (folder / "rig.yaml").write_text(_rig_text(shipped, plant, number), "utf-8")
@@ -148,14 +148,14 @@ def measured(path: Path, number: int, floor: str) -> Path:
 
 def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
     carriage, guide = plant["carriage"], plant["carriage"]["guide"]
-    mass, gravity = _number(carriage["mass"]), _number(plant["gravity"])
-    arm = abs(_number(guide["contact_arm"]) - _number(guide["mass_arm"]))
-    friction_n = _number(guide["dry"]) * mass * gravity * arm / _number(guide["half_span"])
+    mass, gravity = number_of(carriage["mass"]), number_of(plant["gravity"])
+    arm = abs(number_of(guide["contact_arm"]) - number_of(guide["mass_arm"]))
+    friction_n = number_of(guide["dry"]) * mass * gravity * arm / number_of(guide["half_span"])
     wheel, drive = plant["wheel"], plant["drive"]
     bearings = wheel["bearings"]
-    spacing, overhang = _number(bearings["spacing"]), _number(bearings["overhang"])
+    spacing, overhang = number_of(bearings["spacing"]), number_of(bearings["overhang"])
     load_n = mass * gravity * (spacing + 2 * overhang) / spacing  # of both bearings, Eq. 48
-    bearing_mn_m = _number(bearings["dry"]) * _number(bearings["pitch_diameter"]) / 2 * load_n
+    bearing_mn_m = number_of(bearings["dry"]) * number_of(bearings["pitch_diameter"]) / 2 * load_n
     constants = {
         "moving_mass": ("3.9593 kg", f"{mass!r} kg"),
         "wheel_radius": ("50 mm", wheel["radius"]),
@@ -166,7 +166,7 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
         "wheel_inertia": ("4.5e-4 kg m^2", wheel["inertia"]),
         "bearing_torque": ("1.942 mN m", f"{bearing_mn_m!r} mN m"),
     }
-    return _replaced(
+    return replaced(
         (shipped / "sim_lugre.yaml").read_text("utf-8"),
         {"parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {number}"}
         | {f"{name}: {{value: {old},": f"{name}: {{value: {new},"
@@ -177,11 +177,11 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
 def _procedure_text(surface: Mapping[str, Any], currents: str) -> str:
     text = (shipped_folder("procedures") / f"{PROCEDURE}.yaml").read_text("utf-8")
     line = next(line for line in text.splitlines() if "values: {stone: 0.009" in line)
-    values = ", ".join(f"{name}: {_number(surface['rolling'])!r}" for name in FLOORS)
-    return _replaced(text, {line: f"    values: {{{values}}}", PAPER_CURRENTS: currents})
+    values = ", ".join(f"{name}: {number_of(surface['rolling'])!r}" for name in FLOORS)
+    return replaced(text, {line: f"    values: {{{values}}}", PAPER_CURRENTS: currents})
 
 
-def _replaced(text: str, changes: Mapping[str, str]) -> str:
+def replaced(text: str, changes: Mapping[str, str]) -> str:
     for old, new in changes.items():
         if text.count(old) != 1:
             raise ValueError(f"{old!r} stands {text.count(old)} times")
@@ -189,19 +189,19 @@ def _replaced(text: str, changes: Mapping[str, str]) -> str:
     return text
 
 
-def _scale(plant: dict[str, Any], path: tuple[str, ...], factor: float) -> None:
+def scale(plant: dict[str, Any], path: tuple[str, ...], factor: float) -> None:
     """Multiply the quantity at ``path``, which keeps its unit."""
     *parents, name = path
     for parent in parents:
         plant = plant[parent]
-    plant[name] = _with_unit(plant[name], _number(plant[name]) * factor)
+    plant[name] = with_unit(plant[name], number_of(plant[name]) * factor)
 
 
-def _with_unit(quantity: str | float, value: float) -> str:
+def with_unit(quantity: str | float, value: float) -> str:
     """Return ``value`` in the unit that ``quantity`` is written in."""
     return f"{value!r} {str(quantity).partition(' ')[2]}".strip()
 
 
-def _number(quantity: str | float) -> float:
+def number_of(quantity: str | float) -> float:
     """Return the number of a quantity as it is written, in any unit."""
     return float(str(quantity).partition(" ")[0])

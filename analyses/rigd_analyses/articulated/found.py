@@ -15,7 +15,7 @@ from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import UNEXPLAINED, judge_fit
 from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import to_scaled
+from rigd.analysis.model import slopes, to_scaled
 from rigd.analysis.output_error import BETTER, NEAR, Branch, OutputErrorFit, conclude
 from rigd.analysis.result import FitOutcome, FloatArray, Gate
 from rigd.analysis.system import SomeTrials
@@ -43,6 +43,12 @@ AGAIN: Final = tuple(
 )
 RULED_OUT: Final = 1.92  #: of the cost: half the 95 % point of chi-squared
 MOST_BETTER: Final = 3
+#: Shares of mu_s N over which contacts may let go gradually, half of each; and by how many of these
+#: mu_s is larger then.
+WIDTHS: Final = (0.02, 0.035, 0.05, 0.075, 0.1, 0.15)
+UP: Final = (0.1, 0.25, 0.4, 0.55, 0.7, 0.9, 1.2)
+RULED_OUT_ROUGHLY: Final = 3.0  #: of the cost: the same, between the values that are tried
+HOPELESS: Final = 40.0  #: of the cost: no other parameter makes up for it
 NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
 OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
 STRAIGHT: Final = 0.1  #: relative difference of both wheels' ways
@@ -264,7 +270,47 @@ def _rescanned(
         moved[place] = max(theta[place] * AGAIN[best], 1.0)
         branch = _fitted(system, moved)
     allowed = np.abs(np.log(AGAIN))[gains < RULED_OUT]
-    return *branch, float(np.max(allowed, initial=0.0)) / Z_95
+    by_law = _by_other_laws(system, sliding, branch)
+    return *branch, max(float(np.max(allowed, initial=0.0)), by_law) / Z_95
+
+
+def _by_other_laws(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> float:
+    """Return by how much, in e-folds, mu_s may be larger because contacts let go gradually.
+
+    Over how much of the force they do so is not known: each width counts that the data do not rule
+    out beside the jump. All other parameters move with it as the linearised model lets them.
+    """
+    model, theta, place = branch[0], branch[1].theta, FRICTION[1]
+    count, farthest = len(SHARED), 0.0
+    columns = np.delete(model.jacobian(theta) * slopes(model.parameters, theta), place, axis=1)
+    sizes = np.linalg.norm(columns, axis=0)
+    basis, _ = np.linalg.qr(columns[:, sizes > 0.0] / sizes[sizes > 0.0])
+
+    def cost(white: FloatArray) -> float:
+        return 0.5 * float(white @ white - np.sum((basis.T @ white) ** 2))
+
+    before = model.residuals(theta)
+    most = cost(before) + RULED_OUT_ROUGHLY
+    order = sorted(sliding, key=lambda k: len(system.trials[k].poses))  # short ones rule out soon
+    for width in WIDTHS:
+        other, allowed = replace(system, width=width), 0.0
+        for up in UP:
+            rows, white, worse = theta[:count].copy(), before.copy(), 0.0
+            rows[place] *= 1.0 + up * width
+            for k in order:
+                shown = other.simulate(k, rows, theta[model.columns(k)[count:]])
+                part = model.noise[k].whiten_errors(shown - system.measured[k]).ravel()
+                here = model.trial_slices[k]
+                worse += 0.5 * float(part @ part - white[here] @ white[here])
+                white[here] = part
+                if not worse < HOPELESS:
+                    break
+            if worse < HOPELESS and cost(white) < most:
+                allowed = 1.0 + up * width
+        if not allowed:
+            break
+        farthest = max(farthest, math.log(allowed))
+    return farthest
 
 
 def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
@@ -284,6 +330,8 @@ def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
 def _widened(found: OutputErrorFit, sd: float) -> OutputErrorFit:
     """Return ``found`` with a ratio mu_s / mu_d that is known to ``sd`` (of its logarithm)."""
     place, covariance = FRICTION[1], found.covariance.copy()
+    if not found.inverse[place, place] > 0.0:  # nothing is known of it
+        return found
     covariance[place, place] = max(covariance[place, place], sd**2)
     # What is left to go while mu_s stays: its own slope is that of a single step of the cost.
     sds = np.sqrt(np.maximum(np.diag(found.covariance), np.finfo(float).tiny))

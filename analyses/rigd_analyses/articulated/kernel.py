@@ -30,6 +30,8 @@ NAMES: Final = (
     *("hinge_distance", "body_mass", "body_inertia", "wheel_inertia", "gravity", "hinge"),
     *("wheel_mass", "mu_s", "mu_d"),
 )
+#: Behind them: 0 of the paper's law; of others, the share of mu_s N over which contacts let go.
+WIDTH: Final = len(NAMES)
 W0: Final = 0.2  #: rad/s, of the tanh that replaces the sign of Eq. 12 (articulated.md 1.6)
 LANES: Final = 16  #: derivatives that go along; the last is that to time, at a cut
 TIME: Final = LANES - 1
@@ -47,22 +49,32 @@ LOCATED: Final = 1e-12  #: share of a step to which a cut is located
 BEYOND: Final = 1e-9  #: squared force over squared limit, less 1, beyond which a branch is left
 STOPPED: Final = 1e-9  #: rate of that in 1/s below which the instant of a cut has no derivative
 #: Intermediate results of `rates` for `tangents`; those of front contact k are at FRONT + 8 k.
-CG, SG, C2, S2, U1, V1, U2, V2, ALONG, ACROSS, TURN, DR, DL, F2V, GU, AU, AV, A1, A2, A2U, LOAD = (
-    range(21)
-)
-HR, HL, M11, M12, M22, FU, FV, HB, LAT_F, LAT_R = range(21, 31)
+CG, SG, C2, S2, U1, V1, U2, V2, ALONG, ACROSS, TURN, DR, DL, F2V, GU, AU, AV, A1, A2 = range(19)
+A2U, LOAD, HR, HL, M11, M12, M22, FU, FV, HB, LAT_F, LAT_R = range(19, 31)
 FRONT: Final = 32  #: slip, eta, f_lon, f_lat, P, Pc, Gaa, Gac
 GCC: Final = 64
 WORK: Final = 80
-MOVED: Final = STATES  #: row of what `tangents` writes from which on the contacts' excess stands
-ROWS: Final = STATES + CONTACTS
+MOVED, ROWS = STATES, STATES + CONTACTS  #: rows that `tangents` writes; the last: of excess
+
+
+@kernel
+def gradual(force: float, limit: float, sliding: float, width: float) -> float:
+    """Return the share of ``force`` that a contact carries, letting go over (1 +- width) mu_s N.
+
+    ``limit`` is mu_s N and ``sliding`` mu_d N.
+    """
+    at = min((force / limit - 1.0 + width) / (2.0 * width), 1.0)
+    if at <= 0.0:
+        return 1.0
+    return 1.0 + at * at * (3.0 - 2.0 * at) * (sliding / force - 1.0)
 
 
 @kernel
 def rates(p: Floats, right: float, left: float, y: Floats, slides: Flags, dy: Floats, w: Floats,
           excess: Floats) -> None:  # fmt: skip
-    """Write dy/dt (STATES,), intermediate results ``w`` and how far contacts are beyond mu_s N."""
+    """Write dy/dt (STATES,), ``w``, and how far contacts are beyond mu_s N: none, if gradual."""
     k_lon, k_lat, k_roll, r, b, d, arm = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
+    width = p[WIDTH]
     m = p[7] + 4.0 * p[12]
     inertia = p[8] + 4.0 * p[12] * (b * b + d * d)
     load = m * p[10] / 4.0
@@ -88,8 +100,10 @@ def rates(p: Floats, right: float, left: float, y: Floats, slides: Flags, dy: Fl
             w[at + 4], w[at + 5] = a_h, c_h
             w[at + 6], w[at + 7], w[GCC + k] = s_h * c_h * c_h, -s_h * a_h * c_h, s_h * a_h * a_h
         else:
-            w[at + 2], w[at + 3], w[at + 4], w[at + 5] = a, -c, 0.0, 0.0
+            share = gradual(math.sqrt(square), limit, sliding, width) if width > 0.0 else 1.0
+            w[at + 2], w[at + 3], w[at + 4], w[at + 5] = share * a, -share * c, 0.0, 0.0
             w[at + 6], w[at + 7], w[GCC + k] = 1.0, 0.0, 1.0
+            excess[k] = -1.0 if width > 0.0 else excess[k]
         w[at], w[at + 1] = slip, eta
         along += w[at + 2]
         across += w[at + 3]
@@ -106,6 +120,9 @@ def rates(p: Floats, right: float, left: float, y: Floats, slides: Flags, dy: Fl
         c = k_lat * eta
         excess[4 + k] = c * c / (limit * limit) - 1.0
         w[LAT_F + k] = -sliding * math.copysign(1.0, c) if slides[4 + k] else -c
+        if width > 0.0:
+            w[LAT_F + k] *= gradual(abs(c), limit, sliding, width)
+            excess[4 + k] = -1.0
     f2v = 2.0 * (w[LAT_F] + w[LAT_R])
     t2 = 2.0 * d * (w[LAT_F] - w[LAT_R]) - b * rolling * (dr - dl)
     added = 4.0 * p[9] / (r * r)
@@ -370,12 +387,10 @@ def leap(p: Floats, dp: Floats, speeds: Floats, slope: Floats, push: Floats, y: 
 
 @kernel
 def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late: float,
-             disturbed: Floats, moving: bool) -> tuple[
-    Floats, Floats, Floats, Floats, Floats, Floats, Floats,
-]:  # fmt: skip
+             disturbed: Floats, moving: bool) -> tuple[Floats, ...]:  # fmt: skip
     """Return what a camera sees, and the motors feel, with one frame each ``sub`` steps.
 
-    ``p`` (15,) are the parameters (NAMES), ``dp`` (15, LANES) which of them a lane is the
+    ``p`` (16,) are the parameters (NAMES) and WIDTH, ``dp`` (15, LANES) which of them a lane is the
     derivative to; ``speeds`` (n, 2) those of the wheels in rad/s, right and left, ``step`` s apart,
     straight lines in between; ``late`` the latency in steps. ``disturbed`` (n, DISTURBED, LANES),
     or none, is what moves the robot besides, for a unit of each lane. The front centre starts at
@@ -386,8 +401,7 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
     (f, CONTACTS, 3): along and across in N (rear: of a wheel, across alone), and whether it slides;
     and the largest force of each contact over its load without sliding (CONTACTS,).
     """
-    n = speeds.shape[0]
-    frames = (n - 1) // sub + 1
+    n, frames = speeds.shape[0], (speeds.shape[0] - 1) // sub + 1
     pose, rate, torque = np.zeros((frames, 6)), np.zeros((frames, 6)), np.zeros((frames, 2))
     lanes = LANES if moving else 0
     by_pose, by_torque = np.zeros((frames, 6, lanes)), np.zeros((frames, 2, lanes))
@@ -448,10 +462,7 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
                             new_tangent, k, kt, begun, w, excess)  # fmt: skip
                     beyond = farthest(slides, excess)
                     located = abs(beyond) <= LOCATED or high - low <= LOCATED
-                    if beyond > 0.0:
-                        high = end
-                    else:
-                        low = end
+                    low, high = (low, end) if beyond > 0.0 else (end, high)
                 if moving:
                     if acts:
                         pushes[1] = acting[i] + end * (acting[i + 1] - acting[i])
@@ -463,8 +474,7 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
             for j in range(CONTACTS):
                 share[j] = max(share[j], math.sqrt(max(excess[j] + 1.0, 0.0)) * p[13])
             if leaves:
-                leap(p, by, two[1], slope, pushes[1], y, tangent, slides, moving, k, kt, w,
-                     excess)  # fmt: skip
+                leap(p, by, two[1], slope, pushes[1], y, tangent, slides, moving, k, kt, w, excess)
                 events += 1
                 rates(p, two[1, 0], two[1, 1], y, slides, k[4], w, excess)
             done = end
@@ -480,9 +490,8 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
                 rest = p1 - p0
                 bend, twist = 3.0 * rest - 2.0 * v0 - v1, v0 + v1 - 2.0 * rest
                 pose[shown, j] = p0 + s * (v0 + s * (bend + s * twist))
-                rate[shown, j] = (
-                    0.0 if due < 0.0 else (v0 + s * (2.0 * bend + 3.0 * s * twist)) / step
-                )
+                pace = (v0 + s * (2.0 * bend + 3.0 * s * twist)) / step
+                rate[shown, j] = 0.0 if due < 0.0 else pace
                 if moving:
                     for lane in range(LANES):
                         m0, m1 = at_moved[j, lane], after_moved[j, lane]

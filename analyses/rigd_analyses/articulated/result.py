@@ -53,8 +53,8 @@ ADVICE: Final = {
 }
 SLIDING: Final = "Record stepped starts (straight_speeds with start=stepped) and fast circles."
 BY_LAW: Final = (
-    "μ_s is that of a law with a jump. Contacts that let go gradually fit as well, and give about "
-    "2 % less: more than its interval shows."
+    "μ_s is that of a law with a jump. Its interval holds, too, for contacts that let go "
+    "gradually, as far as these data do not rule them out."
 )
 NO_SLIDING: Final = (
     "Not determined by these tests: no contact slides in them; the largest force is {share:.2f} "

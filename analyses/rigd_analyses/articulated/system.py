@@ -63,12 +63,14 @@ class Run:
 class RobotSystem:
     """The trials; a :class:`rigd.analysis.system.System`.
 
-    ``constants`` are values with standard uncertainties, in SI, by name.
+    ``constants`` are values with standard uncertainties, in SI, by name. With a ``width`` contacts
+    let go over (1 +- width) mu_s times their load, not at once: without derivatives.
     """
 
     trials: tuple[RobotTrial, ...]
     constants: Mapping[str, tuple[float, float]]
     gear_ratio: float
+    width: float = 0.0
 
     @cached_property
     def shared(self) -> tuple[Unknown, ...]:
@@ -203,7 +205,7 @@ class RobotSystem:
         found = dict(zip(SHARED, shared, strict=True))
         found["hinge"] = local[LOCAL.index("hinge")] + standing[2] - standing[5]
         found["mu_s"] = found["mu_d"] * found[RATIO]
-        parameters = np.array([found[name] for name in NAMES])
+        parameters = np.array([*(found[name] for name in NAMES), self.width])
         step = item.period_s / item.sub
         by = np.zeros((len(NAMES), LANES))
         if len(disturbed) == 0:

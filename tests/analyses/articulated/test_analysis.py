@@ -14,7 +14,7 @@ from support.articulated_robots import Driven
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
-from rigd_analyses.articulated.found import RobotFound, check_way, fitted_from, judged
+from rigd_analyses.articulated.found import RobotFound, check_way, find, fitted_from, judged
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.result import BY_LAW, error_of, mean_radius, result, value_of
@@ -31,7 +31,7 @@ PARAMETERS = {
     **CONSTANTS, "k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4, "hinge": 0.0, "mu_s": 0.9,
     "mu_d": 0.6,
 }  # fmt: skip
-POINT = np.array([PARAMETERS[name] for name in NAMES])
+POINT = np.array([*(PARAMETERS[name] for name in NAMES), 0.0])
 
 
 def trial(right: float, left: float, seconds: float, seed: int) -> SimulatedTrial:
@@ -101,12 +101,34 @@ def test_circle_has_the_documented_figures() -> None:
 def test_derivatives_are_those_of_differences(name: str, right: float) -> None:
     index, step = NAMES.index(name), 1e-6 * max(PARAMETERS[name], 1e-3)
     _, _, _, poses, torques, _, _ = driven(POINT, right, right / 2.0, 6.0, moving=True)
-    aside = np.eye(len(NAMES))[index] * step
+    aside = np.eye(len(POINT))[index] * step
     ends = [driven(POINT + sign * aside, right, right / 2.0, 6.0, moving=False) for sign in (1, -1)]
     for lane, part in ((poses, 0), (torques, 2)):
         differences = (ends[0][part] - ends[1][part]) / (2.0 * step)
         tolerance = 2e-3 * max(float(np.max(np.abs(differences))), 1e-9)
         assert lane[:, :, index] == pytest.approx(differences, rel=1e-4, abs=tolerance)
+
+
+def test_narrow_gradual_law_is_nearly_the_jump() -> None:
+    jump, *_ = driven(POINT, 500.0, 250.0, 4.0, moving=False)
+    apart = []
+    for width in (0.05, 0.005):
+        gradual, *_ = driven(np.append(POINT[:-1], width), 500.0, 250.0, 4.0, moving=False)
+        apart.append(float(np.max(np.abs(gradual - jump)[:, :2])))
+    assert apart[1] < 0.3 * apart[0]
+    assert apart[1] < 1e-3 < apart[0]
+
+
+def test_gradual_contacts_are_in_interval_of_mu_s() -> None:
+    speeds = [(100.0, 200.0), (250.0, 250.0), (500.0, 250.0), (400.0, 200.0)]
+    found = find(recorded(speeds, 11, width=0.05), 0.7, lambda _: None)
+    sliding = result(found, judged(found))
+    entry = sliding.parameter("mu_s")
+    assert entry.low is not None
+    assert entry.high is not None
+    assert entry.low < 0.9 < entry.high
+    assert abs(entry.estimate / 0.9 - 1.0) > 0.01
+    assert BY_LAW in sliding.warnings
 
 
 def test_sliding_robot_moves_as_the_plant() -> None:
@@ -135,8 +157,13 @@ U = {"wheel_radius": 1e-4, "half_track": 5e-4, "half_wheelbase": 5e-4, "hinge_di
      "gravity": 0.01, "rotor_inertia": 1e-7}  # fmt: skip
 
 
-def recorded(speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0) -> RobotSystem:
-    """Return trials of the analysis' own robot, at motor speeds that are reached within 0.3 s."""
+def recorded(
+    speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0, width: float = 0.0
+) -> RobotSystem:
+    """Return trials of the analysis' own robot, at motor speeds that are reached within 0.3 s.
+
+    With a ``width`` its contacts let go gradually.
+    """
     random = np.random.default_rng(seed)
     period, sub = 0.04, 10
     trials = []
@@ -152,7 +179,9 @@ def recorded(speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0)
         alone = RobotSystem((empty,), {name: (CONSTANTS[name], u) for name, u in U.items()}, 25.0)
         local = np.zeros(5)
         local[INERTIA] = 1e-6
-        seen = alone.simulate(0, TRUTH, local) + NOISE * random.standard_normal((count, 8))
+        seen = replace(alone, width=width).simulate(
+            0, TRUTH, local
+        ) + NOISE * random.standard_normal((count, 8))
         trials.append(replace(empty, torques=seen[:, :2], poses=seen[:, 2:]))
     return RobotSystem(tuple(trials), alone.constants, 25.0)
 
