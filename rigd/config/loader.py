@@ -14,6 +14,7 @@ from rigd.config.derived import add_derived
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.following import read_following
 from rigd.config.links import check_link, read_links
+from rigd.config.observers import add_observers
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity, read_uncertainty
 from rigd.config.registry import find_driver, find_plant, find_simulation
@@ -113,6 +114,7 @@ def _build(document: Document) -> RigConfig:
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown
+    rig = add_observers(document, source.observers, source.derived, rig, problems)
     before = len(problems.found)
     rig = add_derived(document, source.derived, rig, problems)
     if len(problems.found) == before:  # wrong derived channels would all seem unknown

@@ -248,6 +248,48 @@ class ControllerSource(Source):
     """The trial ends if the output is at a limit for so long and the error does not shrink."""
 
 
+class ObserverSource(Documented):
+    """A filter that estimates what is not measured, with the options of its model."""
+
+    model_config = ConfigDict(extra="allow")
+
+    model: FileName
+    """Kind of filter; `linear` for a Kalman filter given as matrices (docs/observers.md)."""
+
+
+class LinearSource(Source):
+    """A linear Kalman filter: dx/dt = a x + b u + noise of q, measured = c x + d u + noise of r."""
+
+    states: Annotated[dict[Name, str], Field(min_length=1, max_length=12)]
+    """The states by name, each with its SI unit."""
+    inputs: Annotated[list[ChannelName], Field(max_length=8)] = []
+    """Channels, or setpoints as `device.setpoint_setpoint`, that drive the model."""
+    measured: Annotated[list[ChannelName], Field(min_length=1, max_length=8)]
+    """Channels that correct the states."""
+    time: Literal["continuous", "discrete"] = "continuous"
+    """Whether `a`, `b` and `q` are of a differential equation, or of one cycle."""
+    a: list[list[str]]
+    """Change of the states with the states: a row and a column for each state."""
+    b: list[list[str]] | None = None
+    """Change of the states with the inputs; required with `inputs`."""
+    c: list[list[str]]
+    """Measured channels from the states."""
+    d: list[list[str]] | None = None
+    """Measured channels from the inputs directly; by default nothing."""
+    q: list[list[str] | str]
+    """Noise of the model: its spectral density, or with `time: discrete` its covariance."""
+    r: list[list[str] | str]
+    """Covariance of the readings."""
+    x0: list[str]
+    """States at the beginning."""
+    p0: list[list[str] | str]
+    """Covariance of `x0`."""
+    lost_after: Annotated[float, In("s"), Gt(0), Le(3600)] = 1.0
+    """How long nothing may be measured, or an input not be known, before the states are NaN."""
+    reset: Literal["run", "trial"] = "run"
+    """When the filter begins anew: only with the run, or with every trial."""
+
+
 class PlantSource(Documented):
     """The physics behind a simulated rig, with the options of its model."""
 
@@ -293,6 +335,10 @@ class RigSource(Source):
         dict[Name, ControllerSource], BeforeValidator(_nothing_is_empty), Field(max_length=16)
     ] = {}
     """Controllers by name, which is that of their setpoint in procedures: `set: {NAME: 20 N}`."""
+    observers: Annotated[
+        dict[Name, ObserverSource], BeforeValidator(_nothing_is_empty), Field(max_length=16)
+    ] = {}
+    """Filters that estimate what is not measured, by name."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
     """Conditions that end a run; `[]` if there are none."""
     remote: RemoteSource | None = None

@@ -25,6 +25,7 @@ from rigd.engine.player import Outcome, Player
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
+from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.sdk import Driver
 
@@ -150,12 +151,16 @@ class Cycle:
         self._derived = list(_runs([(n, rig.mounts[n].values) for n in derived]))
         for n in derived:
             self._fresh[n] = True
+        self._observers = [m.driver for m in rig.mounts if isinstance(m.driver, Observer)]
+        binding: list[Observer | Evaluator] = [*self._observers]
         if evaluator is not None:
+            binding.append(evaluator)
+        for computed in binding:
             late_ns = [
                 0 if mount.driver.declaration.every_cycle else silent_ns
                 for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
             ]
-            evaluator.bind(
+            computed.bind(
                 rig.readings, rig.device_of, late_ns, rig.setpoints,
                 self._values, self._stamps, limiter.applied,
             )  # fmt: skip
@@ -244,7 +249,9 @@ class Cycle:
         self._hold_until_ns = 0
 
     def begin_trial(self) -> None:
-        """Let derived channels that begin anew with each trial do so."""
+        """Let observers and derived channels that begin anew with each trial do so."""
+        for observer in self._observers:
+            observer.begin_trial()
         if self._evaluator is not None:
             self._evaluator.begin_trial()
 

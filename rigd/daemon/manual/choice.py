@@ -19,6 +19,7 @@ from rigd.controllers.driver import ControllerConfig
 from rigd.derived.driver import DerivedConfig
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock
+from rigd.observers.driver import ObserverConfig
 
 
 def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:
@@ -69,15 +70,15 @@ def actions_of(rig: RigConfig, name: str) -> Mapping[str, str]:
 def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
     """Return ``rig`` with these devices, their links, and the interlocks on them, alone.
 
-    A group of derived channels also keeps the devices from which it is computed, and a controller
-    what it uses.
+    A group of derived channels and an observer also keep the devices from which they are computed,
+    and a controller what it uses.
     """
     devices, before = set(devices), set[str]()
     while devices != before:
         before = set(devices)
         for name in before & rig.devices.keys():
             config = rig.devices[name].config
-            if isinstance(config, DerivedConfig):
+            if isinstance(config, DerivedConfig | ObserverConfig):
                 devices |= config.devices
             elif isinstance(config, ControllerConfig):
                 devices |= config.needs

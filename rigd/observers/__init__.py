@@ -1,0 +1,1 @@
+"""Observers: filters that estimate what is not measured, in the cycle, from what is."""

@@ -1,0 +1,90 @@
+"""Reads an observer in the cycle, as if a device measured its states, from the rows of others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from rigd.model.channels import Channel
+from rigd.sdk import Declaration, Driver, DriverConfig
+
+if TYPE_CHECKING:  # a rig file is checked without numba
+    from rigd.observers.runner import Runner
+
+#: Name in recordings and lists, in place of that of a driver.
+OBSERVER: Final = "observer"
+
+
+class ObserverConfig(DriverConfig):
+    """An observer of a rig; made by rigd from `observers`, never written in a file."""
+
+    plan: Any
+    """What the filter computes: a :class:`~rigd.observers.linear.LinearPlan`."""
+    channels: tuple[Channel, ...]
+    """Each state and its standard deviation, the innovations, and the NIS."""
+    inputs: tuple[str, ...]
+    """Channels or setpoints (`device.setpoint_setpoint`) that drive the model."""
+    measured: tuple[str, ...]
+    """Channels that correct the states."""
+    period_ns: int
+    """Time of a cycle."""
+    lost_ns: int
+    """How long nothing may be measured, or an input not be known, before the states are NaN."""
+    each_trial: bool
+    """Whether the filter begins anew with every trial."""
+
+    @property
+    def devices(self) -> frozenset[str]:
+        """The devices from which the observer is computed."""
+        return frozenset(name.partition(".")[0] for name in (*self.inputs, *self.measured))
+
+
+class Observer(Driver[ObserverConfig, Any]):
+    """An observer in the cycle. It moves nothing: there is nothing to make safe."""
+
+    title = "states estimated from other channels"
+    Config = ObserverConfig
+
+    def __init__(self, config: ObserverConfig, link: Any = None) -> None:
+        super().__init__(config, link)
+        from rigd.observers.runner import Runner  # it loads numba
+
+        self._runner: Runner = Runner(config)
+
+    @classmethod
+    def declare(cls, config: ObserverConfig) -> Declaration:
+        """Return the channels of the observer; a state is of its cycle, however it was found."""
+        return Declaration(
+            channels=config.channels, plain_rows=True, has_status=True, every_cycle=False
+        )
+
+    def bind(
+        self,
+        readings: Mapping[str, int],
+        device_of: Sequence[int],
+        late_ns: Sequence[int],
+        setpoints: Mapping[str, int],
+        values: Sequence[float],
+        stamps: Sequence[int],
+        applied: Sequence[float],
+    ) -> None:
+        """Connect to the tables of the cycle, which stay the same objects."""
+        self._runner.bind(readings, device_of, late_ns, setpoints, values, stamps, applied)
+
+    def begin_trial(self) -> None:
+        """Begin anew if the rig file asks for it."""
+        if self.config.each_trial:
+            self._runner.begin()
+
+    def open(self) -> None:
+        """Do nothing: there is no device."""
+
+    def arm(self) -> None:
+        """Do nothing: it only computes."""
+
+    def read(self, t_ns: int) -> Sequence[float]:
+        """Return the states for the cycle at ``t_ns``; bit 31 of the status: a channel is late."""
+        return self._runner.step(t_ns)
+
+    def make_safe(self) -> None:
+        """Do nothing: it only computes."""
