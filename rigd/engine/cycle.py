@@ -152,15 +152,14 @@ class Cycle:
         for n in derived:
             self._fresh[n] = True
         self._observers = [m.driver for m in rig.mounts if isinstance(m.driver, Observer)]
-        binding: list[Observer | Evaluator] = [*self._observers]
-        if evaluator is not None:
-            binding.append(evaluator)
-        for computed in binding:
+        binds = [observer.bind for observer in self._observers]
+        binds += [] if evaluator is None else [evaluator.bind]
+        for bind in binds:
             late_ns = [
                 0 if mount.driver.declaration.every_cycle else silent_ns
                 for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
             ]
-            computed.bind(
+            bind(
                 rig.readings, rig.device_of, late_ns, rig.setpoints,
                 self._values, self._stamps, limiter.applied,
             )  # fmt: skip
