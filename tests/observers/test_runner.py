@@ -143,13 +143,13 @@ def test_nothing_is_known_before_the_first_reading() -> None:
 
 
 def test_missed_cycles_are_predicted() -> None:
-    one, other = Bench(), Bench()
-    for bench in (one, other):
+    gapless, other = Bench(), Bench()
+    for bench in (gapless, other):
         bench.step(0.5, 0.1, 0.2)
     for _ in range(3):
-        one.step(0.5, None, None)
+        gapless.step(0.5, None, None)
     other.slot += 3
-    assert np.allclose(one.step(0.5, 0.3, 0.1), other.step(0.5, 0.3, 0.1), rtol=1e-13)
+    assert np.allclose(gapless.step(0.5, 0.3, 0.1), other.step(0.5, 0.3, 0.1), rtol=1e-13)
 
 
 def test_slow_channel_keeps_its_innovation_between_readings() -> None:
