@@ -47,6 +47,7 @@ BENCHES = (
     "identify",
     "validate_tables",
     "lateral_tables",
+    "lateral_misfit",
     "angle_accuracy",
     "angle_campaign",
     "kill_table",

@@ -111,8 +111,10 @@ def diagnose(
     hopeless = False
     while True:
         scores = Scores(found, block)
-        known = _constants(found, scores.step)
-        tests = [*known, *_tested(scores, candidates(own_parameters(found)))]
+        tests = [
+            *constants(found, scores.step),
+            *_tested(scores, candidates(own_parameters(found))),
+        ]
         left = sorted(_significant(tests), key=lambda item: -item.worth)
         state = _state(scores.white, period_s)
         tried = vanished | {item.name for item in chosen}
@@ -187,7 +189,7 @@ def _state(white: Sequence[FloatArray], period_s: float) -> _State:
     )
 
 
-def _constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
+def constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
     """Yield each constant as if only the data determined it.
 
     ``step`` (p,) is what the fit has left to go: along a ridge, where parameters stand in for one

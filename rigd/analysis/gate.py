@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rigd.analysis.diagnosis import Diagnosis
+from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import Explanation, FitOutcome, Gate, Meaning
 
 CONTRADICTED = 8.0  #: a constant that the data move by more of its uncertainties is another one
@@ -52,6 +53,25 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
         text = f"The model fits these data nearly; the intervals are widened: {left[0]}"
         return Gate(FitOutcome.CORRECTED, text, findings)
     return Gate(FitOutcome.FITS, "The model fits these data within the noise of the sensors.")
+
+
+def strained_gate(gate: Gate, strained: Explanation | None) -> Gate:
+    """Return ``gate``, without numbers if what they rest on is ``strained``."""
+    if strained is None or gate.outcome is FitOutcome.MISFIT:
+        return gate
+    text = (
+        "No number is given: these data move a constant that the result rests on farther than "
+        f"chance does. They show {sentence(strained)}"
+    )
+    return Gate(FitOutcome.MISFIT, text, (text, *gate.findings), (strained, *gate.explanations))
+
+
+def settled_gate(gate: Gate, fit: OutputErrorFit) -> Gate:
+    """Return ``gate``, without numbers if ``fit`` has not come to its end."""
+    if fit.converged or gate.outcome is FitOutcome.MISFIT:
+        return gate
+    text = f"No number is given: {fit.unsettled}."
+    return Gate(FitOutcome.MISFIT, text, (fit.unsettled, *gate.findings), gate.explanations)
 
 
 def sentence(item: Explanation) -> str:

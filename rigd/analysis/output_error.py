@@ -147,7 +147,7 @@ def estimate(system: System, starts: Sequence[FloatArray], block: int) -> Output
             break
     order = by_cost(branches)
     near = [branch for cost, branch in order if cost < order[0][0] + HOPELESS] or branches[:1]
-    ends = [_settled(*branch, block) for branch in near]
+    ends = [settled(*branch, block) for branch in near]
     able = [end for end in ends if end.converged] or ends
     first = by_cost([(end.model, end.fit) for end in able])[0][1][1]
     chosen = next(end for end in able if end.fit is first)
@@ -156,7 +156,7 @@ def estimate(system: System, starts: Sequence[FloatArray], block: int) -> Output
 
 def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputErrorFit:
     """Return the fit continued from ``theta`` (p,), a better point than the end of ``found``."""
-    ended = _settled(found.model, _fit(found.model, theta, ROUGH), block)
+    ended = settled(found.model, _fit(found.model, theta, ROUGH), block)
     return replace(ended, others=(*found.others, found.fit.theta))
 
 
@@ -179,8 +179,11 @@ def retried(found: OutputErrorFit, starts: Sequence[FloatArray], block: int) -> 
     return again if again.converged or not found.converged else found
 
 
-def _settled(model: OutputErrorModel, found: Fit, block: int) -> OutputErrorFit:
-    """Return the fit continued until it has converged under the noise of its end, or has not."""
+def settled(model: OutputErrorModel, found: Fit, block: int) -> OutputErrorFit:
+    """Return the fit continued until it has converged under the noise of its end, or has not.
+
+    ``block`` is the longest correlation of the scores that is accounted for, in samples.
+    """
     for enough in (ROUGH, ENOUGH):
         model, found = _reweighted(model, found, enough)
     ended = conclude(model, found, block)

@@ -159,7 +159,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/lugre/lateral/test_conformance.py": (),
         "analyses/lugre/lateral/test_identify.py": (
-            "test_half_the_lever_gives_no_number",
+            "test_half_the_lever_is_named",
             "test_lever_on_the_other_side_is_named",
             "test_lifted_rows_that_do_not_rub_are_recognised",
             "test_one_speed_gives_friction_at_that_speed",

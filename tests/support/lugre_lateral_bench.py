@@ -28,9 +28,12 @@ SETTLING_S = 0.03  #: in which the last of the bridge's speed is reached
 LACKING = 0.04  #: share of the speed that lacks when the wheel is driven
 
 
-def roller_force(speed_m_s: FloatArray, weight_n: float, *, physical: bool = False) -> FloatArray:
+def roller_force(
+    speed_m_s: FloatArray, weight_n: float, *, physical: bool = False, dry: float = DRY,
+    viscous: float = VISCOUS,
+) -> FloatArray:  # fmt: skip
     """Return G in N at lateral speeds (n,); ``physical``: a lifted row does not rub."""
-    coefficient = DRY * np.tanh(speed_m_s / 1e-3) + VISCOUS * speed_m_s
+    coefficient = dry * np.tanh(speed_m_s / 1e-3) + viscous * speed_m_s
     force = coefficient * weight_n
     if physical:
         return force
@@ -48,11 +51,14 @@ class LateralBench:
     noisy: bool = True
     physical: bool = False
     floor: str = "stone"
+    mass_kg: float = 3.9593
+    dry: float = DRY
+    viscous: float = VISCOUS
 
     @property
     def bench(self) -> Bench:
         """Return the rig without lateral motion."""
-        return Bench(self.floor, noisy=self.noisy)
+        return Bench(self.floor, self.mass_kg, self.noisy)
 
     @property
     def constants(self) -> LateralConstants:
@@ -76,7 +82,9 @@ class LateralBench:
         lacking = LACKING * np.exp(-np.maximum(driven_s, 0.0) / SETTLING_S)
         speed = speed_m_s * (1.0 - lacking)
         weight = bench.mass_kg * 9.81
-        push = roller_force(speed, weight, physical=self.physical)
+        push = roller_force(
+            speed, weight, physical=self.physical, dry=self.dry, viscous=self.viscous
+        )
         key = seed * 1000 + round(1e2 * abs(speed_m_s)) * 2 + (speed_m_s < 0.0)
         trial = replace(bench, lateral_n=push).trial(current_a, key)
         speed = speed[: len(trial.t_s)]

@@ -9,31 +9,38 @@ which the data support.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from rigd.analysis import DataError
+from rigd.analysis.diagnosis import diagnose
+from rigd.analysis.extended import same_with
 from rigd.analysis.fit import Fit, fit
-from rigd.analysis.output_error import ENOUGH, NEAR, ROUGH, Branch, OutputErrorFit, conclude
+from rigd.analysis.gate import judge_fit, settled_gate, strained_gate
+from rigd.analysis.kinks import along_kinks
+from rigd.analysis.left_out import without_each_trial
+from rigd.analysis.output_error import ENOUGH, NEAR, ROUGH, Branch, OutputErrorFit, retried, settled
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
-from rigd.analysis.simple_gate import judge_fit
+from rigd.analysis.strained import strained
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.lateral.coupling import LiftedRows
+from rigd_analyses.lugre.lateral.coupling import DRY, LEVER, NAMES, VISCOUS, LiftedRows
+from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
 from rigd_analyses.lugre.lateral.starts import starts, with_rollers
-from rigd_analyses.lugre.lateral.structure import structure
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.found import WINDOW_S
 from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.rig.system import LEAD
+from rigd_analyses.lugre.rig.ridge import along_ridge
+from rigd_analyses.lugre.rig.system import GUIDE, LEAD
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the choice moves a value
@@ -45,11 +52,15 @@ UNSTEADY = 0.25  #: share of its mean by which the lateral speed may differ duri
 CLEAR_GAIN = 5.0
 SCORES_S = 0.05  #: longest correlation of the scores that is accounted for
 ITERATIONS = 40  #: of one fit
+OTHER_LEVERS = (0.5, 2.0)  #: of the fitted one, from which the data may find another
 BLOCK_S = 0.02  #: means over this time are what the lateral speed is taken from
 TURNED = (
     "The lateral speed's sign would have to be turned: encoder or belt direction. The same data "
     "follow from a guide_lever (d - e) of the other sign."
 )
+TURNED_GATE = Gate(
+    FitOutcome.MISFIT, f"The model does not fit these data: {TURNED}", (TURNED,)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +68,8 @@ class LateralFound:
     """The fit that the data support most, and what other choices make of it.
 
     ``gains`` is by how much ln L of each choice of the coupling lies below that of the fit.
+    ``shifts`` (p,), scaled, are of what is left unexplained, and of what explains as much as that
+    which was added; ``without`` (trials, p) are the steps without each trial, if something was.
     """
 
     system: LateralSystem
@@ -70,16 +83,13 @@ class LateralFound:
     speeds: tuple[Speeds, ...]
     cells: tuple[Cell, ...]
     friction: Carried | None = None
+    shifts: tuple[FloatArray, ...] = ()
+    without: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def shared(self) -> FloatArray:
         """Return the fitted parameters that all trials share, (p,)."""
         return self.whole.fit.theta[: len(self.system.shared)]
-
-    def local(self, trial: int) -> FloatArray:
-        """Return the fitted parameters of one trial, (l,)."""
-        columns = self.whole.model.columns(trial)[len(self.system.shared) :]
-        return self.whole.fit.theta[columns]
 
     @property
     def forces_n(self) -> FloatArray:
@@ -148,7 +158,8 @@ def find_lateral(
     begin = begun.theta.copy()
     begin[:shared] = with_rollers(first, begin[:shared])
     model = OutputErrorModel(first, model.noise)
-    model, begun = _refined(model, _damped(model, begin))
+    whole = settled(model, _damped(model, begin), block)
+    model, begun = whole.model, whole.fit
     fits = {(LiftedRows.PRINTED, first.turned): begun}
     for choice in product(LiftedRows, (False, True)):
         if choice not in fits:
@@ -161,13 +172,20 @@ def find_lateral(
     if fits[as_recorded].cost - fits[best].cost < CLEAR_GAIN:
         best = as_recorded
     chosen = system(best[0], turned=best[1])
-    if best != (LiftedRows.PRINTED, False):
-        model, begun = _refined(OutputErrorModel(chosen, model.noise), fits[best])
-    whole = conclude(model, begun, block)
+    if best != (LiftedRows.PRINTED, first.turned):
+        whole = settled(OutputErrorModel(chosen, model.noise), fits[best], block)
+    whole, gate, shifts = (
+        (whole, TURNED_GATE, ())
+        if chosen.turned
+        else _judged(chosen, whole, block, [item.trial.label for item in used])
+    )
     others = [
         fit(
-            OutputErrorModel(system(best[0], turned=best[1], window_s=window), model.noise),
-            begun.theta, relative_decrease=ENOUGH, damping=NEAR,
+            replace(
+                whole.model,
+                system=same_with(whole, system(best[0], turned=best[1], window_s=window)),
+            ),
+            whole.fit.theta, relative_decrease=ENOUGH, damping=NEAR,
         ).theta
         for window in OTHER_WINDOWS_S
     ]  # fmt: skip
@@ -179,12 +197,13 @@ def find_lateral(
     found = LateralFound(
         chosen, whole, tuple(others),
         {choice: item.cost - fits[best].cost for choice, item in fits.items()},
-        judge_fit(whole, [item.trial.label for item in used]),
-        tuple(used), tuple(rejected), block, speeds, cells, friction,
+        gate, tuple(used), tuple(rejected), block, speeds, cells, friction, shifts,
     )  # fmt: skip
     if not found.rows_known:
         found = replace(found, others=(*others, fits[found.rival].theta))
-    return replace(found, gate=_complete_gate(found))
+    if gate.outcome is FitOutcome.CORRECTED:
+        found = replace(found, without=without_each_trial(whole))
+    return found
 
 
 def _branch(system: LateralSystem, start: FloatArray) -> Branch:
@@ -204,25 +223,46 @@ def _damped(model: OutputErrorModel, theta: FloatArray) -> Fit:
     return fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
 
 
-def _refined(model: OutputErrorModel, found: Fit) -> Branch:
-    """Return the fit continued from ``found`` with the noise as it is there."""
-    for enough in (ROUGH, ENOUGH):
-        model = OutputErrorModel(model.system, noise_at(model.system, found.theta))
-        found = fit(
-            model, found.theta, max_iterations=ITERATIONS, relative_decrease=enough, damping=NEAR
-        )
-    return model, found
+def _judged(
+    system: LateralSystem, whole: OutputErrorFit, block: int, labels: Sequence[str]
+) -> tuple[OutputErrorFit, Gate, tuple[FloatArray, ...]]:
+    """Return the fit with what explains a misfit, whether numbers may be given, and shifts.
+
+    The shifts (p,), scaled, are as in :class:`LateralFound`.
+    """
+    period = system.rig.period_s
+    with np.errstate(over="ignore", invalid="ignore"):  # a start may be far from any motion
+        whole = along_kinks(retried(whole, along_ridge(whole), block), block)  # of |M_D| and |F_r|
+    begun = [whole.fit.theta[: len(system.shared)]]
+    diagnosis = diagnose(whole, partial(candidates, system), begun, block, period)
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = along_kinks(diagnosis.fit, block)
+    gate = settled_gate(judge_fit(diagnosis, labels, period), whole)
+    if gate.outcome is not FitOutcome.MISFIT:
+        places, levers = _rests_on(system, whole)
+        rests = {system.shared[place].wording for place in places}
+        named = next((item for item in gate.explanations if item.name in rests), None)
+        gate = strained_gate(gate, named or strained(whole, places, levers, block))
+    return whole, gate, (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
 
 
-def _complete_gate(found: LateralFound) -> Gate:
-    """Return the gate with what the lateral speed shows: its sign, and what still follows it."""
-    left = structure(found.forces_n, [item.lateral_speed_m_s for item in found.cells])
-    further = [TURNED] if found.system.turned else []
-    further += [left.sentence] if left is not None and left.sentence else []
-    if not further:
-        return found.gate
-    findings = (*further, *found.gate.findings)
-    return Gate(FitOutcome.MISFIT, f"The model does not fit these data: {further[0]}", findings)
+def _rests_on(
+    system: LateralSystem, whole: OutputErrorFit
+) -> tuple[list[int], dict[int, list[FloatArray]]]:
+    """Return the places of the constants that the rollers' friction rests on, and more starts.
+
+    Lever and friction of the rollers stand in for one another: another lever begins with as much
+    more of it.
+    """
+    first = len(system.rig.shared)
+    lever, rollers = first + LEVER, [first + DRY, first + VISCOUS]
+    begun = []
+    for factor in OTHER_LEVERS:
+        theta = whole.fit.theta.copy()
+        theta[lever] *= factor
+        theta[rollers] *= factor
+        begun.append(theta)
+    return [GUIDE, *range(lever, first + len(NAMES))], {lever: begun}
 
 
 def _block_means(values: FloatArray, block: int) -> FloatArray:

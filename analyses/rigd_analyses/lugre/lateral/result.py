@@ -9,6 +9,7 @@ import numpy as np
 
 from rigd.analysis import residuals as tests
 from rigd.analysis.identifiability import Z_95, Evidence, judge
+from rigd.analysis.left_out import jackknife_sd
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -167,11 +168,17 @@ def _guide(found: LateralFound, fast: float) -> GuideFriction:
 
 
 def _error(found: LateralFound, quantity: _Quantity) -> float:
-    """Return the standard error of the logarithm: noise, constants, filter and coupling."""
+    """Return the standard error of the logarithm: noise, constants, filter and coupling.
+
+    With it what is not explained, and if something was added, what single trials make of it.
+    """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     gradient = quantity.log_gradient(theta, first)
     chance = math.sqrt(max(float(gradient @ found.whole.covariance @ gradient), 0.0))
-    return math.hypot(chance, _method(found, quantity))
+    if len(found.without):
+        chance = max(chance, jackknife_sd(found.without @ gradient))
+    moved = (abs(float(gradient[: len(shift)] @ shift)) for shift in found.shifts)
+    return math.hypot(chance, _method(found, quantity), max(moved, default=0.0))
 
 
 def _method(found: LateralFound, quantity: _Quantity) -> float:

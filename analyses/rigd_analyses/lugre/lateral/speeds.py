@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
+from rigd.analysis.extended import own_parameters
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
@@ -120,11 +121,9 @@ def lacking_force(error_m_s: FloatArray, rig: RigSystem) -> float:
 
 def all_speeds(system: LateralSystem, whole: OutputErrorFit) -> list[Speeds]:
     """Return the speeds of every trial with the fitted parameters."""
-    count, theta = len(system.shared), whole.fit.theta
-    return [
-        speeds(system, theta[:count], theta[whole.model.columns(k)[count:]], k)
-        for k in range(len(system.speeds))
-    ]
+    count, theta = len(system.shared), own_parameters(whole)
+    local = theta[count:].reshape(len(system.speeds), -1)
+    return [speeds(system, theta[:count], own, k) for k, own in enumerate(local)]
 
 
 def cell(trial: LateralTrial, lateral_m_s: float, found: Speeds) -> Cell:

@@ -96,7 +96,7 @@ class LateralSystem:
     def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, 3) of one trial."""
         found = self._load(trial, shared)
-        outputs = self.rig.simulate(trial, self._effective(found, shared), local)
+        outputs = self.rig.simulate(trial, self._under(found, shared), local)
         return outputs + self._drift(trial, shared[GUIDE] * found.guide[:, None])[:, :, 0]
 
     def ignoring(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
@@ -109,7 +109,7 @@ class LateralSystem:
         """Return the outputs (n, 3) and their derivatives to all parameters (n, 3, p + l)."""
         found = self._load(trial, shared)
         friction, count = shared[GUIDE], len(self.rig.shared)
-        outputs, straight = self.rig.linearise(trial, self._effective(found, shared), local)
+        outputs, straight = self.rig.linearise(trial, self._under(found, shared), local)
         by_load = friction * np.mean(found.guide_by, axis=0)
         by_bearing = self.bearing_torque * np.mean(found.bearing_by, axis=0)
         by_coupling = (
@@ -125,7 +125,7 @@ class LateralSystem:
 
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise of current and sensors moves the outputs of one trial."""
-        return self.rig.deviations(trial, self._effective(self._load(trial, shared), shared), local)
+        return self.rig.deviations(trial, self.effective(trial, shared), local)
 
     def guide_friction(self, shared: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return the friction of the guide in N at lateral speeds (n,)."""
@@ -133,8 +133,12 @@ class LateralSystem:
         found = load(speed, self.coupling(shared), self._shape)
         return np.asarray(shared[GUIDE] * found.guide)
 
-    def _effective(self, found: Load, shared: FloatArray) -> FloatArray:
+    def effective(self, trial: int, shared: FloatArray) -> FloatArray:
         """Return the parameters of the straight rig under the mean load of one trial."""
+        return self._under(self._load(trial, shared), shared)
+
+    def _under(self, found: Load, shared: FloatArray) -> FloatArray:
+        """Return the parameters of the straight rig under a mean load."""
         effective = shared[: len(self.rig.shared)].copy()
         effective[GUIDE] *= np.mean(found.guide)
         effective[NO_LOAD] += self.bearing_torque * (np.mean(found.bearing) - 1.0)

@@ -8,6 +8,7 @@ stands still, static friction takes the disturbance up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,16 +59,22 @@ class Motion:
 class Disturbed:
     """The fitted rig: the motions of its trials, and what disturbances would make of them."""
 
-    def __init__(self, system: RigSystem, theta: FloatArray) -> None:
-        """Simulate ``system`` with the parameters ``theta`` (p,): shared, then local ones."""
+    def __init__(
+        self, system: RigSystem, theta: FloatArray, own: Sequence[FloatArray] | None = None
+    ) -> None:
+        """Simulate ``system`` with the parameters ``theta`` (p,): shared, then local ones.
+
+        ``own`` are the shared parameters as each trial has them, if its loads differ.
+        """
         self.system, self.shared = system, theta[: len(system.shared)]
+        self._own = [self.shared] * len(system.trials) if own is None else own
         names = (item.parameter.name for item in system.shared)
         self.named = dict(zip(names, self.shared.tolist(), strict=True))
         local = theta[len(system.shared) :].reshape(-1, LOCAL)
         self.motions = [self._motion(k, local[k]) for k in range(len(system.trials))]
 
     def _motion(self, trial: int, local: FloatArray) -> Motion:
-        system, shared, driven = self.system, self.shared, self.system.trials[trial]
+        system, shared, driven = self.system, self._own[trial], self.system.trials[trial]
         states = system.states(trial, shared, local)
         q = system.recursion(trial, shared, local)
         forward, _, felt = stepped(system, trial, states, q)

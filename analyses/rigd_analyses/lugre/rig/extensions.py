@@ -36,7 +36,11 @@ Signal = Callable[[Motion], FloatArray]
 
 def candidates(system: RigSystem, theta: FloatArray) -> Iterator[Suspect]:
     """Yield what may be wrong, at the parameters ``theta`` (p,) of ``system``."""
-    rig = Disturbed(system, theta)
+    return suspects(Disturbed(system, theta))
+
+
+def suspects(rig: Disturbed) -> Iterator[Suspect]:
+    """Yield what may be wrong with a rig that moves along the guide."""
     yield from _special(rig)
     for item in dependences(sources(rig), contexts(rig)):
         if item.name.startswith(FRICTION):

@@ -11,14 +11,17 @@ import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis import DataError
-from rigd.analysis.result import FitOutcome, Verdict
+from rigd.analysis.extended import own_parameters
+from rigd.analysis.result import FitOutcome, Meaning, Verdict
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
+from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, result
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 
 Trials = list[LateralTrial]
+FORCE = "a force on the carriage that depends on the lateral speed"
 
 
 @pytest.fixture(scope="module")
@@ -90,12 +93,15 @@ def test_lever_on_the_other_side_is_named(
     assert "guide_lever (d - e) of the other sign" in found.gate.sentence
 
 
-def test_half_the_lever_gives_no_number(lateral_bench: LateralBench, rig: RigConstants) -> None:
+def test_half_the_lever_is_named(lateral_bench: LateralBench, rig: RigConstants) -> None:
     constants = replace(lateral_bench.constants, lever=Known(0.006, 6e-4))
     trials = lateral_bench.sweep(2, (0.2, 0.65), (0.9, 1.5))
     found = find_lateral(trials, rig, constants)
+    assert found.whole.converged
     assert found.gate.outcome is FitOutcome.MISFIT
-    assert any("guide_lever" in finding for finding in found.gate.findings)
+    assert "lever d - e of the guide" in found.gate.sentence
+    (lever,) = [item for item in found.gate.explanations if item.stated == 0.006]
+    assert lever.size == pytest.approx(0.012, abs=2.0 * lever.sd)
 
 
 def test_stated_friction_contradicts_a_wrong_lever(
@@ -108,6 +114,17 @@ def test_stated_friction_contradicts_a_wrong_lever(
     found = find_lateral(trials, rig, constants)
     assert found.gate.outcome is FitOutcome.MISFIT
     assert any("guide_lever" in finding for finding in found.gate.findings)
+
+
+def test_force_that_follows_the_lateral_speed_is_tried(found: LateralFound) -> None:
+    tried = candidates(found.system, own_parameters(found.whole))
+    (force,) = [item for item in tried if item.name.startswith(FORCE)]
+    assert force.meaning is Meaning.LAW
+    # Of a trial's speed and of its opposite: other outputs.
+    columns = force.columns()
+    speeds = [item.lateral_speed_m_s for item in found.cells]
+    ends = {v: part[-1, 1] for v, part in zip(speeds, columns, strict=True)}
+    assert not np.allclose(ends[0.65], ends[-0.65], rtol=0.2)
 
 
 def test_lifted_rows_that_do_not_rub_are_recognised(rig: RigConstants) -> None:

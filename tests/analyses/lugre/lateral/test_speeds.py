@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.published import TABLES
 from rigd_analyses.lugre.lateral.speeds import cell, speeds, together
-from rigd_analyses.lugre.lateral.structure import structure
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.parts import sort_out
@@ -68,25 +66,3 @@ def test_published_ratios_are_those_of_the_tables() -> None:
         cells = np.array([both for speed, both in TABLES.items() if speed * sign > 0.0])
         ignored, included = np.sqrt(np.mean(cells**2, axis=(0, 2)))
         assert ignored / included == pytest.approx(ratio, abs=5e-3)
-
-
-def noise(count: int) -> FloatArray:
-    return np.random.default_rng(1).normal(0.0, 2e-3, count)
-
-
-def test_scatter_alone_shows_no_structure() -> None:
-    groups = [v for v in (-0.5, -0.2, 0.2, 0.5) for _ in range(4)]
-    found = structure(noise(16), groups)
-    assert found is not None and found.sentence == ""
-
-
-def test_force_that_follows_the_speed_is_named() -> None:
-    groups = [v for v in (-0.5, -0.2, 0.2, 0.5) for _ in range(4)]
-    forces = noise(16) + np.where(np.array(groups) == 0.5, 0.02, 0.0)
-    found = structure(forces, groups)
-    assert found is not None
-    assert "at +0.50 m/s" in found.sentence and found.worst_n == pytest.approx(0.02, abs=2e-3)
-
-
-def test_trials_without_repeats_are_not_tested() -> None:
-    assert structure(noise(3), [0.1, 0.2, 0.3]) is None
