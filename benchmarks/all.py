@@ -28,6 +28,7 @@ BENCHES = (
     "simulated_run",
     "derived",
     "controllers",
+    "derived_wire",
     "simulated_bus",
     "can_cycle",
     "modbus_codec",
