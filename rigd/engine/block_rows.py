@@ -113,7 +113,10 @@ class BlockRecorder:
         """Record or drop the rows about which the cycle has decided meanwhile."""
         if self._windows is not None and self._waiting:
             newest_ns = int(self._waiting[-1][TIME_FIELD][-1])
-            self._settle(self._windows, max(self._windows.decided_ns, newest_ns - PATIENCE_NS))
+            self._settle(
+                self._windows,
+                max(self._windows.decided_ns, newest_ns - PATIENCE_NS - self._windows.lag_ns),
+            )
 
     def finish(self) -> None:
         """Record or drop the rows that still wait, by the last decision of the cycle."""

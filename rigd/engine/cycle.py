@@ -17,7 +17,7 @@ from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
-from rigd.engine.cycle_rows import CycleRows, RowSink
+from rigd.engine.cycle_rows import CycleRows, RingSink
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import Mount, MountedRig
@@ -223,7 +223,7 @@ class Cycle:
 
     def connect(
         self,
-        rings: Mapping[str, RowSink],
+        rings: Mapping[str, RingSink],
         record: Mapping[str, Recorded],
         emit: Emit,
         *,
@@ -292,7 +292,8 @@ class Cycle:
         except BaseException:
             self.make_safe(t_ns)  # a bug in a driver: first make the rig safe, then raise
             raise
-        self._rows.decide(t_ns, self._playing)
+        for captured in self._rows.decide(t_ns, self._playing, self._values):
+            self._emit(t_ns, "capture", captured)
         self._push(t_ns, slot, began)
         return outcome
 
@@ -494,7 +495,7 @@ class Cycle:
             except Exception as error:  # noqa: BLE001 - boundary: as above
                 problems.append(f"{mount.name} does not confirm that it is safe: {error}")
         now_ns = self.t_ns if t_ns is None else t_ns
-        self._rows.decide(now_ns, "")  # nothing plays any more, and no cycle may follow
+        self._rows.finish(now_ns)  # nothing plays any more, and no cycle may follow
         for problem in problems:  # recorded after all are safe
             self._emit(now_ns, "fault", {"reason": problem})
         return problems

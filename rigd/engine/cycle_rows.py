@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from rigd.derived.driver import Derived
-from rigd.engine.block_rows import BlockSink
+from rigd.engine.block_rows import BlockRecorder, BlockSink
 from rigd.engine.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.plant_blocks import PlantBlocks
-from rigd.engine.windows import StepWindows, Windows
-from rigd.model.channels import STALE
+from rigd.engine.shared import RowRing
+from rigd.engine.windows import RecordWindows, Windows
+from rigd.model.channels import STALE, Stream
 from rigd.procedure.program import Recorded
 
 
@@ -24,6 +25,43 @@ class RowSink(Protocol):
     def push_packed(self, row: memoryview) -> None:
         """Append a row that has the bytes of the stream's row dtype already."""
         ...
+
+
+class RingSink(RowSink, BlockSink, Protocol):
+    """Takes single rows and many at once, as a ring does."""
+
+
+class HeldRows:
+    """Holds the rows of a stream until the cycle has decided about them, then passes them on.
+
+    What is held grows with ``before`` of the capture; a procedure is refused if it is too much.
+    """
+
+    #: Rows that are taken at once: one row at a time would cost ten times as much.
+    ROWS: Final = 64
+
+    def __init__(self, stream: Stream, sink: BlockSink, windows: Windows) -> None:
+        self._newest = RowRing.unshared(stream, 2 * self.ROWS)
+        self._recorder = BlockRecorder(sink, 1, windows)
+
+    def push(self, t_ns: int, row: Sequence[float]) -> None:
+        """Hold a row."""
+        self._newest.push(t_ns, row)
+        self._take(self.ROWS)
+
+    def push_packed(self, row: memoryview) -> None:
+        """Hold a row that has the bytes of the stream's row dtype already."""
+        self._newest.push_packed(row)
+        self._take(self.ROWS)
+
+    def finish(self) -> None:
+        """Pass on the last rows, by the last decision of the cycle."""
+        self._take(1)
+        self._recorder.finish()
+
+    def _take(self, least: int) -> None:
+        if self._newest.head - self._newest.tail >= least:
+            self._recorder.take(self._newest.drain())
 
 
 class _Pushed(NamedTuple):
@@ -49,12 +87,13 @@ class CycleRows:
     def __init__(
         self,
         rig: MountedRig,
-        rings: Mapping[str, RowSink],
+        rings: Mapping[str, RingSink],
         record: Mapping[str, Recorded],
         blocks: Mapping[str, BlockSink],
         windows: Mapping[str, Windows],
     ) -> None:
-        self._windows = StepWindows(record, windows)
+        self._windows = RecordWindows(record, windows, {**rig.readings, **rig.status})
+        self._held: list[HeldRows] = []
         self._devices: list[_Pushed] = []
         self._computed: list[tuple[RowSink, memoryview, int, Windows | None]] = []
         self._own: tuple[RowSink, int, Windows | None] | None = None
@@ -64,9 +103,10 @@ class CycleRows:
                 if name in blocks:
                     mount.driver.record(blocks[name], record[name].every, self._windows.of(name))
             elif name in rings:
-                every, window = record[name].every, self._windows.of(name)
+                every = record[name].every
+                sink, window = self._sink(mount.stream, rings[name], record[name])
                 if isinstance(mount.driver, Derived):
-                    self._computed.append((rings[name], mount.driver.packed, every, window))
+                    self._computed.append((sink, mount.driver.packed, every, window))
                     continue
                 declared = mount.driver.declaration
                 self._devices.append(
@@ -76,18 +116,41 @@ class CycleRows:
                         mount.commands,
                         declared.has_status,
                         declared.every_cycle,
-                        rings[name],
+                        sink,
                         every,
                         window,
                     )
                 )
         name = CYCLE_STREAM.name
         if name in rings:
-            self._own = rings[name], record[name].every, self._windows.of(name)
+            sink, window = self._sink(CYCLE_STREAM, rings[name], record[name])
+            self._own = sink, record[name].every, window
 
-    def decide(self, t_ns: int, step: str) -> None:
-        """Set the step that plays in the cycle at ``t_ns`` ("": none); call before :meth:`push`."""
-        self._windows.decide(t_ns, step)
+    def _sink(
+        self, stream: Stream, ring: RingSink, recorded: Recorded
+    ) -> tuple[RowSink, Windows | None]:
+        """Return where rows of ``stream`` go, and the windows in which they go there at once."""
+        windows = self._windows.of(stream.name)
+        if windows is None or recorded.capture is None:
+            return ring, windows
+        held = HeldRows(stream, ring, windows)
+        self._held.append(held)
+        return held, None
+
+    def decide(
+        self, t_ns: int, step: str, values: Sequence[float]
+    ) -> Sequence[Mapping[str, object]]:
+        """Set the step that plays in the cycle at ``t_ns`` ("": none); call before :meth:`push`.
+
+        Returns what has begun or ended to be captured.
+        """
+        return self._windows.decide(t_ns, step, values)
+
+    def finish(self, t_ns: int) -> None:
+        """Decide about all rows until ``t_ns``, and push those that were held."""
+        self._windows.finish(t_ns)
+        for held in self._held:
+            held.finish()
 
     def push(
         self,

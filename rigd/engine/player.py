@@ -5,22 +5,20 @@ The player computes the setpoint profiles and checks the end conditions and the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, MutableSequence, Sequence
+from collections.abc import Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from rigd.controllers.chain import through
 from rigd.engine.interlocks import Trip
+from rigd.engine.watch import Watches
 from rigd.model.severity import Severity, WayOut, way_out
 from rigd.procedure.condition_text import describe_values
 from rigd.procedure.profiles import ConstantProfile, Profile
 from rigd.procedure.program import (
-    Comparison,
-    Condition,
     CycleProgram,
     OnTimeout,
     Segment,
-    StatusCondition,
 )
 
 
@@ -47,15 +45,6 @@ class Outcome:
         return way_out(self.severity, tripped=self.trip is not None, latched=self.latched)
 
 
-@dataclass(frozen=True, eq=False)
-class _Watch:
-    """A condition bound to its place in the values table."""
-
-    index: int
-    met: Callable[[float], bool]
-    hold_ns: int
-
-
 class Player:
     """One cycle program bound to the tables of a rig.
 
@@ -77,10 +66,7 @@ class Player:
     ) -> None:
         self._segments = program.segments
         self._acting = list(through(loops, (segment.setpoints for segment in program.segments)))
-        self._watches = [
-            tuple(tuple(_watch(item, readings) for item in row) for row in segment.until)
-            for segment in program.segments
-        ]
+        self._watches = [Watches(segment.until, readings) for segment in program.segments]
         self._profiles = [
             [(setpoints[name], profile) for name, profile in segment.setpoints.items()]
             for segment in program.segments
@@ -91,7 +77,6 @@ class Player:
         ]
         self._position = -1
         self._began_ns = 0
-        self._held_since: dict[_Watch, int] = {}
         self._moving: list[tuple[int, Profile, float]] = []  # profiles that change in time
         self.entered: list[str] = []  #: names of segments entered in the last step
 
@@ -139,7 +124,7 @@ class Player:
 
     def _enter(self, t_ns: int, wanted: MutableSequence[float]) -> None:
         self._began_ns = t_ns
-        self._held_since.clear()
+        self._watches[self._position].restart()
         self._moving.clear()
         self.entered.append(self._segments[self._position].name)
         for place, profile in self._profiles[self._position]:
@@ -150,10 +135,8 @@ class Player:
 
     def _segment_over(self, t_ns: int, values: Sequence[float]) -> bool | Outcome:
         segment = self._segments[self._position]
-        for row in self._watches[self._position]:
-            # Every condition is checked, because each has its own time.
-            if all([self._holds(watch, t_ns, values) for watch in row]):
-                return True
+        if self._watches[self._position].met(t_ns, values):
+            return True
         elapsed_ns = t_ns - self._began_ns
         if segment.duration_s is not None and elapsed_ns >= round(segment.duration_s * 1e9):
             return True
@@ -174,35 +157,4 @@ class Player:
         """Return the newest value of every channel for which the present segment waits."""
         if self._position < 0:
             return {}
-        segment, watches = self._segments[self._position], self._watches[self._position]
-        return {
-            condition.channel: values[watch.index]
-            for row, watched in zip(segment.until, watches, strict=True)
-            for condition, watch in zip(row, watched, strict=True)
-        }
-
-    def _holds(self, watch: _Watch, t_ns: int, values: Sequence[float]) -> bool:
-        if not watch.met(values[watch.index]):
-            self._held_since.pop(watch, None)
-            return False
-        return t_ns - self._held_since.setdefault(watch, t_ns) >= watch.hold_ns
-
-
-def _watch(condition: Condition | StatusCondition, readings: Mapping[str, int]) -> _Watch:
-    return _Watch(readings[condition.channel], _test(condition), round(condition.for_s * 1e9))
-
-
-def _test(condition: Condition | StatusCondition) -> Callable[[float], bool]:
-    """Return the test of a value against ``condition``; NaN fails every test."""
-    if isinstance(condition, StatusCondition):
-        mask, wanted = condition.mask, condition.wanted
-        return lambda word: word == word and bool(int(word) & mask) is wanted
-    threshold = condition.threshold
-    above = condition.comparison is Comparison.ABOVE
-    if condition.magnitude:
-        if above:
-            return lambda value: abs(value) > threshold
-        return lambda value: abs(value) < threshold
-    if above:
-        return lambda value: value > threshold
-    return lambda value: value < threshold
+        return self._watches[self._position].values(values)

@@ -7,19 +7,22 @@ window opened and closed, and the process that records compares the time of each
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.engine.watch import Watches
 from rigd.model.errors import DeviceError
 from rigd.procedure.program import Recorded
 
 #: Number of windows that are kept; a block device is a few blocks late, and a step is rarely
 #: shorter.
 _KEPT: Final = 32
-_DECIDED, _COUNT, _PAIRS = 0, 1, 2  #: words, then opening and closing time of each window
+#: Words, then opening and closing time of each window.
+_DECIDED, _COUNT, _LAG, _PAIRS = 0, 1, 2, 3
 _LINE_BYTES: Final = 64
 _STILL_OPEN: Final = 2**63 - 1
 
@@ -60,6 +63,15 @@ class Windows:
         words[_DECIDED] = t_ns
 
     @property
+    def lag_ns(self) -> int:
+        """How long after a time the cycle decides about it; 0 for windows of steps."""
+        return self._words[_LAG]
+
+    @lag_ns.setter
+    def lag_ns(self, lag_ns: int) -> None:
+        self._words[_LAG] = lag_ns
+
+    @property
     def decided_ns(self) -> int:
         """The decision on rows taken until this time is final; 0 before the first cycle."""
         return self._words[_DECIDED]
@@ -87,25 +99,82 @@ class Windows:
         return inside
 
 
-class StepWindows:
-    """Opens and closes the windows of streams that are recorded only during some steps.
+@dataclass
+class _Captured:
+    """The windows of a stream that is recorded around what it waits for."""
 
-    ``shared`` has the windows that another process reads.
+    stream: str
+    watches: Watches
+    before_ns: int
+    after_ns: int
+    windows: Windows
+    met_ns: int | None = None  #: when it was met last
+
+
+class RecordWindows:
+    """Opens and closes the windows of streams that are not recorded at all times.
+
+    ``shared`` has the windows that another process reads, ``readings`` the places of channels.
+
+    A capture includes rows that were taken before the cycle knows of it. So about a row of time t
+    the cycle decides ``before_s`` later, and the row waits as long: that is all that differs.
     """
 
-    def __init__(self, record: Mapping[str, Recorded], shared: Mapping[str, Windows]) -> None:
+    def __init__(
+        self,
+        record: Mapping[str, Recorded],
+        shared: Mapping[str, Windows],
+        readings: Mapping[str, int],
+    ) -> None:
         self._of = {
             stream: shared.get(stream) or Windows.unshared()
             for stream, recorded in record.items()
-            if recorded.during
+            if recorded.windowed
         }
-        self._all = [(record[stream].during, windows) for stream, windows in self._of.items()]
+        self._steps = [
+            (record[stream].during, windows)
+            for stream, windows in self._of.items()
+            if record[stream].during
+        ]
+        self._captures: list[_Captured] = []
+        for stream, windows in self._of.items():
+            capture = record[stream].capture
+            if capture is not None:
+                windows.lag_ns = round(capture.before_s * 1e9)
+                watches, after_ns = Watches(capture.when, readings), round(capture.after_s * 1e9)
+                self._captures.append(_Captured(stream, watches, windows.lag_ns, after_ns, windows))
 
     def of(self, stream: str) -> Windows | None:
         """Return the windows of ``stream``; None if it is always recorded."""
         return self._of.get(stream)
 
-    def decide(self, t_ns: int, step: str) -> None:
-        """Decide for all streams in the cycle at ``t_ns``, in which ``step`` plays ("": none)."""
-        for during, windows in self._all:
+    def decide(
+        self, t_ns: int, step: str, values: Sequence[float]
+    ) -> Sequence[Mapping[str, object]]:
+        """Decide for all streams in the cycle at ``t_ns``, in which ``step`` plays ("": none).
+
+        Returns what has begun or ended to be captured, for the events of the recording.
+        """
+        for during, windows in self._steps:
             windows.decide(t_ns, is_open=step in during)
+        if not self._captures:
+            return ()
+        changed = []
+        for item in self._captures:
+            if item.watches.met(t_ns, values):
+                item.met_ns = t_ns
+            was_open, met_ns = item.windows.is_open, item.met_ns
+            is_open = met_ns is not None and t_ns - met_ns <= item.before_ns + item.after_ns
+            item.windows.decide(t_ns - item.before_ns, is_open=is_open)
+            if is_open is not was_open:
+                changed.append({"stream": item.stream, "recorded": is_open})
+        return changed
+
+    def finish(self, t_ns: int) -> None:
+        """Decide about all rows until ``t_ns``: no cycle may follow."""
+        for _, windows in self._steps:
+            windows.decide(t_ns, is_open=False)
+        for item in self._captures:
+            if item.windows.is_open and item.met_ns is not None:
+                item.windows.decide(min(item.met_ns + item.after_ns, t_ns) + 1, is_open=False)
+            item.windows.decide(t_ns, is_open=False)

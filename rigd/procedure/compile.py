@@ -26,16 +26,13 @@ from rigd.procedure.program import (
     CycleProgram,
     IdentifyPlan,
     OnClientLoss,
-    Recorded,
     TrialPlan,
 )
 from rigd.procedure.reader import Reader, describe_unit
+from rigd.procedure.recorded import read_record
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
 from rigd.procedure.sweep import MAX_STEPS, play_order, read_points
-
-#: The stream of the cycle itself; always recorded, because delays are data.
-CYCLE_STREAM = "cycle"
 
 
 def compile_procedure(
@@ -77,7 +74,10 @@ def compile_procedure(
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)
     finish = compiler.compile(("finish",), source.finish, base)
-    record = _record(reader, source, rig)
+    steps = [
+        step.step for _, block in _blocks(source) for step in block if isinstance(step, MoveSource)
+    ]
+    record = read_record(reader, source, rig, base, steps)
     identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
     _raise_any(problems, source, rig)
@@ -199,29 +199,6 @@ def _own(scope: Scope) -> dict[str, float | str | bool]:
         for name, value in scope.items()
         if "." not in name
     }
-
-
-def _record(reader: Reader, source: ProcedureSource, rig: RigConfig) -> dict[str, Recorded]:
-    streams = [name for name, device in rig.devices.items() if device.channels]
-    streams.append(CYCLE_STREAM)
-    if source.record == "all":
-        return dict.fromkeys(streams, Recorded())
-    steps = [step.step for _, block in _blocks(source) for step in block
-             if isinstance(step, MoveSource)]  # fmt: skip
-    record = {CYCLE_STREAM: Recorded()}
-    for name, given in source.record.items():
-        if name not in streams:
-            place = reader.document.key_place(("record", name))
-            reader.problems.add_lacking(place, rig.name, "stream", name, streams)
-        if isinstance(given, int):
-            record[name] = Recorded(given)
-            continue
-        for index, step in enumerate(given.during):
-            if step not in steps:
-                path = ("record", name, "during", index)
-                reader.note(path, f"the procedure has no step {step!r}", suggest(step, steps))
-        record[name] = Recorded(given.every, frozenset(given.during))
-    return record
 
 
 def _identify(

@@ -221,14 +221,30 @@ class IdentifyPlan:
 
 
 @dataclass(frozen=True)
+class Capture:
+    """A stream is recorded around the times at which ``when`` holds."""
+
+    when: Until
+    before_s: float
+    after_s: float
+
+
+@dataclass(frozen=True)
 class Recorded:
     """The recorded part of a stream: every ``every``-th row.
 
-    With ``during``, only rows taken while one of these steps plays.
+    With ``during``, only rows taken while one of these steps plays; with ``capture``, only those
+    around what it waits for.
     """
 
     every: int = 1
     during: frozenset[str] = frozenset()
+    capture: Capture | None = None
+
+    @property
+    def windowed(self) -> bool:
+        """Whether only some times are recorded."""
+        return bool(self.during) or self.capture is not None
 
 
 @dataclass(frozen=True)

@@ -326,17 +326,34 @@ class WindowSource(Source):
     """The steps during which it is recorded."""
 
 
+class CaptureSource(Source):
+    """The recorded part of a stream, and what must hold for it to be recorded."""
+
+    every: Every = 1
+    """Every n-th row (1: all)."""
+    when: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()]
+    """The condition, written like the end of a step; with several, any."""
+    before: Time
+    """How long before it holds the recording begins."""
+    after: Time
+    """How long after it has held last the recording ends."""
+
+
 def _stream_kind(value: object) -> str:
-    return "window" if isinstance(value, dict) else "every"
+    if not isinstance(value, dict):
+        return "every"
+    return "window" if "during" in value else "capture"
 
 
 def _record_kind(value: object) -> Any:
     return "all" if isinstance(value, str) else "streams"
 
 
-#: Every n-th row, or `{every: n, during: [step, ...]}`.
+#: Every n-th row, `{every: n, during: [step, ...]}` or `{when: condition, before: s, after: s}`.
 StreamRecord = Annotated[
-    Annotated[Every, Tag("every")] | Annotated[WindowSource, Tag("window")],
+    Annotated[Every, Tag("every")]
+    | Annotated[WindowSource, Tag("window")]
+    | Annotated[CaptureSource, Tag("capture")],
     Discriminator(_stream_kind),
 ]
 Record = Annotated[

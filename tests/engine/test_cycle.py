@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from support.bench import Axis, Bench, move
 
 from rigd.engine.cycle import MOST_TRIPS
+from rigd.engine.sink import Rows
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import STOPS, Severity
@@ -148,6 +149,9 @@ def test_row_that_comes_late_has_its_own_time() -> None:
 
         def push_packed(self, row: memoryview) -> None:
             raise AssertionError("no channel is derived")
+
+        def push_block(self, rows: Rows) -> None:
+            raise AssertionError("nothing is captured")
 
     host.cycle.connect({"axis": Ring()}, {"axis": Recorded(1)}, lambda *_: None)
     host.cycle.step()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rigd.engine.block_rows import PATIENCE_NS, BlockQueue, BlockRecorder, BlockRows
-from rigd.engine.windows import StepWindows, Windows
+from rigd.engine.windows import RecordWindows, Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError
 from rigd.model.rows import row_dtype
-from rigd.procedure.program import Recorded
+from rigd.procedure.program import Capture, Comparison, Condition, Recorded
 from rigd.sdk import Block
 
 STREAM = Stream("daq", (Channel("number"),))
@@ -142,16 +142,41 @@ def test_steps_open_windows_of_streams_that_name_them() -> None:
         "both": Recorded(1, frozenset({"ready", "drive"})),
     }
     shared = Windows.unshared()
-    steps = StepWindows(record, {"both": shared})
+    steps = RecordWindows(record, {"both": shared}, {})
     assert steps.of("always") is None
     assert steps.of("both") is shared
     seen = []
     for t_ns, step in enumerate(["", "ready", "drive", "back", ""]):
-        steps.decide(t_ns, step)
+        steps.decide(t_ns, step, [])
         own = steps.of("drive")
         assert own is not None
         seen.append((own.is_open, shared.is_open))
     assert seen == [(False, False), (False, True), (True, True), (False, False), (False, False)]
+
+
+@pytest.mark.parametrize(("before", "after"), [(7, 4), (40, 1), (1, 30)])
+def test_capture_records_exactly_what_is_around_it(before: int, after: int) -> None:
+    random = np.random.default_rng(before)
+    when = ((Condition("a.x", Comparison.ABOVE, 0.5),),)
+    capture = Capture(when, before * 1e-9, after * 1e-9)
+    windows = RecordWindows({"daq": Recorded(capture=capture)}, {}, {"a.x": 0})
+    own = windows.of("daq")
+    assert own is not None
+    taken, queue = recorder(own)
+    met, given, changes = set(), 0, []
+    for t_ns in range(1, 2001):
+        value = float(random.random() < 0.02)
+        met |= {t_ns} if value else set()
+        changes += windows.decide(t_ns, "", [value])
+        if random.random() < 0.1:
+            taken.take(rows(*range(given + 1, t_ns + 1)))
+            given = t_ns
+    taken.take(rows(*range(given + 1, 2001)))
+    windows.finish(2000)
+    taken.finish()
+    wanted = {t for at in met for t in range(max(at - before, 1), min(at + after, 2000) + 1)}
+    assert times(queue) == sorted(wanted)
+    assert [item["recorded"] for item in changes[:4]] == [True, False, True, False]
 
 
 def test_blocks_become_rows_with_status_as_word() -> None:

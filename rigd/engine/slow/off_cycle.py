@@ -50,7 +50,7 @@ class OffCycleDevices:
                         device,
                         ring=folder.ring_path(job, stream.name),
                         every=selection.every,
-                        windowed=bool(selection.during),
+                        windowed=selection.windowed,
                         table=path,
                         table_streams=streams,
                         start_ns=job.start_ns,
@@ -71,7 +71,7 @@ class OffCycleDevices:
                 name: SlowRows(
                     rings[name],
                     record[name].every,
-                    table.windows(name) if record[name].during else None,
+                    table.windows(name) if record[name].windowed else None,
                 )
                 for name in drivers
                 if name in rings
