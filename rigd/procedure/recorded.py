@@ -77,8 +77,8 @@ def _capture(
             )  # fmt: skip
             return Capture(when, before_s, after_s)
         size = row_struct(device.stream).size + 8 * len(device.setpoints)
-        most_s = MOST_BYTES * given.every / (size * rate_hz)
-        if before_s > most_s:
+        if before_s * size * rate_hz > MOST_BYTES * given.every:
+            most_s = MOST_BYTES * given.every / (size * rate_hz)
             reader.note(
                 (*path, "before"),
                 f"{given.before} of {name} take more than {MOST_BYTES >> 20} MB of memory",

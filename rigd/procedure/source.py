@@ -342,7 +342,7 @@ class CaptureSource(Source):
 def _stream_kind(value: object) -> str:
     if not isinstance(value, dict):
         return "every"
-    return "window" if "during" in value else "capture"
+    return "capture" if {"when", "before", "after"} & value.keys() else "window"
 
 
 def _record_kind(value: object) -> Any:

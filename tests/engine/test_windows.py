@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -163,7 +165,8 @@ def test_capture_records_exactly_what_is_around_it(before: int, after: int) -> N
     own = windows.of("daq")
     assert own is not None
     taken, queue = recorder(own)
-    met, given, changes = set(), 0, []
+    met: set[int] = set()
+    given, changes = 0, list[Mapping[str, object]]()
     for t_ns in range(1, 2001):
         value = float(random.random() < 0.02)
         met |= {t_ns} if value else set()
