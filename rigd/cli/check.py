@@ -75,8 +75,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _report(given: str, rig: RigConfig | None) -> FileReport:
-    from rigd.model.errors import ConfigError
-    from rigd.procedure.other_rig import OtherRigError
+    from rigd.model.errors import ConfigError, OtherRigError
 
     kind = ""
     try:

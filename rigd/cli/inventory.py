@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeVar
 
+from pydantic import ValidationError
 from rich.console import Console
 from rich.markup import escape
 
@@ -174,13 +175,13 @@ def _plain(doc: str) -> str:
 
 def _channels(loaded: Any, name: str) -> dict[str, Any]:
     """Return channels and setpoints for the default options, or for a device of a shipped rig."""
-    if any(field.is_required() for field in loaded.Config.model_fields.values()):
+    try:
+        example, config = "", loaded.Config()
+    except ValidationError:  # it needs options
         found = _shipped_device(name)
         if found is None:
             return {}
         example, config = found
-    else:
-        example, config = "", loaded.Config()
     declaration = loaded.declare(config)
     return {
         "example": example,

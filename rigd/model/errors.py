@@ -116,6 +116,20 @@ class ConfigError(RigdError):
         return "\n".join([text, *(str(other) for other in self.others)])
 
 
+class OtherRigError(ConfigError):
+    """A procedure whose only errors are devices that the rig lacks; ``missing`` names them."""
+
+    def __init__(
+        self, procedure: str, rig: str, missing: tuple[str, ...], place: Place | None
+    ) -> None:
+        super().__init__(
+            f"{procedure} is for another rig: {rig} has no {', '.join(missing)}",
+            place=place,
+            hint="name the rig that has them with --rig; `rigd check FILE --rig RIG` checks that",
+        )
+        self.missing = missing
+
+
 class LinkError(RigdError):
     """A device cannot be reached."""
 

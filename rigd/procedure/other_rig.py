@@ -5,25 +5,11 @@ from __future__ import annotations
 import difflib
 from typing import TYPE_CHECKING
 
-from rigd.model.errors import ConfigError, Place
+from rigd.model.errors import ConfigError, OtherRigError, Place
 from rigd.procedure.prompts import PLANT
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
-
-
-class OtherRigError(ConfigError):
-    """A procedure whose only errors are devices that the rig lacks; ``missing`` names them."""
-
-    def __init__(
-        self, name: str, rig: RigConfig, missing: tuple[str, ...], place: Place | None
-    ) -> None:
-        super().__init__(
-            f"{name} is for another rig: {rig.name} has no {', '.join(missing)}",
-            place=place,
-            hint="name the rig that has them with --rig; `rigd check FILE --rig RIG` checks that",
-        )
-        self.missing = missing
 
 
 def other_rig(error: ConfigError, name: str, rig: RigConfig) -> OtherRigError | None:
@@ -41,4 +27,4 @@ def other_rig(error: ConfigError, name: str, rig: RigConfig) -> OtherRigError | 
     if any(difflib.get_close_matches(item, rig.devices, n=1, cutoff=0.8) for item in devices):
         return None
     missing = tuple(sorted(devices))
-    return OtherRigError(name, rig, missing, lacked[missing[0]])
+    return OtherRigError(name, rig.name, missing, lacked[missing[0]])

@@ -7,7 +7,6 @@ from typing import Final
 
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.model.rows import row_struct
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import Capture, Recorded
@@ -76,6 +75,8 @@ def _capture(
                 f"its rows are few: record all of them, '{name}: 1'",
             )  # fmt: skip
             return Capture(when, before_s, after_s)
+        from rigd.model.rows import row_struct  # a procedure is checked without numpy
+
         size = row_struct(device.stream).size + 8 * len(device.setpoints)
         if before_s * size * rate_hz > MOST_BYTES * given.every:
             most_s = MOST_BYTES * given.every / (size * rate_hz)

@@ -11,9 +11,9 @@ from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
 from rigd.derived.driver import DerivedConfig
 from rigd.model import ConfigError
+from rigd.model.errors import OtherRigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.procedure.other_rig import OtherRigError
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
 
 Compile = Callable[..., CompiledProcedure]
