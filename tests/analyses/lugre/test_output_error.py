@@ -20,7 +20,7 @@ from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.model import SIGMA_1
+from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1
 from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
@@ -150,6 +150,16 @@ def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
     assert result.gate.outcome is FitOutcome.MISFIT
     assert "not converged: sigma_0 has 1 standard errors to go" in result.gate.sentence
     assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
+
+
+def test_effect_within_doubt_leaves_stribeck_speed_open(begun: FirstFit) -> None:
+    """What else explains a misfit as well would take a third of the effect away."""
+    moved = np.zeros(6)
+    moved[MU_C], moved[RATIO] = 0.04, -0.08
+    result = conclude_group(replace(begun, shifts=(moved,)))
+    assert result.parameter("V_s").quoted is None
+    assert "a Stribeck effect is not shown" in result.parameter("mu_s-mu_c").sentence
+    assert result.parameter("sigma_0").identifiable
 
 
 def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:

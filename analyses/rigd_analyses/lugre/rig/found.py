@@ -137,6 +137,17 @@ class Found:
             below, above = max(below, reach - moved), max(above, reach + moved)
         return below, above
 
+    def doubt(self, quantity: Quantity) -> float:
+        """Return the standard error of the logarithm over that of the curvature alone, 1 or more.
+
+        A profile rises with the curvature: by the square of this it rises too fast. The doubt in
+        gravity, by which all friction grows alike, is left out.
+        """
+        chance = self.chance(quantity.log_gradient(self.theta[:FRICTION]))
+        by_best = _spread(quantity, self._at_best())
+        error = math.hypot(chance, self.method(quantity))
+        return max(error / by_best, 1.0) if by_best > 0.0 else 1.0
+
     def _at_best(self) -> Beside:
         block = self.whole.inverse[:FRICTION, :FRICTION]
         return Beside(self.theta[:FRICTION], block, Z_95)

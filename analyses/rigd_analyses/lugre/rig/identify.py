@@ -50,10 +50,18 @@ from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.extensions import candidates
-from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, beside, slip
+from rigd_analyses.lugre.rig.found import (
+    FRICTION,
+    HEIGHT,
+    WINDOW_S,
+    Found,
+    all_states,
+    beside,
+    slip,
+)
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.result import result
-from rigd_analyses.lugre.rig.ridge import along_ridge, bent, effect_shown, on_ridge
+from rigd_analyses.lugre.rig.ridge import along_ridge, bent, effect_shown, on_ridge, without_effect
 from rigd_analyses.lugre.rig.system import (
     RigSystem,
     driven_trial,
@@ -211,7 +219,10 @@ def with_intervals(
         gravity.u / gravity.value, shifts, beside=beside(scans),
     )  # fmt: skip
     if gate.outcome is FitOutcome.CORRECTED:
-        return replace(found, without=without_each_trial(whole))
+        found = replace(found, without=without_each_trial(whole))
+    if scans and not effect_shown(scans["ratio"], found.doubt(HEIGHT)):
+        scans = without_effect(scans)
+        found = replace(found, scans=scans, beside=beside(scans))
     return found
 
 
@@ -347,9 +358,6 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
         )  # fmt: skip
         if scans[name].better is not None:
             return scans
-    if not effect_shown(scans["ratio"]):
-        scans["ratio"] = replace(scans["ratio"], low=None)
-        scans["V_s"] = replace(scans["V_s"], low=None, high=None)
     return scans
 
 

@@ -7,6 +7,8 @@ mu_c and mu_s. The ridge is bent, and a straight line from a fit soon leaves it.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -58,11 +60,23 @@ def bent(theta: FloatArray, value: float) -> FloatArray:
     return with_speed(theta, math.exp(value))
 
 
-def effect_shown(ratio: ProfileScan) -> bool:
-    """Whether mu_s = mu_c fits worse than chance makes it: only then there is a V_s.
+def effect_shown(ratio: ProfileScan, doubt: float) -> bool:
+    """Whether mu_s = mu_c fits worse than chance and doubt make it: only then there is a V_s.
 
-    The V_s that fits chance best is chosen from all, so that the statistic of no effect has no
-    distribution of one degree of freedom (Davies, Biometrika 64, 1977); and a wrong V_s is far off.
+    ``doubt`` is the standard error of the effect over that by which the profile rises. The V_s that
+    fits chance best is chosen from all, so that the statistic of no effect has no distribution of
+    one degree of freedom (Davies, Biometrika 64, 1977); and a wrong V_s is far off.
     """
+    if ratio.low is None:
+        return False
+    best = float(ratio.values[np.argmin(ratio.statistic)])
     none = ratio.statistic[ratio.values == 0.0]
-    return ratio.low is not None and bool(np.all(none > chi2.ppf(SHOWN, 2)))
+    # Far from the interval no refit was made: there the root of the statistic is straight.
+    rise = float(none[0]) if none.size else ratio.threshold * (best / (best - ratio.low)) ** 2
+    return bool(rise / doubt**2 > chi2.ppf(SHOWN, 2))
+
+
+def without_effect(scans: Mapping[str, ProfileScan]) -> dict[str, ProfileScan]:
+    """Return ``scans`` as data that show no Stribeck effect leave them: V_s is open."""
+    open_ratio = replace(scans["ratio"], low=None)
+    return {**scans, "ratio": open_ratio, "V_s": replace(scans["V_s"], low=None, high=None)}
