@@ -28,6 +28,7 @@ from rigd.model.units import Quantity, parse_unit
 from rigd.procedure.program import IdentifyPlan
 from rigd.record import Event, Recording, RunInfo, TrialInfo, run_info
 from rigd.record.info import COMPLETE
+from rigd.record.trials import held
 
 #: Here also what the author of an analysis needs of recordings as such.
 __all__ = [
@@ -252,9 +253,18 @@ def _damaged(recording: Recording) -> str:
 
 
 def needed_trials(recording: Recording, signals: Mapping[str, str]) -> tuple[TrialInfo, ...]:
-    """Return the trials; one that lost rows of a stream with one of ``signals`` is not complete."""
+    """Return the trials; one that lost rows of a stream with one of ``signals`` is not complete.
+
+    One that was held by a pause is not complete either: the rig did not do what the trial plans.
+    """
     needed = {channel.partition(".")[0] for channel in signals.values()}
-    return tuple(trial.info for trial in recording.trials_for(needed))
+    events, found = recording.all_events, []
+    for trial in recording.trials_for(needed):
+        info, why = trial.info, held(events, trial.info)
+        if info.complete and why:
+            info = replace(info, complete=False, reason=why)
+        found.append(info)
+    return tuple(found)
 
 
 def open_sweep(path: Path) -> RecordedSweep:

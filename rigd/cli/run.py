@@ -30,7 +30,8 @@ examples:
 
 while it runs:
   Ctrl-C    controlled stop, then `finish`; again: abort; a third time: drop power
-  Ctrl-Z    pause after this trial; again: resume   (SIGUSR1 does the same)
+  Ctrl-Z    hold this step if it can be held, or pause after this trial; again: resume
+            (SIGUSR1 does the same)
 
 A software stop is a request. The safety function is the hardware chain of the rig.
 """

@@ -34,7 +34,7 @@ class RunPosition:
 class RunDisplay:
     """Progress on standard error: a bar on a terminal, a line for each trial elsewhere.
 
-    ``paused`` is the text shown while the run is paused.
+    ``paused`` is the text shown while the run is paused or held.
     """
 
     def __init__(self, *, quiet: bool, paused: str) -> None:
@@ -87,8 +87,8 @@ class RunDisplay:
         if number is not None and number != self._trial and not self._console.is_terminal:
             which = f"trial {position.trials_done + 1}/{position.trials_total}"
             self._console.print(escape(f"{which}: {label}"))
-        if position.state == "paused" != self._state:
-            self.report(f"paused; {self._paused}")
+        if position.state in ("held", "paused") and position.state != self._state:
+            self.report(f"{position.state}; {self._paused}")
         self._trial, self._state = number, position.state
         title, left = position.state, ""
         if number is not None:

@@ -28,7 +28,7 @@ ESCALATION: Final[Mapping[Severity, str]] = {
 def handle_signals(control: Control) -> Iterator[None]:
     """While inside, Ctrl-C, SIGTERM and SIGHUP stop the run; once more aborts, then drops power.
 
-    Ctrl-Z (or SIGUSR1) pauses after the trial under way, and resumes. A handler only sets flags
+    Ctrl-Z (or SIGUSR1) pauses, and resumes. A handler only sets flags
     and leaves a line in ``control.notices``: it must not print, because the terminal may be gone. A
     signal that was ignored before (nohup) stays ignored.
     """
@@ -41,7 +41,7 @@ def handle_signals(control: Control) -> Iterator[None]:
 
     def pause(number: int, frame: FrameType | None) -> None:
         wanted = control.toggle_pause()
-        line = "pausing after this trial; Ctrl-Z resumes" if wanted else "resuming"
+        line = "pausing; Ctrl-Z resumes" if wanted else "resuming"
         control.notices.append(line)
 
     handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), end)

@@ -20,7 +20,7 @@ class Control:
 
     @property
     def pauses(self) -> bool:
-        """Whether the run shall wait between two trials."""
+        """Whether the run shall wait, in a step that can be held or between two trials."""
         return self.pause_wanted and not self.last_trial
 
     def request(self, stop: Severity, reason: str) -> None:
@@ -36,7 +36,7 @@ class Control:
         return stop
 
     def toggle_pause(self) -> bool:
-        """Request a pause after this trial, or to resume; return whether it will pause."""
+        """Request a pause, or to resume; return whether it will pause."""
         self.pause_wanted = not self.pause_wanted
         return self.pause_wanted
 

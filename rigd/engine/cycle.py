@@ -6,28 +6,29 @@ acts last, whatever the program commands. When no program is loaded, setpoints g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic_ns
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
+from rigd.engine.cycle_places import Place, runs
 from rigd.engine.cycle_rows import CycleRows, RingSink
+from rigd.engine.holding import HoldPhase
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
-from rigd.engine.mount import Mount, MountedRig
+from rigd.engine.mount import MountedRig
 from rigd.engine.player import Outcome, Player
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
-from rigd.sdk import Driver
 
 if TYPE_CHECKING:
     from rigd.controllers.bank import Bank
@@ -67,39 +68,6 @@ class CycleCounters:
     stale: int = 0  #: rows that repeat an earlier row, because the device was late
 
 
-class _Read(NamedTuple):
-    """A device as the cycle reads it; ``places`` are those of its ``width`` values."""
-
-    name: str
-    driver: Driver
-    places: slice
-    width: int
-
-    @classmethod
-    def of(cls, mount: Mount) -> _Read:
-        places, driver = mount.values, mount.driver
-        return cls(mount.name, driver, places, places.stop - places.start)
-
-
-def _runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, slice, slice]]:
-    """Yield groups of derived channels that follow one another, to be taken at once.
-
-    ``groups`` have the number of their mount and their places in the table of values, in the order
-    of the graph. The slices are those of mounts, values, groups and results.
-    """
-    at = first = 0
-    for place, (mount, values) in enumerate(groups):
-        if place + 1 < len(groups) and groups[place + 1][0] == mount + 1:
-            continue
-        begin, start = groups[first]
-        width = values.stop - start.start
-        yield (
-            slice(begin, mount + 1), slice(start.start, values.stop),
-            slice(first, place + 1), slice(at, at + width),
-        )  # fmt: skip
-        at, first = at + width, place + 1
-
-
 class Cycle:
     """The control cycle of one rig; call :meth:`connect` before the first :meth:`step`."""
 
@@ -120,6 +88,8 @@ class Cycle:
         self.control = control
         self.counters = CycleCounters()
         self.segment = ""
+        #: How far the hold of the present step is; it stays until the next program is loaded.
+        self.phase = HoldPhase.NONE
         self.trips: list[Trip] = []  #: trips in this run, the first :data:`MOST_TRIPS`
         #: Called before the devices are made safe, which may take longer than a cycle.
         self.on_make_safe: Callable[[], None] = lambda: None
@@ -142,13 +112,13 @@ class Cycle:
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [
-            (n, _Read.of(mount))
+            (n, Place.of(mount))
             for n, mount in enumerate(rig.mounts)
             if not isinstance(mount.driver, Derived | Controller)  # they compute
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
         self._evaluator = evaluator
-        self._derived = list(_runs([(n, rig.mounts[n].values) for n in derived]))
+        self._derived = list(runs([(n, rig.mounts[n].values) for n in derived]))
         for n in derived:
             self._fresh[n] = True
         self._observers = [m.driver for m in rig.mounts if isinstance(m.driver, Observer)]
@@ -244,7 +214,7 @@ class Cycle:
         cancelled: it ends the new program at once.
         """
         self._player, self._then = self._bound(program), self._bound(then)
-        self.segment = ""
+        self.segment, self.phase = "", HoldPhase.NONE
         self._hold_until_ns = 0
 
     def begin_trial(self) -> None:
@@ -375,10 +345,7 @@ class Cycle:
             self._obeyed = asked
             self._leave(Outcome(asked, self.control.reason))
         if self._leaving is None and self._player is not None:
-            ended = self._player.step(t_ns, self._values, self._wanted)
-            for name in self._player.entered:
-                self.segment = name
-                self._emit(t_ns, "step", {"name": name})
+            ended = self._play(self._player, t_ns)
             if ended is None or ended.severity is Severity.DONE:
                 self._playing = self.segment  # the program ``then`` begins in the next cycle
             if ended is None:
@@ -393,6 +360,19 @@ class Cycle:
             return None
         self._wanted[:] = self._rest
         return self._stop_completed(t_ns)
+
+    def _play(self, player: Player, t_ns: int) -> Outcome | None:
+        """Play the program for a cycle; hold its step if a pause is wanted and the step allows."""
+        control = self.control
+        pause = control.pause_wanted and (control.pauses or self.phase is HoldPhase.HELD)
+        ended = player.step(t_ns, self._values, self._wanted, self.limiter.applied, pause=pause)
+        for name in player.entered:
+            self.segment = name
+            self._emit(t_ns, "step", {"name": name})
+        if player.phase is not self.phase:
+            self.phase = player.phase
+            self._emit(t_ns, "hold", {"step": self.segment, "phase": self.phase.value})
+        return ended
 
     def _control(self, t_ns: int) -> None:
         """Let the controllers of the present step set what they command; end the trial for one."""

@@ -24,6 +24,7 @@ from rigd.engine import messages as m
 from rigd.engine.clock import RealClock
 from rigd.engine.control import Control
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle
+from rigd.engine.holding import HoldPhase
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
 from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
@@ -111,6 +112,7 @@ class CycleProcess:
         board[Word.STALE] = counters.stale
         board[Word.SILENT_DEVICES] = cycle.silent_devices
         board[Word.AT_REST] = cycle.limiter.at_rest()
+        board[Word.HELD] = cycle.phase is HoldPhase.HELD
         if self._arming_since is not None and outcome is None:
             outcome = self._arming()
         if self._acting is not None:
@@ -176,6 +178,8 @@ class CycleProcess:
                 self._begin(serial, last_received)
             case m.Request(_, stop, reason):
                 self._control.request(stop, reason)
+            case m.Pause(_, wanted, last_trial):
+                self._control.pause_wanted, self._control.last_trial = wanted, last_trial
             case m.Acknowledge(_, interlock):
                 self._cycle.interlocks.acknowledge(interlock)
             case m.Arm(serial, last_received):

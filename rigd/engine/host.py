@@ -49,6 +49,11 @@ class Host(Protocol):
         ...
 
     @property
+    def held(self) -> bool:
+        """Whether a pause holds the present step, or the program ended while it did."""
+        ...
+
+    @property
     def counters(self) -> CycleCounters:
         """Counters of the cycle."""
         ...

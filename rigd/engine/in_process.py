@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from rigd.engine.block_rows import BlockQueue
-from rigd.engine.clock import Clock, monotonic_ns
+from rigd.engine.clock import Clock, idle, monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle, CycleCounters
+from rigd.engine.holding import HoldPhase
 from rigd.engine.interlocks import Trip
 from rigd.engine.mount import Mount
 from rigd.engine.plant_blocks import PlantBlocks
@@ -105,6 +106,11 @@ class InProcessHost:
         return self.cycle.segment
 
     @property
+    def held(self) -> bool:
+        """Whether a pause holds the present step, or the program ended while it did."""
+        return self.cycle.phase is HoldPhase.HELD
+
+    @property
     def counters(self) -> CycleCounters:
         """Counters of the cycle."""
         return self.cycle.counters
@@ -154,7 +160,9 @@ class InProcessHost:
         """
         self.cycle.load(program)
         while (outcome := self._step()) is None:
-            pass
+            if self.virtual and self.held:  # no longer than the person takes
+                self.on_drain()
+                idle(self.cycle.clock.period_ns * 1e-9)
         return outcome
 
     def ask(self, question: Callable[[], None]) -> Outcome | None:

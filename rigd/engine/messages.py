@@ -162,6 +162,14 @@ class Request(Command):
 
 
 @dataclass(frozen=True)
+class Pause(Command):
+    """Request a pause, or its end; has no reply. ``last_trial``: why no trial follows, or ""."""
+
+    wanted: bool
+    last_trial: str
+
+
+@dataclass(frozen=True)
 class Acknowledge(Command):
     """Permit a latched interlock to clear; has no reply."""
 

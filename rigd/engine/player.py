@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from rigd.controllers.chain import through
+from rigd.engine.holding import Holding, HoldPhase
 from rigd.engine.interlocks import Trip
 from rigd.engine.watch import Watches
 from rigd.model.severity import Severity, WayOut, way_out
@@ -71,6 +72,10 @@ class Player:
             [(setpoints[name], profile) for name, profile in segment.setpoints.items()]
             for segment in program.segments
         ]
+        self._holds = [
+            None if segment.hold is None else Holding(segment.hold, at_work, setpoints, loops)
+            for segment, at_work in zip(program.segments, self._acting, strict=True)
+        ]
         self._limits = [
             (readings[limit.channel], limit.low, limit.high, limit.channel)
             for limit in program.limits
@@ -89,12 +94,36 @@ class Player:
     @property
     def acting(self) -> frozenset[str]:
         """The setpoints of the controllers that act in the present segment."""
+        hold = self._hold
+        if hold is not None and hold.phase is HoldPhase.HELD:
+            return hold.acting
         return self._acting[self._position]
 
+    @property
+    def phase(self) -> HoldPhase:
+        """How far the hold of the present segment is."""
+        return HoldPhase.NONE if self._hold is None else self._hold.phase
+
+    @property
+    def _hold(self) -> Holding | None:
+        inside = 0 <= self._position < len(self._segments)
+        return self._holds[self._position] if inside else None
+
     def step(
-        self, t_ns: int, values: Sequence[float], wanted: MutableSequence[float]
+        self,
+        t_ns: int,
+        values: Sequence[float],
+        wanted: MutableSequence[float],
+        applied: Sequence[float] = (),
+        *,
+        pause: bool = False,
     ) -> Outcome | None:
-        """Check ``values`` of the cycle at ``t_ns``, set ``wanted``; return None while it plays."""
+        """Check ``values`` of the cycle at ``t_ns``, set ``wanted``; return None while it plays.
+
+        With ``pause`` a segment that can be held is held. Its time then stands still: no end
+        condition is checked, only the limits of the trial. ``applied`` are the setpoints after the
+        limiter.
+        """
         if self.entered:
             self.entered = []
         for index, low, high, channel in self._limits:
@@ -104,6 +133,17 @@ class Player:
                     Severity.END_TRIAL,
                     f"{channel} = {value:.6g} left the trial's limits [{low:.6g}, {high:.6g}]",
                 )
+        hold = self._hold
+        if hold is not None and hold.phase is not HoldPhase.NONE:
+            if hold.too_long(t_ns):
+                name, longest_s = self._segments[self._position].name, hold.longest_s
+                reason = f"step {name!r} was held for {longest_s:.6g} s, the longest allowed"
+                return Outcome(Severity.END_TRIAL, reason)
+            took_ns = hold.step(t_ns, pause, wanted, applied)
+            if took_ns is None:
+                return None
+            self._began_ns += took_ns
+            self._watches[self._position].shift(took_ns)
         while True:
             over = self._position < 0 or self._segment_over(t_ns, values)
             if isinstance(over, Outcome):
@@ -116,6 +156,10 @@ class Player:
                 return Outcome(Severity.DONE, last_values=last_values)
             self._position += 1
             self._enter(t_ns, wanted)
+        hold = self._hold
+        if pause and hold is not None:
+            hold.begin(t_ns, wanted, applied)
+            return None
         if self._moving:
             t_s = (t_ns - self._began_ns) * 1e-9
             for place, profile, initial in self._moving:

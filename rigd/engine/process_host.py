@@ -103,6 +103,7 @@ class ProcessHost:
         self._rings = folder.row_rings(folder.job)
         self._events = folder.event_ring("daemon")
         self._passed_on: Severity | None = None
+        self._pause = (False, "")  #: the pause that the cycle process knows of
         self._lost: Outcome | None = None  #: why nothing plays any more
         self._ahead: CycleProgram | None = None  #: the program that the cycle plays next by itself
         self._end_reason = False  #: whether the cycle process was killed
@@ -121,6 +122,11 @@ class ProcessHost:
     def run_s(self) -> float:
         """Time of the run so far, in s."""
         return (monotonic_ns() - self._board[Word.ORIGIN_NS]) * 1e-9
+
+    @property
+    def held(self) -> bool:
+        """Whether a pause holds the present step, or the program ended while it did."""
+        return bool(self._board[Word.HELD])
 
     @property
     def counters(self) -> CycleCounters:
@@ -400,6 +406,10 @@ class ProcessHost:
         if asked is not None and asked != self._passed_on:
             self._passed_on = asked
             self._send(m.Request(0, asked, self._control.reason))
+        pause = (self._control.pause_wanted, self._control.last_trial)
+        if pause != self._pause:
+            self._pause = pause
+            self._send(m.Pause(0, *pause))
         while self._control.acknowledged:
             self._send(m.Acknowledge(0, self._control.acknowledged.popleft()))
         if not self._end_reason and (death := self._cycle.death()) is not None:

@@ -55,9 +55,15 @@ class TimeLeft:
         self._took_s: list[float] = []
         self._trial: int | None = None
         self._since_s = 0.0
+        self._held_s: float | None = None  # when the step was held that still is
 
     def watch(self, progress: Progress) -> None:
         """Note the progress of the run; a pause counts to no trial, a prompt does."""
+        if progress.state is RunState.HELD:
+            self._held_s = progress.run_s if self._held_s is None else self._held_s
+        elif self._held_s is not None:
+            self._since_s += progress.run_s - self._held_s
+            self._held_s = None
         number = None if progress.trial is None else progress.trial.number
         if number == self._trial:
             return

@@ -208,6 +208,7 @@ class Run:
 
     def _report_progress(self) -> None:
         """Show progress between two cycles, and that a pause was requested."""
+        self._follow_hold()
         if self.control.pause_wanted and self.state is RunState.RUNNING:
             self._to(RunEvent.PAUSE)
         elif not self.control.pause_wanted and self.state is RunState.PAUSING:
@@ -215,20 +216,35 @@ class Run:
         else:
             self.watch(self.progress)
 
+    def _follow_hold(self) -> None:
+        """Change to the state of a held step, or back."""
+        if self.host.held:
+            if self.state in (RunState.RUNNING, RunState.PAUSING):
+                self._to(RunEvent.HOLD)
+        elif self.state is RunState.HELD:
+            self._to(RunEvent.RESUME)
+
     def _between_trials(self) -> Outcome | None:
         """Wait here during a pause; return why no trial follows, or None."""
-        if self.control.pauses:
-            if self.state is RunState.RUNNING:
-                self._to(RunEvent.PAUSE)
-            self._to(RunEvent.TRIAL_ENDED)
-            outcome = self.host.rest_while(self._still_paused)
-            if outcome is not None:
-                return outcome
-            self._to(RunEvent.RESUME)
+        outcome = self._rest_in_pause()
+        if outcome is not None:
+            return outcome
         if self.control.last_trial:
             return Outcome(Severity.STOP, self.control.last_trial)
         barred = self.host.lockout_reason()
         return Outcome(Severity.FAULT, barred) if barred else None
+
+    def _rest_in_pause(self) -> Outcome | None:
+        """Keep the rig at rest while a pause is wanted; return an outcome if the cycle acts."""
+        if not self.control.pauses:
+            return None
+        if self.state is RunState.RUNNING:
+            self._to(RunEvent.PAUSE)
+        self._to(RunEvent.TRIAL_ENDED)
+        outcome = self.host.rest_while(self._still_paused)
+        if outcome is None:
+            self._to(RunEvent.RESUME)
+        return outcome
 
     def _still_paused(self) -> bool:
         if self.host.virtual:
@@ -256,6 +272,12 @@ class Run:
             reason = outcome.reason or "all steps played"
             if outcome.severity is Severity.END_TRIAL and not outcome.latched:
                 self._incomplete.append((trial.number, outcome.reason))
+                if self.host.held:  # nothing moves before a person resumes
+                    stopped = self._rest_in_pause()
+                    if stopped is not None:
+                        return stopped
+                    if self.state is RunState.HELD:
+                        self._to(RunEvent.RESUME)
             elif not complete:
                 return outcome
             outcome = self._play_block(trial.after, "after")
@@ -291,6 +313,7 @@ class Run:
             else:
                 then = following if isinstance(following, CycleProgram) else None
                 outcome = self.host.play(step, then)
+                self._follow_hold()
                 if outcome.severity is not Severity.DONE:
                     return outcome
         return Outcome(Severity.DONE)

@@ -40,6 +40,11 @@ class Watches:
         """Forget for how long conditions have held."""
         self._held_since.clear()
 
+    def shift(self, by_ns: int) -> None:
+        """Leave out a time of ``by_ns`` in which nothing was checked."""
+        for watch in self._held_since:
+            self._held_since[watch] += by_ns
+
     def met(self, t_ns: int, values: Sequence[float]) -> bool:
         """Return whether a row holds in the cycle at ``t_ns``."""
         # Every condition of a row is checked, because each has its own time.

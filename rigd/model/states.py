@@ -21,6 +21,7 @@ class RunState(Enum):
     ARMED = auto()  #: all checks passed, actuators enabled, nothing has moved
     RUNNING = auto()  #: a trial or `prepare` plays
     PAUSING = auto()  #: a pause was requested; the present trial ends first
+    HELD = auto()  #: a pause holds the present step; its time stands still
     PAUSED = auto()  #: setpoints at rest, waiting for resume
     STOPPING = auto()  #: controlled stop in progress
     FINISHING = auto()  #: the procedure's `finish` plays
@@ -38,6 +39,7 @@ class RunEvent(Enum):
     ARM = auto()
     START = auto()
     PAUSE = auto()
+    HOLD = auto()
     TRIAL_ENDED = auto()
     RESUME = auto()
     STOP = auto()
@@ -64,6 +66,11 @@ TRANSITIONS: Final[dict[tuple[RunState, RunEvent], RunState]] = {
     (_S.PAUSING, _E.RESUME): _S.RUNNING,
     (_S.PAUSING, _E.TRIAL_ENDED): _S.PAUSED,
     (_S.PAUSED, _E.RESUME): _S.RUNNING,
+    (_S.RUNNING, _E.HOLD): _S.HELD,
+    (_S.PAUSING, _E.HOLD): _S.HELD,
+    (_S.HELD, _E.RESUME): _S.RUNNING,
+    (_S.HELD, _E.TRIAL_ENDED): _S.PAUSED,
+    (_S.HELD, _E.STOP): _S.STOPPING,
     (_S.RUNNING, _E.COMPLETE): _S.FINISHING,
     (_S.PAUSING, _E.COMPLETE): _S.FINISHING,
     (_S.RUNNING, _E.STOP): _S.STOPPING,
@@ -75,8 +82,8 @@ TRANSITIONS: Final[dict[tuple[RunState, RunEvent], RunState]] = {
 }
 # In every state in which something may move, these events are possible: the three stops.
 for _state in (
-    _S.PREFLIGHT, _S.ARMED, _S.RUNNING, _S.PAUSING, _S.PAUSED, _S.STOPPING, _S.FINISHING,
-    _S.ABORTING,
+    _S.PREFLIGHT, _S.ARMED, _S.RUNNING, _S.PAUSING, _S.HELD, _S.PAUSED, _S.STOPPING,
+    _S.FINISHING, _S.ABORTING,
 ):  # fmt: skip
     TRANSITIONS[_state, _E.FAULT] = _S.FAULTED
     TRANSITIONS[_state, _E.ESTOP] = _S.ESTOPPED

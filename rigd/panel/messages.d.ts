@@ -206,7 +206,7 @@ declare namespace Api {
     t_ns: number;
     seq: number;
     daemon: Daemon;
-    state: "idle" | "preflight" | "blocked" | "armed" | "running" | "pausing" | "paused" | "stopping" | "finishing" | "aborting" | "faulted" | "estopped" | "done";
+    state: "idle" | "preflight" | "blocked" | "armed" | "running" | "pausing" | "held" | "paused" | "stopping" | "finishing" | "aborting" | "faulted" | "estopped" | "done";
     procedure: string | null;
     run: string | null;
     step: string | null;
@@ -222,6 +222,9 @@ declare namespace Api {
     last: LastRun | null;
     refused: RefusedCounts;
     notices: OperatorNotice[];
+  }
+  interface Pausing {
+    holds: string | null;
   }
   interface PeakView {
     channel: string;
@@ -418,7 +421,7 @@ declare namespace Api {
     lease_seize: { args: NoArguments; result: LeaseView };
     start: { args: StartArguments; result: Started };
     resume_run: { args: ResumeRun; result: Started };
-    pause: { args: NoArguments; result: Nothing };
+    pause: { args: NoArguments; result: Pausing };
     resume: { args: NoArguments; result: Nothing };
     answer: { args: Answered; result: Nothing };
     acknowledge: { args: InterlockName; result: Nothing };

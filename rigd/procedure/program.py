@@ -73,11 +73,23 @@ class OnTimeout(Enum):
 
 
 @dataclass(frozen=True)
+class Hold:
+    """What applies while a segment is held: constant ``setpoints`` (SI), for ``longest_s`` at most.
+
+    A setpoint that is not named keeps the value that it has reached.
+    """
+
+    setpoints: Mapping[str, float]
+    longest_s: float
+
+
+@dataclass(frozen=True)
 class Segment:
     """One step on the cycle.
 
     Setpoints not named keep their last value. The segment ends when every condition of one row of
-    ``until`` holds (any of all), after ``duration_s``, or at ``timeout_s``.
+    ``until`` holds (any of all), after ``duration_s``, or at ``timeout_s``. With ``hold`` a pause
+    holds it in its midst; without, a pause waits for the end of the trial.
     """
 
     name: str
@@ -86,6 +98,7 @@ class Segment:
     duration_s: float | None = None
     timeout_s: float | None = None
     on_timeout: OnTimeout = OnTimeout.FAIL
+    hold: Hold | None = None
 
 
 @dataclass(frozen=True)

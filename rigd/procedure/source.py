@@ -149,6 +149,17 @@ Setpoint = Annotated[
 Words = Annotated[list[Name], Field(min_length=1), OneOrMore()]
 
 
+class HoldSource(Source):
+    """What a step does while a pause holds it; its time stands still."""
+
+    set: dict[SetpointName, Expression] = Field(default_factory=dict)
+    """Setpoints while it is held: a quantity, or `rest`; those not named keep the value that they
+    have reached.
+    """
+    timeout: Time
+    """Longest time that it may be held; then the trial ends at rest, marked incomplete."""
+
+
 class MoveSource(Source):
     """A step that the cycle plays: setpoints, and its end."""
 
@@ -175,6 +186,8 @@ class MoveSource(Source):
     """Longest time for `until`."""
     on_timeout: Literal["fail", "end_trial", "next"] = "fail"
     """Effect of running out of time; by default the procedure fails."""
+    hold: HoldSource | None = None
+    """A pause holds this step in its midst; without it, a pause waits for the end of the trial."""
 
 
 class AgreesSource(Source):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rigd.config.document import KeyPath
@@ -13,9 +13,11 @@ from rigd.config.rig import RigConfig
 from rigd.controllers.chain import commands
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value
+from rigd.procedure.profiles import ConstantProfile
 from rigd.procedure.program import (
     CycleProgram,
     Fault,
+    Hold,
     OnTimeout,
     Segment,
     Step,
@@ -26,6 +28,7 @@ from rigd.procedure.reader import Reader
 from rigd.procedure.setpoints import read_setpoint
 from rigd.procedure.source import (
     FaultSource,
+    HoldSource,
     MoveSource,
     ParameterSource,
     PromptSource,
@@ -166,7 +169,7 @@ class StepCompiler:
             profile = read_setpoint(self.reader, where, name, item, scope, self.rig)
             if profile is not None:
                 setpoints[self.rig.setpoint_name(name)] = profile
-        self._check_controllers(path, source)
+        self._check_controllers((*path, "set"), source.set)
         until = (
             read_until(self.reader, (*path, "until"), source.until, scope, self.rig, limits)
             if source.until is not None
@@ -180,17 +183,38 @@ class StepCompiler:
             duration_s=self.reader.time((*path, "for"), source.wait, scope),
             timeout_s=self.reader.time((*path, "timeout"), source.timeout, scope),
             on_timeout=OnTimeout(source.on_timeout),
+            hold=None if source.hold is None else self._hold(path, source.hold, scope),
         )
 
-    def _check_controllers(self, path: KeyPath, source: MoveSource) -> None:
+    def _hold(self, path: KeyPath, source: HoldSource, scope: Scope) -> Hold:
+        """Return what the step at ``path`` does while it is held; problems are noted."""
+        path = (*path, "hold")
+        if path[0] == "finish":
+            self.reader.note_key(path, "a step of 'finish' cannot be held: the run is about to end",
+                                 "remove it")  # fmt: skip
+        setpoints = {}
+        for name, text in source.set.items():
+            full, where = self.rig.setpoint_name(name), (*path, "set", name)
+            if text.strip() == "rest" and self.rig.setpoint(full) is not None:
+                device, _, short = full.partition(".")
+                setpoints[full] = self.rig.devices[device].limits[short].rest
+                continue
+            profile = read_setpoint(self.reader, where, name, text, scope, self.rig)
+            if isinstance(profile, ConstantProfile):
+                setpoints[full] = profile.value
+        self._check_controllers((*path, "set"), source.set)
+        longest_s = self.reader.time((*path, "timeout"), source.timeout, scope)
+        return Hold(setpoints, math.nan if longest_s is None else longest_s)
+
+    def _check_controllers(self, path: KeyPath, given: Collection[str]) -> None:
         """Note a setpoint that this step sets beside a controller that commands it."""
         loops = self.rig.loops
-        names = {self.rig.setpoint_name(name): name for name in source.set}
+        names = {self.rig.setpoint_name(name): name for name in given}
         for full, name in names.items():
             for commanded in commands(loops, full):
                 if commanded in names:
                     self.reader.note_key(
-                        (*path, "set", names[commanded]),
+                        (*path, names[commanded]),
                         f"the step sets {names[commanded]} and {name}, which commands it",
                         "leave one of them out: a controller ends where its output is set",
                     )

@@ -12,7 +12,7 @@ from rigd.record.events import Event
 #: State of a run whose recording has no ``run_end`` after its last ``run_start``, and reason of a
 #: trial that another began within.
 INTERRUPTED: Final = "interrupted"
-_ENDS_STEP: Final = ("step", "trial_start", "trial_end", "run_start", "run_end")
+_ENDS_STEP: Final = ("step", "hold", "trial_start", "trial_end", "run_start", "run_end")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,11 @@ class Step:
 
 
 def steps(events: Sequence[Event]) -> tuple[Step, ...]:
-    """Return the steps in the order of their start; each ends with the next step or its trial."""
+    """Return the steps in the order of their start; each ends with the next step or its trial.
+
+    A step that was held ends there, and begins again where its time goes on: what was recorded
+    meanwhile belongs to no step.
+    """
     done: list[Step] = []
     current: Step | None = None
     for event in sorted(events, key=lambda event: event.t_ns):
@@ -67,7 +71,23 @@ def steps(events: Sequence[Event]) -> tuple[Step, ...]:
             current = None
         if event.kind == "step":
             current = Step(str(event.data.get("name", "")), event.trial, event.t_ns)
+        elif event.kind == "hold" and event.data.get("phase") == "over":
+            current = Step(str(event.data.get("step", "")), event.trial, event.t_ns)
     return (*done, current) if current is not None else tuple(done)
+
+
+def held(events: Sequence[Event], trial: TrialInfo) -> str:
+    """Return which steps of ``trial`` were held, in words; "" if none was."""
+    end_ns = trial.end_ns
+    found = dict.fromkeys(
+        repr(str(event.data.get("step", "")))
+        for event in events
+        if event.kind == "hold"
+        and event.trial == trial.number
+        and trial.start_ns <= event.t_ns
+        and (end_ns is None or event.t_ns <= end_ns)
+    )
+    return f"held by a pause in step {', '.join(found)}" if found else ""
 
 
 def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:

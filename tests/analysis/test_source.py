@@ -41,7 +41,12 @@ def make(tmp_path: Path) -> Make:
     """Record the two streams; the plan has a signal of each, ``first`` first, and what is said."""
 
     def record(
-        encoder: Rows, card: Rows, first: str = "angle", **said: dict[str, object]
+        encoder: Rows,
+        card: Rows,
+        first: str = "angle",
+        *,
+        held: bool = False,
+        **said: dict[str, object],
     ) -> RecordedSweep:
         signals = {"angle": "encoder.angle", "acceleration": "card.acceleration"}
         ordered = dict(sorted(signals.items(), key=lambda item: item[0] != first))
@@ -56,6 +61,9 @@ def make(tmp_path: Path) -> Make:
         ) as writer:  # fmt: skip
             begin, end = (START_NS + ms * 1_000_000 for ms in TRIAL_MS)
             writer.event(begin, "trial_start", 1, {})
+            writer.event(begin, "step", 1, {"name": "go"})
+            for phase, ms in (("held", 300), ("returning", 400), ("over", 450)) if held else ():
+                writer.event(START_NS + ms * 1_000_000, "hold", 1, {"step": "go", "phase": phase})
             writer.write("encoder", encoder)
             writer.write("card", card)
             writer.write("truth", rows_of(TRUTH, 1000))
@@ -210,3 +218,15 @@ def test_constant_has_uncertainty_given_in_recording(make: Make) -> None:
 def test_a_recording_without_uncertainties_gives_none(make: Make) -> None:
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000), constants={"mass": 4.0})
     assert sweep.uncertainty(sweep.trials[0], "mass") is None
+
+
+def test_trial_that_was_held_is_not_analysed(make: Make) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000), held=True)
+    assert not sweep.trials
+    assert [trial.reason for trial in sweep.info.trials] == ["held by a pause in step 'go'"]
+    (trial,) = sweep.recording.trials
+    assert trial.complete
+    table = trial["encoder"]
+    at_s, step = np.asarray(table["trial_time"]), np.asarray(table["step"])
+    assert (step[(at_s > 0.2) & (at_s < 0.35)] == "").all()
+    assert (step[(at_s < 0.19) | (at_s > 0.36)] == "go").all()

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from rigd.model.errors import Blocked, RecordingError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.procedure.profiles import ConstantProfile
-from rigd.procedure.program import CycleProgram, Recorded, Segment, TrialLimit
+from rigd.procedure.program import CycleProgram, Hold, Recorded, Segment, TrialLimit
 
 pytestmark = pytest.mark.usefixtures("own_state")
 
@@ -103,6 +104,44 @@ def test_a_program_is_played_and_every_cycle_recorded(tmp_path: Path) -> None:
         assert (cycles["actual"] >= cycles["scheduled"]).all()
         assert set(rows["speed_setpoint"]) >= {0.0, 0.5, -0.5}
         assert kinds(folder)[:3] == ["devices", "watchdog", "realtime"]
+
+
+def test_step_is_held_and_goes_on(tmp_path: Path) -> None:
+    go = replace(move(0.5, 0.2).segments[0], hold=Hold({"axis.speed": 0.0}, 20.0))
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, control):
+        ready(host)
+        seen: list[bool] = []
+
+        def person() -> None:
+            seen.append(host.held)
+            control.pause_wanted = seen.count(True) < 3
+
+        host.on_drain = person
+        assert host.play(CycleProgram((go,))).severity is Severity.DONE
+        assert not host.held
+        host.make_safe()
+        events = [item for item in folder.event_ring("cycle").peek() if item.kind == "hold"]
+        assert [item.data["phase"] for item in events] == ["held", "returning", "over"]
+        held_ns, back_ns = events[0].t_ns, events[1].t_ns
+        rows = folder.row_rings(folder.job)["axis"].peek()
+        speeds = rows["speed_setpoint"][(rows["t_ns"] > held_ns) & (rows["t_ns"] < back_ns)]
+        assert speeds[-1] == 0.0
+
+
+def test_axis_is_safe_if_cycle_dies_while_held(tmp_path: Path) -> None:
+    go = replace(move(0.5, 20.0).segments[0], hold=Hold({"axis.speed": 0.4}, 20.0))
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path)) as (host, folder, control):
+        ready(host)
+        control.pause_wanted = True
+
+        def kill() -> None:
+            if host.held and word(path) == "moving":
+                os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
+
+        host.on_drain = kill
+        assert host.play(CycleProgram((go,))).severity is Severity.FAULT
+        assert word(path) == "rescued"
 
 
 def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ def test_nothing_moves_before_it_is_armed() -> None:
         RunState.ARMED,
         RunState.RUNNING,
         RunState.PAUSING,
+        RunState.HELD,
         RunState.PAUSED,
     }
     assert {state for (state, _), to in TRANSITIONS.items() if to is RunState.ARMED} == {

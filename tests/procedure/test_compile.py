@@ -18,6 +18,7 @@ from rigd.procedure.program import (
     CompiledProcedure,
     Condition,
     CycleProgram,
+    Hold,
     OnClientLoss,
     OnTimeout,
     Prompt,
@@ -250,3 +251,15 @@ def test_text_of_a_procedure_travels(rig: RigConfig) -> None:
     procedure = load_procedure("quick")
     again = parse_procedure(procedure.file.text, Path("elsewhere.yaml"))
     assert compile_procedure(again, rig) == compile_procedure(procedure, rig)
+
+
+def test_hold_of_step_has_setpoints_and_longest_time(compile_text: Compile, small: str) -> None:
+    hold = (
+        "hold: {set: {longitudinal_belt.engaged: rest, wheel_servo.current: 0.1 A}, timeout: 1 min}"
+    )
+    compiled = compile_text(small.replace("on_timeout: next", f"on_timeout: next\n      {hold}"))
+    (drive,) = only_program(compiled.trials[0].steps).segments
+    assert drive.hold == Hold(
+        {"longitudinal_belt.engaged": 1.0, "wheel_servo.current": 0.1}, longest_s=60.0
+    )
+    assert only_program(compiled.trials[0].after).segments[0].hold is None

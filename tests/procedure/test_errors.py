@@ -32,6 +32,12 @@ END = "until: carriage.position > 1 m"
         ("on_timeout: next", "on_timeout: nxt", "nxt", ["fail, end_trial, next", "'next'"]),
         ("  - step: hold\n    set", "  - stepp: hold\n    set", "stepp", ["unknown key 'stepp'"]),
         ("step: drive", "step: back", "back\n      set: {long", ["'back' is used twice; first in"]),
+        ("timeout: 4 s", "timeout: 4 s\n      hold: {timeout: 1 m}", "1 m}", ["expected s"]),
+        ("timeout: 4 s",
+         "timeout: 4 s\n      hold: {set: {wheel_servo.current: 7 A}, timeout: 1 s}", "7 A}",
+         ["above the rig's limit of 1.6 A"]),
+        ("for: 0.1 s", "for: 0.1 s\n    hold: {timeout: 1 s}", "hold: {",
+         ["a step of 'finish' cannot be held"]),
         # units and expressions
         ("timeout: 4 s", "timeout: 4 m", "4 m\n", ["'4 m' is in m, expected s"]),
         ("timeout: 4 s", "timeout: 4", "4\n      on", ["'4' has no unit, expected s", "'4 s'"]),

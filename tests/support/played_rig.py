@@ -59,6 +59,7 @@ from rigd.remote.protocol.results import (
     History,
     LatestReply,
     LatestValues,
+    Pausing,
     PieceView,
     ProcedureView,
     Reported,
@@ -128,6 +129,7 @@ class PlayedRig:
         self.fails = ""  #: the verb that raises ``error``
         self.error: Exception = RuntimeError("a bug of the rig's own")
         self.keeps_running = False  #: after any stop
+        self.holds: str | None = None  #: the step that a pause holds
         self.computes_s = 0.0  #: processor time that each reply to a question takes
         self.begun = threading.Event()  #: a verb hangs
         self.let_go = threading.Event()
@@ -370,12 +372,13 @@ class PlayedRig:
             self.emit("prompt", name=self.prompt.name, text=self.prompt.text)
         return Started(run=run)
 
-    def _pause(self, _: Requester, __: NoArguments) -> None:
+    def _pause(self, _: Requester, __: NoArguments) -> Pausing:
         if self.state == "running":
-            self.state = "pausing"
+            self.state = "held" if self.holds else "pausing"
+        return Pausing(holds=self.holds)
 
     def _resume(self, _: Requester, __: NoArguments) -> None:
-        if self.state in ("pausing", "paused"):
+        if self.state in ("pausing", "held", "paused"):
             self.state = "running"
 
     def _answer(self, _: Requester, answered: Answered) -> None:

@@ -53,8 +53,10 @@ def _print_result(args: argparse.Namespace, result: str) -> None:
 
 
 def _pause(rig: Client, args: argparse.Namespace) -> str:
-    rig.pause()
-    return "the run pauses after the present trial"
+    step = rig.pause().holds
+    if step is not None:
+        return f"step {step!r} is held"
+    return "the run pauses at the next step that can be held, or after the present trial"
 
 
 def _resume(rig: Client, args: argparse.Namespace) -> str:
@@ -117,7 +119,9 @@ A software stop is a request: the safety function is the hardware chain of the r
 """
 
 COMMANDS = {
-    "pause": RemoteCommand("pause after the present trial", _commanding(_pause), add_json),
+    "pause": RemoteCommand(
+        "hold the step if it can be held, or pause after the trial", _commanding(_pause), add_json
+    ),
     "resume": RemoteCommand("continue after a pause", _commanding(_resume), add_json),
     "answer": RemoteCommand(
         "answer the prompt that waits",

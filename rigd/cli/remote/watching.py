@@ -154,7 +154,7 @@ class Watch:
             loop.add_signal_handler(key, handler)
         self._display.announce(f"{self._rig.rig} records {self._run}")
         if is_terminal():
-            pauses = ", Ctrl-Z pauses after this trial" if self._steers else ""
+            pauses = ", Ctrl-Z pauses" if self._steers else ""
             self._display.announce(f"Ctrl-C asks what to do{pauses}")
         try:
             return await self._follow()
@@ -198,7 +198,7 @@ class Watch:
                 left_s=status.left_s,
             )
         )
-        if status.state != self._state and status.state in ("pausing", "stopping"):
+        if status.state != self._state and status.state in ("pausing", "held", "stopping"):
             self._display.report(status.state)
         self._state = status.state
         asked_by = status.lease.asked_by
@@ -293,11 +293,11 @@ class Watch:
         self._request(do("Ctrl-C in a terminal that shows the run"), f"Ctrl-C: {ESCALATION[stop]}")
 
     def _toggle_pause(self) -> None:
-        """Handle Ctrl-Z: pause after this trial, or resume; refused without control."""
-        if self._state in ("pausing", "paused"):
+        """Handle Ctrl-Z: pause, or resume; refused without control."""
+        if self._state in ("pausing", "held", "paused"):
             self._request(self._rig.resume(), "resuming")
         else:
-            self._request(self._rig.pause(), "pausing after this trial; Ctrl-Z resumes")
+            self._request(self._rig.pause(), "pausing; Ctrl-Z resumes")
 
     def _request(self, request: Awaitable[object], done: str) -> None:
         """Send a request, and report ``done`` once the daemon has carried it out."""

@@ -18,7 +18,7 @@ from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.severity import Severity
 from rigd.model.states import RunState
-from rigd.procedure.program import OnClientLoss
+from rigd.procedure.program import CycleProgram, OnClientLoss
 from rigd.remote.protocol import ClientUser
 from rigd.remote.protocol.status import LastRun
 
@@ -63,12 +63,20 @@ class Running:
     listeners: RunListeners
     control: Control = field(default_factory=Control)
     progress: Progress = field(init=False)
+    can_be_held: frozenset[str] = field(init=False)  #: the names of the steps with `hold`
     _thread: threading.Thread = field(init=False)
 
     def __post_init__(self) -> None:
         done = 0 if self.request.resume is None else len(self.request.resume.done)
         total = len(self.request.procedure.trials)
         self.progress = Progress(RunState.PREFLIGHT, "", done, total, None, 0.0)
+        self.can_be_held = frozenset(
+            segment.name
+            for step in self.request.procedure.steps()
+            if isinstance(step, CycleProgram)
+            for segment in step.segments
+            if segment.hold is not None
+        )
         self._thread = threading.Thread(target=self._work, name="run", daemon=True)
 
     @property
@@ -102,9 +110,10 @@ class Running:
                 return "the run is stopped"
 
     def tend(self) -> None:
-        """End a run at once that is to end after its trial, but waits for an answer."""
+        """End a run at once that is to end after its trial, but waits for a person."""
         wanted = self.control.last_trial
-        if wanted and self.answers is not None and self.answers.waits:
+        waits = self.progress.state is RunState.HELD
+        if wanted and (waits or (self.answers is not None and self.answers.waits)):
             self.control.request(Severity.STOP, wanted)
 
     def _watch(self, progress: Progress) -> None:

@@ -37,6 +37,7 @@ class Word(IntEnum):
     SILENT_DEVICES = 15  #: cycle: devices that have not returned a row yet
     SEALED = 16  #: recorder: bytes of the recording that do not change any more
     OURS = 17  #: cycle: 1 when every link is open, and so used by no other program
+    HELD = 18  #: cycle: 1 while a pause holds the present step
 
 
 class Phase(IntEnum):

@@ -16,7 +16,7 @@ Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
 
 #: The states of a run (:class:`rigd.model.states.RunState`).
 State = Literal[
-    "idle", "preflight", "blocked", "armed", "running", "pausing", "paused", "stopping",
+    "idle", "preflight", "blocked", "armed", "running", "pausing", "held", "paused", "stopping",
     "finishing", "aborting", "faulted", "estopped", "done",
 ]  # fmt: skip
 

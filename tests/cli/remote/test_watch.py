@@ -126,7 +126,7 @@ def test_ctrl_c_twice_stops_without_a_question(remote: Served, terminal: Termina
 
 def test_ctrl_z_pauses_and_resumes(remote: Served, terminal: Terminal) -> None:
     terminal.process.send_signal(signal.SIGTSTP)
-    terminal.expect("pausing after this trial")
+    terminal.expect("pausing; Ctrl-Z resumes")
     remote.rig.become("paused")
     terminal.expect("paused; ")
     terminal.process.send_signal(signal.SIGTSTP)

@@ -144,3 +144,16 @@ def test_resumed_run_can_continue_without_client(tmp_path: Path) -> None:
         last = served.until_idle().last
         assert last is not None
         assert "vanished" not in last.reason
+
+
+def test_held_run_stops_if_its_client_vanishes(tmp_path: Path) -> None:
+    text = LONG.replace("for: ${time}", "for: ${time}\n      hold: {timeout: 60 s}")
+    with ServedAxis(tmp_path) as served:
+        served.start(text, on_client_loss="finish_trial")
+        served.until(lambda status: status.step == "go")
+        served.command("pause")
+        served.until(lambda status: status.state == "held")
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "stopped"

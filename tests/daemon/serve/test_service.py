@@ -149,6 +149,22 @@ def test_a_run_is_paused_and_resumed(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
+def test_any_holder_of_lease_resumes_held_step(tmp_path: Path) -> None:
+    text = LONG.replace("default: 30 s", "default: 0.5 s").replace("1 m/s, 0.2 m/s, 0.3", "1")
+    with ServedAxis(tmp_path) as served:
+        served.command("lease_take")
+        served.start(text.replace("for: ${time}", "for: ${time}\n      hold: {timeout: 60 s}"))
+        served.until(lambda status: status.step == "go")
+        assert served.command("pause") == {"holds": "go"}
+        served.until(lambda status: status.state == "held")
+        served.command("lease_release")
+        served.command("lease_take", "eve")
+        served.command("resume", "eve")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
 def test_only_lease_holder_answers_prompts(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(ASKING)

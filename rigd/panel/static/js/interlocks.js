@@ -8,7 +8,7 @@ import { watchEvents } from "./link.js";
 import { known, read, watch } from "./store.js";
 
 /** The states of a run in which its cycle watches. */
-const WATCHED = new Set(["armed", "running", "pausing", "paused", "stopping", "finishing", "aborting"]);
+const WATCHED = new Set(["armed", "running", "pausing", "held", "paused", "stopping", "finishing", "aborting"]);
 
 /** The end of the last run that this page knows, in ns since the Unix epoch. */
 let endedNs = /** @type {number | null} */ (null);
