@@ -210,6 +210,7 @@ declare namespace Api {
     procedure: string | null;
     run: string | null;
     step: string | null;
+    can_hold: boolean;
     trial: TrialStatus | null;
     trials_done: number;
     trials_total: number;
@@ -222,9 +223,6 @@ declare namespace Api {
     last: LastRun | null;
     refused: RefusedCounts;
     notices: OperatorNotice[];
-  }
-  interface Pausing {
-    holds: string | null;
   }
   interface PeakView {
     channel: string;
@@ -421,7 +419,7 @@ declare namespace Api {
     lease_seize: { args: NoArguments; result: LeaseView };
     start: { args: StartArguments; result: Started };
     resume_run: { args: ResumeRun; result: Started };
-    pause: { args: NoArguments; result: Pausing };
+    pause: { args: NoArguments; result: Nothing };
     resume: { args: NoArguments; result: Nothing };
     answer: { args: Answered; result: Nothing };
     acknowledge: { args: InterlockName; result: Nothing };

@@ -78,6 +78,11 @@ def test_run_from_choice_of_procedure_to_its_stop(panel: ServedPanel, watched: W
     state(page, "Pausing")
     press(page, "Resume")
     state(page, "Running")
+    panel.rig.can_hold = True
+    press(page, "Pause")
+    state(page, "Held")
+    press(page, "Resume")
+    state(page, "Running")
     press(page, "Stop")
     state(page, "Stopping")
     assert panel.rig.users("stop") == ["Ada"]

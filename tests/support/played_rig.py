@@ -59,7 +59,6 @@ from rigd.remote.protocol.results import (
     History,
     LatestReply,
     LatestValues,
-    Pausing,
     PieceView,
     ProcedureView,
     Reported,
@@ -129,7 +128,7 @@ class PlayedRig:
         self.fails = ""  #: the verb that raises ``error``
         self.error: Exception = RuntimeError("a bug of the rig's own")
         self.keeps_running = False  #: after any stop
-        self.holds: str | None = None  #: the step that a pause holds
+        self.can_hold = False  #: whether a pause holds the present step
         self.computes_s = 0.0  #: processor time that each reply to a question takes
         self.begun = threading.Event()  #: a verb hangs
         self.let_go = threading.Event()
@@ -266,7 +265,7 @@ class PlayedRig:
             state=self.state,
             procedure="constant_current" if plays else None,
             run=self.run if plays else None,
-            step=played.step if plays else None,
+            step=played.step if plays else None, can_hold=self.can_hold and plays,
             trial=trial if plays and not self._waiting else None,
             trials_done=played.trial - 1 if plays else 0, trials_total=10 if plays else 0,
             run_s=run_s, left_s=max(0.0, 95.0 - run_s) if plays else None,
@@ -372,10 +371,9 @@ class PlayedRig:
             self.emit("prompt", name=self.prompt.name, text=self.prompt.text)
         return Started(run=run)
 
-    def _pause(self, _: Requester, __: NoArguments) -> Pausing:
+    def _pause(self, _: Requester, __: NoArguments) -> None:
         if self.state == "running":
-            self.state = "held" if self.holds else "pausing"
-        return Pausing(holds=self.holds)
+            self.state = "held" if self.can_hold else "pausing"
 
     def _resume(self, _: Requester, __: NoArguments) -> None:
         if self.state in ("pausing", "held", "paused"):

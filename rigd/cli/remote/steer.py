@@ -53,9 +53,10 @@ def _print_result(args: argparse.Namespace, result: str) -> None:
 
 
 def _pause(rig: Client, args: argparse.Namespace) -> str:
-    step = rig.pause().holds
-    if step is not None:
-        return f"step {step!r} is held"
+    status = rig.status()
+    rig.pause()
+    if status.can_hold:
+        return f"step {status.step!r} is held"
     return "the run pauses at the next step that can be held, or after the present trial"
 
 

@@ -177,6 +177,7 @@ def _progress(running: Running) -> dict[str, Any]:
         "procedure": running.request.procedure.name,
         "run": running.recording.name,
         "step": progress.step or None,
+        "can_hold": progress.step in running.can_be_held,
         "trial": None if trial is None else _trial(trial, running.request.procedure),
         "trials_done": progress.trials_done,
         "trials_total": progress.trials_total,

@@ -35,7 +35,7 @@ from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
 from rigd.remote.protocol import ClientUser, Code, Refusal, Requester
 from rigd.remote.protocol.arguments import ActArguments, Checked, StartArguments
-from rigd.remote.protocol.results import Pausing, Started
+from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
 
@@ -188,16 +188,13 @@ class Steering:
                 self._acting = None
             self.show()
 
-    def pause(self) -> Pausing:
-        """Pause in a step that can be held, or after the present trial; return which.
+    def pause(self) -> None:
+        """Pause in a step that can be held, or after the present trial.
 
         Raises:
             Refusal: no run is in progress.
         """
-        running = self._run()
-        running.control.pause_wanted = True
-        step = running.progress.step
-        return Pausing(holds=step if step in running.can_be_held else None)
+        self._run().control.pause_wanted = True
 
     def resume(self) -> None:
         """Cancel a pause, or the end after this trial.

@@ -35,7 +35,6 @@ from rigd.remote.protocol.results import (
     History,
     LatestValues,
     Nothing,
-    Pausing,
     PieceView,
     Procedures,
     ProcedureView,
@@ -176,12 +175,9 @@ class AsyncVerbs(ABC):
         """
         return await self._command("resume_run", Started, run=run, on_client_loss=on_client_loss)
 
-    async def pause(self) -> Pausing:
-        """Hold this step if it can be held, else the next that can be, or pause after the trial.
-
-        The result names the step that is held now.
-        """
-        return await self._command("pause", Pausing)
+    async def pause(self) -> None:
+        """Pause: at once if ``status().can_hold``, else in a later step, or after the trial."""
+        await self._command("pause", Nothing)
 
     async def resume(self) -> None:
         """Go on after a pause."""

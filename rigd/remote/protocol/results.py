@@ -27,15 +27,6 @@ from rigd.remote.protocol.status import ActionName, Count, Nanoseconds, RigEvent
 PriorityName = Literal["low", "medium", "high", "critical"]
 
 
-class Pausing(Message):
-    """What a pause does."""
-
-    holds: DaemonText | None = None
-    """The step that is held now; None: the run pauses at the next step that can be held, or after
-    the present trial.
-    """
-
-
 class ChannelView(Message):
     """A channel of a stream."""
 

@@ -167,6 +167,8 @@ class Status(Message):
     run: DaemonText | None = None
     """File name of the recording under way."""
     step: DaemonText | None = None
+    can_hold: bool = False
+    """Whether a pause holds this step; else it waits for one that does, or the end of the trial."""
     trial: TrialStatus | None = None
     trials_done: Count = 0
     trials_total: Count = 0

@@ -41,7 +41,6 @@ from rigd.remote.protocol.results import (
     History,
     LatestValues,
     Nothing,
-    Pausing,
     PieceView,
     Procedures,
     ProcedureView,
@@ -157,7 +156,7 @@ class Handlers:
     lease_seize: Annotated[Handler[NoArguments, LeaseView], replace(_LEASE, role=Role.MAINTAINER)]
     start: Annotated[Handler[StartArguments, Started], _START]
     resume_run: Annotated[Handler[ResumeRun, Started], _START]
-    pause: Annotated[Handler[NoArguments, Pausing], _STEER]
+    pause: Annotated[Handler[NoArguments, None], _STEER]
     resume: Annotated[Handler[NoArguments, None], _STEER]
     answer: Annotated[Handler[Answered, None], _STEER]
     acknowledge: Annotated[Handler[InterlockName, None], _STEER]

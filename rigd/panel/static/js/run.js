@@ -12,7 +12,7 @@ import { attempt } from "./toasts.js";
 /** @param {HTMLElement} root */
 export function mountRun(root) {
   const title = el("h2", {}, "No run");
-  const pause = steer("pause", "Pause", "Holds the step if it can be held; else the present trial ends first");
+  const pause = steer("pause", "Pause", "");
   const resume = steer("play", "Resume", "");
   pause.addEventListener("click", () => attempt(pause, () => command("pause", {})));
   resume.addEventListener("click", () => attempt(resume, () => command("resume", {})));
@@ -26,6 +26,7 @@ export function mountRun(root) {
     const { status } = known;
     const mine = hasControl();
     pause.hidden = status.state !== "running";
+    pause.title = status.can_hold ? "Holds this step" : "At the next step that can be held, or after this trial";
     resume.hidden = !["paused", "held", "pausing"].includes(status.state);
     for (const button of [pause, resume]) flag(button, "disabled", !mine);
     if (status.run === null) {
