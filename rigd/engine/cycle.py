@@ -17,7 +17,7 @@ from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
-from rigd.engine.cycle_places import Place, runs
+from rigd.engine.cycle_places import DevicePlaces, runs
 from rigd.engine.cycle_rows import CycleRows, RingSink
 from rigd.engine.holding import HoldPhase
 from rigd.engine.interlocks import InterlockBank, Trip
@@ -112,7 +112,7 @@ class Cycle:
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [
-            (n, Place.of(mount))
+            (n, DevicePlaces.of(mount))
             for n, mount in enumerate(rig.mounts)
             if not isinstance(mount.driver, Derived | Controller)  # they compute
         ]

@@ -9,7 +9,7 @@ from rigd.engine.mount import Mount
 from rigd.sdk import Driver
 
 
-class Place(NamedTuple):
+class DevicePlaces(NamedTuple):
     """A device as the cycle reads it; ``places`` are those of its ``width`` values."""
 
     name: str
@@ -18,7 +18,7 @@ class Place(NamedTuple):
     width: int
 
     @classmethod
-    def of(cls, mount: Mount) -> Place:
+    def of(cls, mount: Mount) -> DevicePlaces:
         """Return the places of the device of ``mount``."""
         places, driver = mount.values, mount.driver
         return cls(mount.name, driver, places, places.stop - places.start)
