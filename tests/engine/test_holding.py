@@ -175,7 +175,7 @@ def test_pause_holds_step_and_resume_completes_it() -> None:
     assert moved == pytest.approx(3000, abs=8)
 
 
-def test_hold_that_runs_out_waits_at_rest_for_resume() -> None:
+def test_overlong_hold_waits_at_rest_for_resume() -> None:
     bench, states = Bench(), list[RunState]()
     go = holding(0.5, 3.0, Hold({"axis.speed": 0.2}, 0.03))
     run = bench.run(procedure([go], [move("two", 0.4)], after=[move("back", -0.5)]))
