@@ -39,6 +39,10 @@ declare namespace Api {
     identity: string;
     user: string;
   }
+  interface ControllerView {
+    setpoint: string;
+    output: string;
+  }
   interface Daemon {
     version: string;
     pid: number;
@@ -140,6 +144,7 @@ declare namespace Api {
     streams: StreamView[];
     setpoints: SetpointView[];
     interlocks: InterlockView[];
+    controllers: ControllerView[];
     actions: ActionView[];
     role: Role;
     roles: Record<string, Role>;

@@ -60,6 +60,16 @@ def bodies(panel: ServedPanel) -> BodiesRig:
     return panel.rig
 
 
+def test_controller_shows_setpoint_value_and_limit(panel: ServedPanel, watched: Watched) -> None:
+    page, rig = running(panel, watched), bodies(panel)
+    row = page.locator(".controller-table tbody tr")
+    expect(row).to_have_text(re.compile(r"governor\s*–\s*0\.800\s*rad/s\s*off"))
+    rig.acts = 1.0
+    expect(row).to_have_text(re.compile(r"governor\s*1\.000\s*0\.800\s*rad/s\s*acts"))
+    rig.saturated = 1.0
+    expect(row.locator(".lock-state")).to_have_text("at its highest output")
+
+
 def test_bodies_stand_in_plane_until_they_are_lost(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     expect(chip(page, "standing")).to_contain_text("x −3.000, y 0.500, 90°")

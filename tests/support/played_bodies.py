@@ -14,6 +14,7 @@ from rigd.remote.protocol.arguments import NoArguments, StreamName
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.results import (
     ChannelView,
+    ControllerView,
     Description,
     History,
     InterlockView,
@@ -37,7 +38,20 @@ STREAMS = (
     StreamView(number=1, name="standing", rate_hz=30.0, channels=_channels(frame="count", **POSE)),
     StreamView(number=2, name="going_round", rate_hz=30.0, channels=_channels(**POSE)),
     StreamView(number=3, name="hidden", rate_hz=30.0, channels=_channels(**POSE)),
+    StreamView(
+        number=4,
+        name="governor",
+        rate_hz=30.0,
+        channels=_channels(
+            speed="rad/s",
+            error="rad/s",
+            saturated="1",
+            active="1",
+            speed_setpoint="rad/s",
+        ),
+    ),
 )
+CONTROLLER = ControllerView(setpoint="governor.speed", output="motor.current")
 INTERLOCKS = tuple(
     InterlockView(name=f"{name}_lost", source=f"{name}.x", action="stop", priority="high",
                   latch=False, message="The camera has lost the body.")
@@ -51,6 +65,7 @@ class BodiesRig(PlayedRig):
     def __init__(self) -> None:
         super().__init__()
         self.covered: set[str] = set()
+        self.acts = self.saturated = 0.0  #: what its controller does
 
     def play(self, until: threading.Event) -> None:
         """Publish frames while a run is under way."""
@@ -63,7 +78,7 @@ class BodiesRig(PlayedRig):
             there = (RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), angle)
             rows: dict[str, tuple[float, ...]] = {
                 "motor": (1.0,), "standing": (sequence, *STANDS), "going_round": there,
-                "hidden": there,
+                "hidden": there, "governor": (0.8, 0.2, self.saturated, self.acts, 1.0),
             }  # fmt: skip
             for stream in STREAMS:
                 if stream.name not in self.covered:
@@ -74,7 +89,7 @@ class BodiesRig(PlayedRig):
     def _describe(self, by: Requester, _: NoArguments) -> Description:
         return Description(
             rig=self.name, title=TITLE, simulated=True, streams=STREAMS, interlocks=INTERLOCKS,
-            role=by.role,
+            controllers=(CONTROLLER,), role=by.role,
         )  # fmt: skip
 
     def _history(self, _: Requester, __: StreamName) -> History:

@@ -17,6 +17,7 @@ from rigd.remote.protocol import Role
 from rigd.remote.protocol.results import (
     ActionView,
     ChannelView,
+    ControllerView,
     Description,
     InterlockView,
     PriorityName,
@@ -42,6 +43,9 @@ def describe(rig: RigConfig, role: Role, of_run: Sequence[LiveStream] = ()) -> D
         ),
         setpoints=tuple(_setpoints(rig)),
         interlocks=tuple(_interlock(interlock) for interlock in rig.interlocks),
+        controllers=tuple(
+            ControllerView(setpoint=name, output=output) for name, output in rig.loops.items()
+        ),
         actions=tuple(_actions(rig)),
         role=role,
         roles={name: Role(given) for name, given in rig.remote.roles.items()},

@@ -63,6 +63,15 @@ class SetpointView(Message):
     rest: float = 0.0
 
 
+class ControllerView(Message):
+    """A controller; its stream has the measured value, the setpoint, `saturated` and `active`."""
+
+    setpoint: DaemonText
+    """`controller.channel`: the measured value; with `_setpoint` behind it, the setpoint."""
+    output: DaemonText
+    """The setpoint that it commands."""
+
+
 class InterlockView(Message):
     """An interlock as the rig file has it; a bound is a value in SI or the name of a channel."""
 
@@ -108,6 +117,7 @@ class Description(Message):
     """
     setpoints: tuple[SetpointView, ...] = ()
     interlocks: tuple[InterlockView, ...] = ()
+    controllers: tuple[ControllerView, ...] = ()
     actions: tuple[ActionView, ...] = ()
     role: Role
     """Of the client that asked."""

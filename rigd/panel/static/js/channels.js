@@ -3,14 +3,11 @@
 import { el, fill, flag, mark, setText } from "./dom.js";
 import { command } from "./api.js";
 import { age, scaled, short, steady, unit, words } from "./format.js";
-import { histories } from "./histories.js";
 import { channelInfo } from "./infos.js";
+import { EVERY_MS, isOld, newest } from "./newest.js";
 import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
-import { hasControl, isMaintainer, known, read, rigNow, watch } from "./store.js";
+import { hasControl, isMaintainer, read, watch } from "./store.js";
 import { attempt, toast } from "./toasts.js";
-
-const EVERY_MS = 200; // values that change faster cannot be read
-const STALE_S = 1.5;
 
 /** @param {HTMLElement} root */
 export function mountChannels(root) {
@@ -112,21 +109,6 @@ function showChoice(row) {
   row.trace.style.setProperty("--trace", on ? colourOf(row.name) : "transparent");
 }
 
-/**
- * @param {import("./infos.js").Info} info
- * @returns {[number, number | null]}
- */
-function newest({ full, stream, place }) {
-  const history = histories.get(stream.number);
-  const { latest } = known;
-  const asked = latest?.values[full];
-  const askedAt = latest === null || asked === undefined ? -Infinity : latest.t_ns / 1e9 - asked.age_s;
-  if (history !== undefined && history.newest >= askedAt) {
-    return [history.value(place), rigNow() / 1e3 - history.newest];
-  }
-  return asked === undefined ? [NaN, null] : [asked.value ?? NaN, rigNow() / 1e3 - askedAt];
-}
-
 /** @param {Row} row */
 function show(row) {
   const [value, seconds] = newest(row.info);
@@ -135,7 +117,7 @@ function show(row) {
   const { factor } = row.shown;
   setText(row.value, steady(value / factor, (row.limit || row.peak) / factor));
   setText(row.age, age(seconds));
-  flag(row.element, "data-stale", seconds === null || seconds > STALE_S || known.link !== "ok");
+  flag(row.element, "data-stale", isOld(seconds));
   if (row.range === null) return;
   const [low, high] = row.range;
   row.needle.hidden = !Number.isFinite(value);
