@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_json, add_quiet, add_rig, add_runs, read_assignments
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
 
 HELP = "hold setpoints by hand for a time, then go to rest"
 EXAMPLES = """\
@@ -47,7 +51,7 @@ def execute(args: argparse.Namespace) -> int:
 
     rig = load_rig(args.rig)
     moves = read_assignments(args.setpoints, "SETPOINT=VALUE")
-    text = _procedure_text(moves, args.duration)
+    text = _procedure_text(moves, args.duration, rig)
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
     except ConfigError as error:
@@ -59,18 +63,38 @@ def execute(args: argparse.Namespace) -> int:
     return play(request, as_json=args.json, quiet=args.quiet, by_person=False)
 
 
-def _procedure_text(setpoints: Mapping[str, str], duration: str) -> str:
+def _procedure_text(setpoints: Mapping[str, str], duration: str, rig: RigConfig) -> str:
     """Return the procedure that holds ``setpoints`` for ``duration``, then goes to rest.
 
     Both are texts of the user: ``{"wheel_servo.current": "0.1 A"}``, ``"2 s"``. The usual check of
-    a procedure finds their errors.
+    a procedure finds their errors. The cycle has `after` before the time is over, so that it goes
+    to rest in the next cycle, however late the daemon is.
     """
-    moves = ", ".join(f'"{name.translate(_QUOTED)}": {_text(to)}' for name, to in setpoints.items())
+    moves = ", ".join(f"{_name(name)}: {_text(to)}" for name, to in setpoints.items())
+    rests = ", ".join(f"{_name(name)}: {_text(rest)}" for name, rest in _rests(setpoints, rig))
+    period_s = rig.period_ns * 1e-9
     return (
-        "procedure: jog\ntitle: Moved by hand\ndoc: Holds setpoints for a while, then ramps "
-        f"them to rest.\ntrial:\n  steps:\n    - step: jog\n      set: {{{moves}}}\n      "
-        f"for: {_text(duration)}\nrecord: all\n"
+        "procedure: jog\ntitle: Moved by hand\ndoc: Holds setpoints for a while, then takes "
+        "them to rest.\ntrial:\n  steps:\n    - step: jog\n"
+        f"      set: {{{moves}}}\n      for: {_text(duration)}\n"
+        f"  after:\n    - step: rest\n      set: {{{rests}}}\n      for: {period_s!r} s\n"
+        "record: all\n"
     )
+
+
+def _rests(names: Iterable[str], rig: RigConfig) -> Iterator[tuple[str, str]]:
+    """Yield each of ``names`` that is a setpoint of ``rig``, with its rest in its unit."""
+    for name in names:
+        full = rig.setpoint_name(name)
+        channel = rig.setpoint(full)
+        if channel is not None:
+            device, _, setpoint = full.partition(".")
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            yield name, f"{rig.devices[device].limits[setpoint].rest!r}{unit}"
+
+
+def _name(name: str) -> str:
+    return f'"{name.translate(_QUOTED)}"'
 
 
 def _text(value: str) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import rigd, start
-from support.stalls import witnessed
 from support.wire import write_rig
 
 from rigd.record import Recording
@@ -39,21 +38,21 @@ def test_rig_without_devices_is_blocked_with_the_reason(tmp_path: Path) -> None:
 
 
 def test_jog_holds_setpoint_then_rests_and_is_recorded(tmp_path: Path) -> None:
-    with witnessed() as withheld_s:
-        done = rigd(
-            "jog", "wheel_servo.current=0.3A", "--for", "0.4 s", "--rig", "lugre-1", "--json",
-            cwd=tmp_path,
-        )  # fmt: skip
+    done = rigd(
+        "jog", "wheel_servo.current=0.3A", "longitudinal_belt.engaged=0", "--for", "0.4 s",
+        "--rig", "lugre-1", "--json", cwd=tmp_path,
+    )  # fmt: skip
     assert done.code == 0, done.err
     recording = Recording.open(tmp_path / done.json["recording"])
     rows = recording.read("wheel_servo")
     held = rows["current_setpoint"] == 0.3
     late = (event for event in recording.events() if event.kind == "late")
     missed = sum(int(item.data["missed_slots"]) for item in late)
-    # Every cycle that was not missed held it, until the program that ends the run came.
-    assert 0.39 - missed / 1000 < held.sum() / 1000 <= 0.41 + withheld_s()
+    # Every cycle that was not missed held it, and the next went to rest: it waits for no message.
+    assert 398 - missed <= held.sum() <= 402
     assert np.all(np.diff(rows["current_setpoint"][np.argmax(held) :]) <= 0.0)
     assert rows["current_setpoint"][-1] == 0.0
+    assert recording.read("longitudinal_belt")["engaged_setpoint"][-1] == 1.0  # its rest
 
 
 @pytest.mark.parametrize(
