@@ -130,10 +130,10 @@ class Bank:
         return self._why() if fault else ""
 
     def _why(self) -> str:
-        told = self._tables[-1][:, kernel.R_FAULT :]
-        c = int(np.flatnonzero(told[:, 0])[0])
+        faults = self._tables[-1][:, kernel.R_FAULT :]
+        c = int(np.flatnonzero(faults[:, 0])[0])
         config, row = self.configs[c], self.rows[c]
-        fault, source = int(told[c, 0]), int(told[c, 1])
+        fault, source = int(faults[c, 0]), int(faults[c, 1])
         name = getattr(config, _SOURCES[source])
         reason = "its output is too large a number"
         if fault == kernel.NAN:

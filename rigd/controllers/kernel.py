@@ -86,7 +86,7 @@ def control(
         if results[c, R_FAULT] == FINE:
             _step(c, parameters, inputs, stamps, memory, taken, results)
             _watch(c, t_ns, parameters, inputs, memory, taken, results)
-        _tell(c, inputs, memory, results)
+        _report(c, inputs, memory, results)
         if inner >= 0 and results[c, R_FAULT] == FINE:
             inputs[inner, WANTED] = memory[c, _U]
 
@@ -228,7 +228,7 @@ def _watch(
 
 
 @kernel
-def _tell(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
+def _report(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
     """Write the results of a controller that acts."""
     results[c, R_MEASURED] = inputs[c, MEASURED]
     results[c, R_ERROR] = memory[c, _TARGET] - inputs[c, MEASURED]
