@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator
+from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rigd.model.errors import ConfigError, Place
 from rigd.sdk.documented import Documented
@@ -37,6 +37,15 @@ class ParametersConfig(PlantConfig):
     def parameter_model(cls) -> type[ParameterGroup]:
         """Return the model of the file; imported here, so that listing plants is fast."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_is_shipped(cls, options: Any) -> Any:
+        """Give the path of the shipped file if none is named: no folder is searched for it."""
+        if not isinstance(options, Mapping) or "parameters" in options:
+            return options
+        default = cls.find_parameters(cls.model_fields["parameters"].default)
+        return {**options, "parameters": str(default)}
+
     @field_validator("parameters")
     @classmethod
     def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
@@ -46,22 +55,24 @@ class ParametersConfig(PlantConfig):
 
     @classmethod
     def find_parameters(cls, name: str, folder: Path | None = None) -> Path:
-        """Return the file for ``name``: in ``folder`` (default: the current one), or shipped.
+        """Return the file for ``name``: an absolute path, in ``folder`` if given, or shipped.
 
-        A shipped ``plants/sled.yaml`` may be given so, as ``sled.yaml`` or as ``sled``.
+        A shipped ``plants/sled.yaml`` may be given so, as ``sled.yaml`` or as ``sled``. The current
+        folder is not searched: a file of that name may lie there by chance.
 
         Raises:
             ValueError: there is no such file; the message names the searched places.
         """
-        beside = (folder or Path.cwd()) / name
-        if beside.is_file():
-            return beside
+        own = Path(name) if folder is None else folder / name
+        if own.is_file() and (folder is not None or own.is_absolute()):
+            return own
         shipped = cls.shipped_folder
         for candidate in (shipped.parent / name, shipped / Path(name).with_suffix(".yaml")):
             if candidate.is_file():
                 return candidate
+        beside = "" if folder is None else f"neither {own} nor "
         raise ValueError(
-            f"no parameter file '{name}': neither {beside} nor a shipped one; "
+            f"no parameter file '{name}': {beside or 'not '}a shipped one; "
             "leave 'parameters' out for the one that comes with the plant"
         )
 
@@ -74,14 +85,12 @@ class ParametersConfig(PlantConfig):
 
         """
         example = self.shipped_folder / type(self).model_fields["parameters"].default
-        return load_parameters(
-            self.find_parameters(self.parameters), self.parameter_model(), example
-        )
+        return load_parameters(Path(self.parameters), self.parameter_model(), example)
 
     def files(self) -> Mapping[Path, str]:
         """Return the parameter file; see :meth:`PlantConfig.files`."""
         self.read_parameters()
-        path = self.find_parameters(self.parameters)
+        path = Path(self.parameters)
         return {path: path.read_text("utf-8")}
 
 

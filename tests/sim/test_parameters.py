@@ -91,6 +91,20 @@ def test_a_file_beside_the_rig_file_comes_first(tmp_path: Path) -> None:
     assert config.parameters == str(mine)
 
 
+def test_a_file_in_the_current_folder_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "plants").mkdir()
+    for name in ("lugre", "lugre.yaml", "plants/lugre.yaml"):
+        (tmp_path / name).write_text("", "utf-8")
+    monkeypatch.chdir(tmp_path)
+    for name in ("lugre", "lugre.yaml", "plants/lugre.yaml"):
+        assert LugreConfig(parameters=name).parameters == str(SHIPPED)
+    assert list(LugreConfig().files()) == [SHIPPED]
+    beside = {"folder": tmp_path}  # of the rig file: it names none
+    assert LugreConfig.model_validate({}, context=beside).parameters == str(SHIPPED)
+
+
 def test_missing_parameter_file_is_refused_by_check() -> None:
     with pytest.raises(ValidationError, match="no parameter file 'luger'"):
         LugreConfig(parameters="luger")
