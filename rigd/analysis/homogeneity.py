@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import FloatArray, ResidualTest
 from rigd.analysis.uncertainty import scaled_pinv
 
@@ -114,8 +115,8 @@ def homogeneity(
             trend.statistic,
             trend.p_value,
             not trend.found,
-            f"The {what} {way} from trial to trial (p = {trend.p_value:.1g}): wear, warming or "
-            "dirt? Clean the contact, let it warm up, record again."
+            f"The {what} {way} from trial to trial ({probability(trend.p_value)}): wear, warming "
+            "or dirt? Clean the contact, let it warm up, record again."
             if trend.found
             else f"The {what} neither rises nor falls over the trials.",
         )
@@ -131,7 +132,7 @@ def homogeneity(
                 apart.statistic,
                 apart.p_value,
                 not apart.found,
-                f"{', '.join(names)} disagree on the {what} (p = {apart.p_value:.1g}). "
+                f"{', '.join(names)} disagree on the {what} ({probability(apart.p_value)}). "
                 f"{part.advice}"
                 if apart.found
                 else f"{', '.join(names)} agree on the {what}.",

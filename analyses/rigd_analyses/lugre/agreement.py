@@ -16,6 +16,7 @@ from scipy.stats import chi2
 
 from rigd.analysis.fit import fit
 from rigd.analysis.friction import SlipForce
+from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import FloatArray, ResidualTest
 from rigd_analyses.lugre.model import LugreModel
 
@@ -50,6 +51,6 @@ def agreement(
         f"One set of parameters fits {', '.join(whole)} as well as a set for each."
         if agree
         else f"{', '.join(whole)} disagree: a set of parameters for each fits better than chance "
-        f"allows (p = {p_value:.1g}). Something changed between them; identify each by itself "
+        f"allows ({probability(p_value)}). Something changed between them; identify each by itself "
         "(`rigd identify --group-by recording`).",
     )

@@ -13,6 +13,7 @@ from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.parameters import Group
+from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.lugre.by_law import LUGRE
@@ -154,8 +155,8 @@ def _differ(constant: SharedConstant, labels: Sequence[str], fits: Sequence[Outp
     )
     return (
         f"Each group is identified by itself, and --joint is not heeded: they disagree on the "
-        f"constant {constant.name} ({constant.wording}; p = {constant.p_value:.1g}). It is moved, "
-        f"in its uncertainties: {moved}. Something changed between the recordings."
+        f"constant {constant.name} ({constant.wording}; {probability(constant.p_value)}). It is "
+        f"moved, in its uncertainties: {moved}. Something changed between the recordings."
     )
 
 
