@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 HELP = "export recordings to Parquet, CSV or MATLAB files"
@@ -50,7 +51,7 @@ def execute(args: argparse.Namespace) -> int:
 
     require("analysis", "rigd export")
     from rigd.model.errors import ConfigError
-    from rigd.record import Recording
+    from rigd.record import Recording, run_info
     from rigd.record.export import export
 
     files: list[Path] = list(dict.fromkeys(args.files))
@@ -63,8 +64,9 @@ def execute(args: argparse.Namespace) -> int:
             hint="export them separately, each with its own --output",
         )
     for file, folder in zip(files, folders, strict=True):
+        recording = Recording.open(file)
         written = export(
-            Recording.open(file),
+            recording,
             folder,
             args.to,
             streams=args.stream,
@@ -73,6 +75,8 @@ def execute(args: argparse.Namespace) -> int:
         )
         for path in written:
             print(path)
+        for loss in run_info(recording).losses:
+            print(f"warning: {loss}", file=sys.stderr)
     return 0
 
 

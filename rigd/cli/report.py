@@ -49,7 +49,9 @@ def execute(args: argparse.Namespace) -> int:
     for file in args.files:
         page = args.output or page_of(file)
         try:
-            text = run_report(file, selection)
+            text = run_report(
+                file, selection, lambda loss: print(f"warning: {loss}", file=sys.stderr)
+            )
         except RecordingError as error:  # the other pages are still drawn
             print(f"rigd: {error}", file=sys.stderr)
             went_well = False

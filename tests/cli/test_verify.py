@@ -152,6 +152,18 @@ def test_a_repair_keeps_the_damaged_file(path: Path, capsys: pytest.CaptureFixtu
     assert "run.mcap: intact" in capsys.readouterr().out
 
 
+def test_page_and_tables_name_what_is_lost(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spoil(path, 2)
+    assert main(["report", "run.mcap"]) == 0
+    said = capsys.readouterr().err
+    assert "warning: run.mcap is damaged; the damaged parts were skipped" in said
+    assert "warning: run.mcap lacks 100 rows of axis, 2.000 s to 2.990 s" in said
+    assert main(["recover", "run.mcap"]) == 0
+    capsys.readouterr()
+    assert main(["export", "run.mcap", "--to", "csv"]) == 0
+    assert "warning: run.mcap lacks 100 rows of axis" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("verb", ["verify", "info", "identify"])
 def test_hints_quote_a_path_with_spaces(
     path: Path, capsys: pytest.CaptureFixture[str], verb: str

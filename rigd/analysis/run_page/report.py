@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -53,11 +54,16 @@ def parse_selection(text: str) -> Selection:
     return Selection(frozenset(numbers))
 
 
-def run_report(path: Path, selection: Selection | None = None) -> str:
+def run_report(
+    path: Path,
+    selection: Selection | None = None,
+    passed_over: Callable[[str], object] = lambda _: None,
+) -> str:
     """Return the report of the recording at ``path`` as a self-contained HTML page.
 
-    A recording that is torn or damaged gives a page of what can be read, with a notice. Memory
-    does not grow with the recording; a campaign of 200 trials takes some seconds.
+    A recording that is torn or damaged gives a page of what can be read, with a notice;
+    ``passed_over`` is called with each damage and loss that is known, as a sentence. Memory does
+    not grow with the recording; a campaign of 200 trials takes some seconds.
 
     Raises:
         RecordingError: nothing of the file can be read.
@@ -68,6 +74,8 @@ def run_report(path: Path, selection: Selection | None = None) -> str:
     info = run_info(recording)
     chosen = selection or Selection()
     chosen.check(info)
+    for loss in info.losses:
+        passed_over(loss)
     # Here, so that a command that only names this module does not wait for matplotlib.
     from rigd.analysis.report.page import render
     from rigd.analysis.run_page.view import build_view
