@@ -91,7 +91,7 @@ def test_a_file_beside_the_rig_file_comes_first(tmp_path: Path) -> None:
     assert config.parameters == str(mine)
 
 
-def test_a_file_in_the_current_folder_is_not_taken(
+def test_file_in_current_folder_is_not_taken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "plants").mkdir()
