@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -40,6 +41,8 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 MAX_BYTES: Final = 512 * 1024
 #: Deepest nesting of mappings and lists; rig and procedure files need 6 levels.
 MAX_DEPTH: Final = 24
+#: Texts up to this length, three times the longest known file, are kept parsed: 10 to 30 ms each.
+MAX_KEPT: Final = 32 * 1024
 
 
 @dataclass(frozen=True)
@@ -125,9 +128,15 @@ def read_document(path: Path) -> Document:
 def parse_document(text: str, path: Path) -> Document:
     """Return ``text`` as a document; ``path`` is the name in error messages.
 
+    The same text and path soon after give the same document: do not change its data.
+
     Raises:
         ConfigError: the text is not accepted YAML.
     """
+    return _parse(text, path) if len(text) > MAX_KEPT else _parse_or_recall(text, path)
+
+
+def _parse(text: str, path: Path) -> Document:
     composer = _Composer(str(path))
     try:
         data = composer.compose(YAML(typ="safe", pure=True, plug_ins=[]).parse(text))
@@ -145,6 +154,9 @@ def parse_document(text: str, path: Path) -> Document:
             hint="look for control characters and backslashes",
         ) from error  # fmt: skip
     return Document(path, text, data, composer.values, composer.keys)
+
+
+_parse_or_recall: Final = lru_cache(maxsize=32)(_parse)
 
 
 def _place_of(text: str, position: int, file: str) -> Place:

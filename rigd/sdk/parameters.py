@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -103,11 +104,10 @@ def load_parameters(path: Path, model: type[M], example: Path) -> M:
         ConfigError: see :meth:`ParametersConfig.read_parameters`.
 
     """
-    from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
     try:
-        tree = YAML(typ="rt", pure=True).load(path.read_text("utf-8"))
+        tree = _tree(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
     try:
@@ -123,6 +123,13 @@ def load_parameters(path: Path, model: type[M], example: Path) -> M:
                 for item in error.errors(include_url=False, include_context=False)
             ]
         ) from None
+
+
+@lru_cache(maxsize=8)  # a run reads the file of its plant several times, at 30 ms each
+def _tree(text: str) -> Any:
+    from ruamel.yaml import YAML
+
+    return YAML(typ="rt", pure=True).load(text)
 
 
 def _words(item: Any) -> str:

@@ -28,6 +28,20 @@ def test_places_of_keys_and_values() -> None:
     assert document.place(("a", "bc", 1)) == Place("rig.yaml", 2, 11)
 
 
+def test_text_of_another_file_has_places_there() -> None:
+    text = "a: [x, y]\n"
+    here, there = parse_document(text, FILE), parse_document(text, Path("other.yaml"))
+    assert parse_document(text, FILE) is here  # not parsed again
+    assert here.place(("a", 1)) == Place("rig.yaml", 1, 8)
+    assert there.place(("a", 1)) == Place("other.yaml", 1, 8)
+
+
+def test_text_that_is_refused_is_refused_again() -> None:
+    for _ in range(2):
+        with pytest.raises(ConfigError):
+            parse_document("a: 1\na: 2\n", FILE)
+
+
 def test_place_inside_text_counts_the_quote() -> None:
     document = parse_document("a: 'one two'\nb: one two\nc: |\n  one two\n", FILE)
     assert document.inside(("a",), 4) == Place("rig.yaml", 1, 9)
