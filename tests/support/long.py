@@ -34,6 +34,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     "end to end; its parts, or a smaller one, are tried by `make test`": {
         "analyses/articulated/test_analysis.py": (
             "test_analysis_finds_what_the_plant_has",
+            "test_analysis_keeps_every_rule",
             "test_gradual_contacts_are_in_interval_of_mu_s",
             "test_marker_off_its_place_is_named",
             "test_wrong_constant_is_named",
@@ -168,6 +169,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_turned_lateral_speed_is_named",
         ),
         "analyses/lugre/test_by_law.py": ("test_a_floor_of_the_paper_supports_4_parameters",),
+        "analyses/lugre/test_checked.py": (
+            "test_another_law_leaves_no_number_of_method_a",
+            "test_named_misfit_stands_above_other_warnings",
+        ),
         "analyses/lugre/test_conformance.py": (),
         "analyses/lugre/test_design.py": (
             "test_predicted_duration_is_that_of_dry_run",
@@ -176,6 +181,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_diagnosis.py": (
             "test_a_constant_on_its_way_is_not_suspected",
             "test_a_measuring_wheel_out_of_centre_is_named",
+            "test_constant_is_named_not_a_law_without_size",
             "test_rig_with_correct_constants_fits",
         ),
         "analyses/lugre/test_hidden_rigs.py": ("test_intervals_hold_truth_of_hidden_rig",),
@@ -210,6 +216,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_output_error.py": (
             "test_creeping_carriage_is_left_out_and_named",
             "test_diameter_for_radius_gives_no_number",
+            "test_paperboard_ends_at_its_optimum",
+            "test_recordings_begin_at_angles_of_their_own",
             "test_recordings_that_agree_are_pooled",
             "test_recordings_that_disagree_are_not_pooled",
             "test_unknown_gravity_is_named_where_it_decides",
@@ -384,6 +392,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_kill_leaves_safe_rig_and_every_sample[daemon-SIGSTOP-None]",
             "test_kill_leaves_safe_rig_and_every_sample[daemon-SIGTERM-SIGSTOP]",
         ),
+        "system/test_lines_wire.py": ("test_doctor_shows_what_came_instead",),
         "system/test_manual.py": (
             "test_doctor_names_every_fault_beside_sound_devices",
             "test_doctor_without_simulation_suggests_rigd_sim",
@@ -405,6 +414,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "system/test_unauthenticated.py": (),
     },
     "another case of what `make test` shows with one": {
+        "drivers/canopen/test_conformance.py": (
+            "test_can_drivers_work_as_drivers_do[RotaryServo",
+            "test_can_drivers_work_as_drivers_do[SpeedServo",
+        ),
         "analyses/lugre/test_coverage_study.py": (),
         "analyses/lugre/test_wrong_worlds.py": (),
         "analyses/test_spoilt.py": (),

@@ -4,26 +4,40 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from support.lugre_wrong import World, right
 
-from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
+from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
 from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import Settings, identify_lugre
-from rigd_analyses.lugre.rig.identify import fit_group
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
 
 FEW = tuple(((amps, 2.0),) for amps in (0.45, 0.75, 1.05, 1.35))
 SETTINGS = Settings(starts=2)
 
 
-def found(world: World) -> tuple[IdentificationResult, IdentificationResult]:
-    """Return what method A finds alone, and behind the gate."""
+def both(world: World) -> tuple[IdentificationResult, FirstFit]:
+    """Return what method A finds, and the fit of output error that its gate stands on."""
     trials = replace(world, program=FEW).trials(1)
     alone = identify_lugre(trials, world.constants, SETTINGS)
-    return alone, checked(alone, fit_group(trials, world.constants, world.rig, SETTINGS))
+    return alone, fit_group(trials, world.constants, world.rig, SETTINGS)
 
 
-def test_right_rig_keeps_numbers_of_method_a() -> None:
-    alone, held = found(right("pvc"))
+def found(world: World) -> tuple[IdentificationResult, IdentificationResult]:
+    """Return what method A finds alone, and behind the gate."""
+    alone, begun = both(world)
+    return alone, checked(alone, begun)
+
+
+@pytest.fixture(scope="module")
+def of_right_rig() -> tuple[IdentificationResult, FirstFit]:
+    return both(right("pvc"))
+
+
+def test_right_rig_keeps_numbers_of_method_a(
+    of_right_rig: tuple[IdentificationResult, FirstFit],
+) -> None:
+    alone, held = of_right_rig[0], checked(*of_right_rig)
     assert held.gate is not None
     assert held.gate.outcome is FitOutcome.FITS
     assert held.parameter("sigma_0").identifiable
@@ -31,10 +45,8 @@ def test_right_rig_keeps_numbers_of_method_a() -> None:
     assert all(held.curve.low <= alone.curve.low)
 
 
-def test_another_law_leaves_no_number_of_method_a() -> None:
-    world = right("pvc")
-    world = replace(world, physics=world.physics._replace(exponent=1.0))
-    alone, held = found(world)
+def assert_no_number(alone: IdentificationResult, held: IdentificationResult) -> None:
+    """Assert that the gate has closed on numbers that method A has alone."""
     assert any(item.identifiable for item in alone.parameters)
     assert held.gate is not None
     assert held.gate.outcome is FitOutcome.MISFIT
@@ -43,6 +55,22 @@ def test_another_law_leaves_no_number_of_method_a() -> None:
     assert held.curve.x.size == 0
     assert held.point is None
     assert held.warnings[0] == held.gate.sentence
+
+
+def test_misfit_leaves_no_number_of_method_a(
+    of_right_rig: tuple[IdentificationResult, FirstFit],
+) -> None:
+    alone, begun = of_right_rig
+    misfit = replace(begun, gate=Gate(FitOutcome.MISFIT, "It does not fit.", ("first", "second")))
+    held = checked(alone, misfit)
+    assert_no_number(alone, held)
+    assert held.warnings[1] == "second"
+
+
+def test_another_law_leaves_no_number_of_method_a() -> None:
+    world = right("pvc")
+    world = replace(world, physics=world.physics._replace(exponent=1.0))
+    assert_no_number(*found(world))
 
 
 def test_number_that_output_error_contradicts_is_withdrawn() -> None:
@@ -61,6 +89,19 @@ def test_number_that_output_error_contradicts_is_withdrawn() -> None:
         assert entry.low is None and entry.high is None
         assert entry.verdict is Verdict.UNRESOLVED
         assert "output-error" in entry.sentence
+
+
+def test_correction_stands_above_other_warnings(
+    of_right_rig: tuple[IdentificationResult, FirstFit],
+) -> None:
+    alone, begun = of_right_rig
+    gate = Gate(FitOutcome.CORRECTED, "The zero is off.", ("first", "second"))
+    alone = replace(alone, warnings=("other",))
+    held = checked(alone, replace(begun, gate=gate))
+    first = "The zero is off. Slip-force does not correct for it. `--method output-error` gives"
+    assert held.warnings[0].startswith(first)
+    assert held.warnings[1:] == ("second", "other")
+    assert held.parameter("sigma_0").identifiable
 
 
 def test_named_misfit_stands_above_other_warnings() -> None:
