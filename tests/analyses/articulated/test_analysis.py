@@ -31,6 +31,8 @@ PARAMETERS = {
     **CONSTANTS, "k_lon": 120.0, "k_lat": 200.0, "k_roll": 8e-4, "hinge": 0.0, "mu_s": 0.9,
     "mu_d": 0.6,
 }  # fmt: skip
+#: What a straight way says nothing of.
+SIDEWAYS = ("k_lat", "mu_s", "mu_d")
 POINT = np.array([*(PARAMETERS[name] for name in NAMES), 0.0])
 
 
@@ -67,18 +69,15 @@ def test_analysis_finds_what_the_plant_has(straight: list[SimulatedTrial], tmp_p
     assert report.skipped == {}
 
 
-NO_SIDEWAYS = {}, ("k_lat", "mu_s", "mu_d")
-
-
 def test_straight_runs_hold_no_lateral_number(
     straight: list[SimulatedTrial], tmp_path: Path
 ) -> None:
-    case = Case(straight, CONSTANTS, *NO_SIDEWAYS)
+    case = Case(straight, CONSTANTS, {}, SIDEWAYS)
     check_analysis(ArticulatedAnalysis, [case], tmp_path, only=("recovers the truth",))
 
 
 def test_analysis_keeps_every_rule(straight: list[SimulatedTrial], tmp_path: Path) -> None:
-    check_analysis(ArticulatedAnalysis, [Case(straight, CONSTANTS, *NO_SIDEWAYS)], tmp_path)
+    check_analysis(ArticulatedAnalysis, [Case(straight, CONSTANTS, {}, SIDEWAYS)], tmp_path)
 
 
 UNDISTURBED = np.zeros((0, DISTURBED, LANES))
