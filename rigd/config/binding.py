@@ -45,17 +45,19 @@ def bind(
     data: Any = None,
     *,
     plant: PlantConfig | None = None,
+    period_ns: int | None = None,
 ) -> M | None:
     """Return the part of ``document`` at ``path`` as ``model``, or None with the problems noted.
 
     ``data`` replaces the part at ``path`` if the caller has removed keys from it. ``plant`` has the
-    options of the rig's plant, for devices that are checked against it.
+    options of the rig's plant, ``period_ns`` the time of a cycle, for devices that are checked
+    against them.
     """
     try:
         return model.model_validate(
             document.get(path) if data is None else data,
-            # the folder for relative paths, and the plant below a device
-            context={"folder": document.path.parent, "plant": plant},
+            # the folder for relative paths; plant and cycle below a device
+            context={"folder": document.path.parent, "plant": plant, "period_ns": period_ns},
         )
     except ValidationError as error:
         for detail in error.errors(include_url=False):

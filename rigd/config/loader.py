@@ -13,6 +13,7 @@ from rigd.config.controllers import add_controllers
 from rigd.config.derived import add_derived
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.following import read_following
+from rigd.config.inputs import check_inputs
 from rigd.config.links import check_link, read_links
 from rigd.config.observers import add_observers
 from rigd.config.problems import Problems, suggest
@@ -119,6 +120,7 @@ def _build(document: Document) -> RigConfig:
     rig = add_derived(document, source.derived, rig, problems)
     if len(problems.found) == before:  # wrong derived channels would all seem unknown
         rig = add_controllers(document, source.controllers, rig, problems)
+        check_inputs(document, rig, channel_names(rig), problems)
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
@@ -161,6 +163,7 @@ def _device(
         (*path, "options"),
         data=source.options,
         plant=None if plant is None else plant.config,
+        period_ns=round(1e9 / rig.cycle),
     )
     if config is None:
         return None

@@ -20,6 +20,7 @@ from rigd.engine.control import Control
 from rigd.engine.cycle_places import DevicePlaces, runs
 from rigd.engine.cycle_rows import CycleRows, RingSink
 from rigd.engine.holding import HoldPhase
+from rigd.engine.inputs import inputs_of
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import MountedRig
@@ -124,11 +125,12 @@ class Cycle:
         self._observers = [m.driver for m in rig.mounts if isinstance(m.driver, Observer)]
         binds = [observer.bind for observer in self._observers]
         binds += [] if evaluator is None else [evaluator.bind]
+        late_ns = [
+            0 if mount.driver.declaration.every_cycle else silent_ns
+            for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
+        ]
+        self._inputs = inputs_of(rig, late_ns)
         for bind in binds:
-            late_ns = [
-                0 if mount.driver.declaration.every_cycle else silent_ns
-                for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
-            ]
             bind(
                 rig.readings, rig.device_of, late_ns, rig.setpoints,
                 self._values, self._stamps, limiter.applied,
@@ -327,6 +329,11 @@ class Cycle:
                 link.end(t_ns)
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{name}: {error.one_line}")
+        for inputs in self._inputs:
+            try:
+                inputs.give(t_ns, self._values, self._stamps, setpoints)
+            except DEVICE_ERRORS as error:
+                return self._fault(t_ns, f"{inputs.name}: {error.one_line}")
         if self.limiter.cut != self._cut:
             self._report_cut(t_ns)
         return None

@@ -135,7 +135,9 @@ def _driver(
     if evaluator is not None and isinstance(device.config, DerivedConfig):
         return Derived(device.config, evaluator)
     if issubclass(device.driver_class, Driver):
-        return _fast(device, plant if device.link is None else links[device.link])
+        driver = _fast(device, plant if device.link is None else links[device.link])
+        driver.lockstep = stand_in is None  # all in one process: cycles need not keep the time
+        return driver
     if in_cycle(device):
         if plant is None:
             raise Blocked(

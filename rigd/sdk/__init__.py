@@ -2,7 +2,7 @@
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.sdk.declaration import Declaration
+from rigd.sdk.declaration import Declaration, Input
 from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.driver import (
     AnyDriver,
@@ -38,6 +38,7 @@ __all__ = [
     "Energy",
     "GridPlant",
     "In",
+    "Input",
     "Link",
     "LinkConfig",
     "LinkError",

@@ -9,6 +9,20 @@ from rigd.model.channels import STATUS_FIELD, Channel
 from rigd.sdk.row import Row
 
 
+@dataclass(frozen=True)
+class Input:
+    """A quantity of the rig that a fast driver takes in every cycle.
+
+    ``channel`` is a channel of a device, observer or controller or a derived one, or a setpoint as
+    it is recorded (``device.setpoint_setpoint``); ``unit`` is one of its kind, as the value is
+    always in SI. ``path`` leads from the options of the device to the entry that names it.
+    """
+
+    channel: str
+    unit: str
+    path: tuple[str | int, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
     """The result of ``declare(config)`` of a driver; made from the options alone.
@@ -33,6 +47,8 @@ class Declaration:
     status_bits: Mapping[str, int] = field(default_factory=dict)
     #: What a fast driver takes, in the order of ``write``; ``low`` and ``high`` are the device's.
     setpoints: tuple[Channel, ...] = ()
+    #: What a fast driver takes of the rest of the rig in every cycle, as ``take_inputs`` gets it.
+    inputs: tuple[Input, ...] = ()
     #: What a person may ask of the device, by name, and what that does: ``{"tare": "sets zero"}``.
     actions: Mapping[str, str] = field(default_factory=dict)
     #: Whether a fast driver has a row in every cycle: a cycle without is recorded as a stale row.

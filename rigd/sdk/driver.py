@@ -58,6 +58,7 @@ class AnyDriver(ABC, Generic[ConfigT, LinkT]):
     link_kind: ClassVar[str] = ""
     #: The model of the plant that the device stands on, as in ``plant: {model: MODEL}``, if its
     #: options name parts of it: a validator finds the plant's options in the context, as ``plant``.
+    #: Every validator finds the time of a cycle there, as ``period_ns``.
     plant_model: ClassVar[str] = ""
 
     #: Options that no two devices of a rig may share: the serial port that this driver opens.
@@ -116,6 +117,9 @@ class Driver(AnyDriver[ConfigT, LinkT]):
 
     #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
     second_link: ClassVar[bool] = False
+    #: Whether :meth:`read` may wait for an answer: where cycles have no time to keep, so that runs
+    #: repeat bit for bit. Set before :meth:`open`.
+    lockstep: bool = False
     #: When the last row that :meth:`read` returned was taken, on the clock of its ``t_ns`` and not
     #: after it; None: in the cycle that read it. For a device with a pace of its own whose rows
     #: come late: they are recorded at this time, later with each row, and interlocks count their
@@ -171,6 +175,16 @@ class Driver(AnyDriver[ConfigT, LinkT]):
 
     def write(self, setpoints: Sequence[float]) -> None:
         """Send the setpoints of this cycle, already limited, in the order of the declaration."""
+
+    def take_inputs(self, t_ns: int, values: Sequence[float], *, late: bool) -> None:
+        """Take :attr:`Declaration.inputs` in SI, in their order, after the setpoints were written.
+
+        Bounded like ``read``. A value is NaN while it is not known. ``late`` is whether one is of
+        an earlier cycle although its device has a row in each, or has been silent for too long.
+
+        Raises:
+            DeviceError: the device cannot go on with these values.
+        """
 
     def act(self, action: str) -> None:
         """Begin one of ``actions``; it continues in the following cycles, until :meth:`acted`.

@@ -27,7 +27,8 @@ from rigd.sdk import (
     accepted,
 )
 from rigd_sim.plants.fmu.description import NUMBERS, FmuFile, Variable
-from rigd_sim.plants.fmu.plant import FmuConfig, FmuPlant, find
+from rigd_sim.plants.fmu.options import find
+from rigd_sim.plants.fmu.plant import FmuConfig, FmuPlant
 from rigd_sim.plants.fmu.units import FmuUnit, as_stated
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
@@ -102,8 +103,7 @@ class FmuDeviceConfig(DriverConfig):
             try:
                 part.resolve(name, fmu)
             except ValueError as error:
-                key = error.key if isinstance(error, _Wrong) else "variable"
-                problems.append(((group, name, key), str(error)))
+                problems.append(((group, name, wrong_key(error)), str(error)))
         if problems:
             raise WrongEntries(problems)
         return self
@@ -117,9 +117,14 @@ class _Wrong(ValueError):
         self.key = key
 
 
+def wrong_key(error: ValueError) -> str:
+    """Return the key of the entry that :meth:`FmuOutput.resolve` has refused."""
+    return error.key if isinstance(error, _Wrong) else "variable"
+
+
 def _channel(name: str, part: FmuOutput, fmu: FmuFile | None) -> Channel:
     is_input = isinstance(part, FmuInput)
-    variable = None if fmu is None else _checked(fmu, part.variable, is_input=is_input)
+    variable = None if fmu is None else checked(fmu, part.variable, is_input=is_input)
     unit, low, high, doc = part.unit, -math.inf, math.inf, f"variable {part.variable} of the FMU"
     if variable is not None:
         unit = _unit(part, variable)
@@ -154,7 +159,12 @@ def _quantity(key: str, text: str | None, unit: str, default: float) -> float:
         raise _Wrong(key, str(error)) from error
 
 
-def _checked(fmu: FmuFile, name: str, *, is_input: bool) -> Variable:
+def checked(fmu: FmuFile, name: str, *, is_input: bool) -> Variable:
+    """Return the number ``name`` that the FMU takes, or gives.
+
+    Raises:
+        ValueError: it is of another causality, no number, or there is none.
+    """
     variable = find(fmu, name)
     if variable.kind not in NUMBERS:
         raise ValueError(f"{name!r} is a {variable.kind}; a channel is a number")

@@ -10,7 +10,8 @@ from typing import Final
 STEP: Final = b"s"
 #: STEP, index of the first step, number of steps; the inputs follow, a double each.
 REQUEST: Final = struct.Struct("<cqq")
-#: First byte of an answer; outputs follow, a double each, or the text of what failed.
+#: First byte of an answer. After that to a request for steps, doubles: the seconds that they took
+#: and the outputs; after FAILED the text of what failed.
 OK: Final = b"+"
 FAILED: Final = b"-"
 #: Largest message in bytes.
@@ -22,6 +23,7 @@ class Setup:
     """What an FMU is made from; ``start`` has name, type, reference and value of each.
 
     ``logging`` asks the FMU for all that it can report, which may take time in each step.
+    ``priority`` is that of SCHED_FIFO at which it takes its steps, 0 for an ordinary program.
     """
 
     path: str
@@ -30,6 +32,7 @@ class Setup:
     folder: str
     step_ns: int
     logging: bool
+    priority: int
     start: list[tuple[str, str, int, float | int | bool | str]]
 
 

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -35,6 +36,7 @@ class FmuProcess:
         step_ns: its communication step.
         deadline_s: the longest time for an answer.
         logging: whether it is asked for all that it can report.
+        priority: of SCHED_FIFO at which it takes its steps, 0 for an ordinary program.
 
     Raises:
         DeviceError: set-up failed, crashed, or did not return in time; the process has ended. Every
@@ -50,11 +52,13 @@ class FmuProcess:
         step_ns: int,
         deadline_s: float,
         logging: bool = False,
+        priority: int = 0,
     ) -> None:
         self._name = fmu.path.name
         self._step_ns = step_ns
         self._deadline_s = deadline_s
         self._failure: DeviceError | None = None
+        self._what = ""  #: what was begun last, for an error
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         folder = tempfile.mkdtemp(prefix="rigd-fmu-")
         self._socket = ours
@@ -77,6 +81,7 @@ class FmuProcess:
             folder=folder,
             step_ns=step_ns,
             logging=logging,
+            priority=priority,
             start=[
                 (name, fmu.variables[name].kind, fmu.variables[name].reference, value)
                 for name, value in start
@@ -98,29 +103,93 @@ class FmuProcess:
         Raises:
             DeviceError: see the class.
         """
-        what = f"the step at {first * self._step_ns * 1e-9:.9g} s"
-        request = REQUEST.pack(STEP, first, count) + struct.pack(f"<{len(inputs)}d", *inputs)
-        answer = self._ask(request, what, max(1, count) * self._deadline_s)
-        return [value for (value,) in struct.iter_unpack("<d", answer)]
+        self.begin(first, count, inputs)
+        return self.wait(count)[1]
+
+    def begin(self, first: int, count: int, inputs: Sequence[float]) -> None:
+        """Begin steps as :meth:`take` does, whose answer :meth:`wait` or :meth:`poll` returns.
+
+        Raises:
+            DeviceError: an earlier request has failed.
+        """
+        self._what = f"the step at {first * self._step_ns * 1e-9:.9g} s"
+        self._send(REQUEST.pack(STEP, first, count) + struct.pack(f"<{len(inputs)}d", *inputs))
+
+    def wait(self, count: int) -> tuple[float, list[float]]:
+        """Wait for ``count`` steps that were begun; return as :meth:`poll` does.
+
+        Raises:
+            DeviceError: see the class.
+        """
+        answer = self._answer(self._what, max(1, count) * self._deadline_s)
+        took_s, *outputs = struct.unpack(f"<{len(answer) // 8}d", answer)
+        return took_s, outputs
+
+    def poll(self) -> tuple[float, list[float]] | None:
+        """Return how long the steps took, in s, and the outputs; None if they are not there yet.
+
+        Never waits, not for the process to end either: a process that has just crashed may give
+        None until the kernel states how.
+
+        Raises:
+            DeviceError: see the class. The process is only killed: :meth:`close` cleans up.
+        """
+        if self._failure is not None:
+            raise self._failure
+        try:
+            answer = self._socket.recv(LARGEST, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
+        except OSError:
+            answer = b""
+        if not answer:
+            code = self._child.poll()
+            if code is None:
+                return None
+            raise self.refuse(f"{self._what} crashed: its process {_how(code)}")
+        if answer[:1] == FAILED:
+            raise self.refuse(answer[1:].decode("utf-8", errors="replace"))
+        took_s, *outputs = struct.unpack(f"<{len(answer) // 8}d", memoryview(answer)[1:])
+        return took_s, outputs
+
+    def refuse(self, reason: str) -> DeviceError:
+        """Kill the process without waiting for it; return the error as :meth:`fail` does."""
+        self._failure = DeviceError(f"{self._name}: {reason}")
+        self._child.kill()
+        return self._failure
 
     def fail(self, reason: str) -> DeviceError:
         """End the process, and return the error that every later request raises."""
-        self._failure = DeviceError(f"{self._name}: {reason}")
+        error = self.refuse(reason)
         self.close()
-        return self._failure
+        return error
 
     def close(self) -> None:
         """End the process; a second call does nothing."""
         self._close()
 
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._child.pid
+
     def _ask(self, request: bytes, what: str, limit_s: float) -> bytes:
+        self._send(request)
+        return self._answer(what, limit_s)
+
+    def _send(self, request: bytes) -> None:
         if self._failure is not None:
             raise self._failure
         if not self._close.alive:
             raise DeviceError(f"{self._name}: its process was ended")
+        # One request at a time: the socket has room for it. If the process has ended, the answer
+        # shows it.
+        with suppress(OSError):
+            self._socket.send(request)
+
+    def _answer(self, what: str, limit_s: float) -> bytes:
         try:
             self._socket.settimeout(limit_s)
-            self._socket.send(request)
             answer = self._socket.recv(LARGEST)
         except TimeoutError:
             raise self.fail(f"{what} did not return within {limit_s:g} s") from None
@@ -137,12 +206,17 @@ class FmuProcess:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
             return "closed its connection"
-        if code >= 0:
-            return f"ended with code {code}"
-        try:
-            return f"was ended by {signal.Signals(-code).name}"
-        except ValueError:
-            return f"was ended by signal {-code}"
+        return _how(code)
+
+
+def _how(code: int) -> str:
+    """Describe an exit code of :mod:`subprocess`."""
+    if code >= 0:
+        return f"ended with code {code}"
+    try:
+        return f"was ended by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was ended by signal {-code}"
 
 
 def _end(child: subprocess.Popen[bytes], connection: socket.socket, folder: str) -> None:
