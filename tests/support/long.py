@@ -382,6 +382,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_fault_ends_the_run[wheel_encoder tpdo_short]",
             "test_a_run_is_refused_before_anything_moves[servo_bus second_rigd before]",
         ),
+        "system/test_in_loop_wire.py": (),
         "system/test_kills.py": (
             "test_kill_while_controller_acts_leaves_safe_rig[all]",
             "test_kill_while_controller_acts_leaves_safe_rig[cycle]",

@@ -1,29 +1,17 @@
 from __future__ import annotations
 
-import shutil
-import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-HERE = Path(__file__).parent
+from support.fmu import build
 
 
 @pytest.fixture(scope="session")
 def flywheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the FMU of ``flywheel.py``."""
-    from pythonfmu3.builder import FmuBuilder
-
-    folder = tmp_path_factory.mktemp("fmu")
-    source = folder / "flywheel_unit.py"  # imported by its name, which no test module may have
-    shutil.copy(HERE / "flywheel.py", source)
-    sys.path.insert(0, str(folder))
-    try:
-        return Path(FmuBuilder.build_FMU(source, dest=folder))
-    finally:
-        sys.path.remove(str(folder))
+    return build(tmp_path_factory.mktemp("fmu"))
 
 
 @pytest.fixture

@@ -41,14 +41,14 @@ PRIORITY: Final = 60
 TRIED: Final = 20
 #: An input was late when the FMU got it: its device gave no row, or a channel of it is too old.
 INPUT_LATE: Final = 1
-#: Channels that each block has beside the outputs of its FMU.
+#: Channels that each FMU in the loop has beside the outputs of its FMU.
 OWN: Final = (
     Channel("spent", "s", "time that the FMU took for the steps of this row; 0 in virtual time"),
     Channel("late", "1", "number of cycles by which this row came late"),
 )
 
 
-class BlockInput(Documented):
+class LoopInput(Documented):
     """An input of the FMU, and the channel that it gets."""
 
     channel: str
@@ -90,10 +90,10 @@ def _short(value: Any) -> Any:
     return {"channel": value} if isinstance(value, str) else value
 
 
-class FmuBlockConfig(UnitOptions, DriverConfig):
+class FmuInLoopConfig(UnitOptions, DriverConfig):
     """Which FMU, what it gets and gives, and how much time it has."""
 
-    inputs: dict[str, Annotated[BlockInput, BeforeValidator(_short)]] = Field(default_factory=dict)
+    inputs: dict[str, Annotated[LoopInput, BeforeValidator(_short)]] = Field(default_factory=dict)
     """Channels that inputs of the FMU get, by variable: `{force: traction.force}`."""
     outputs: dict[Name, Output] = Field(default_factory=dict)
     """Channels, by name: `{speed: v}` or `{speed: {variable: v, unit: m/s}}`."""
@@ -107,7 +107,7 @@ class FmuBlockConfig(UnitOptions, DriverConfig):
     _period_ns: int = PrivateAttr(default=1_000_000)
 
     @model_validator(mode="after")
-    def _it_fits_the_rig(self, info: ValidationInfo) -> FmuBlockConfig:
+    def _it_fits_the_rig(self, info: ValidationInfo) -> FmuInLoopConfig:
         """Compare variables with the FMU, and times with the cycle, if the context has it."""
         self._period_ns = (info.context or {}).get("period_ns") or self._period_ns
         fmu = self.fmu
@@ -125,7 +125,7 @@ class FmuBlockConfig(UnitOptions, DriverConfig):
             except ValueError as error:
                 problems.append((("outputs", name, wrong_key(error)), str(error)))
             if name in {channel.name for channel in OWN}:
-                problems.append((("outputs", name), f"{name!r} is a channel of every block"))
+                problems.append((("outputs", name), f"{name!r} is taken: choose another name"))
         key, text = self._mistimed(fmu)
         if text:
             problems.append(((key,), text))
@@ -178,17 +178,17 @@ class FmuBlockConfig(UnitOptions, DriverConfig):
         return {folder / name: text for name, text in self.explained(**more).items()}
 
 
-class FmuBlock(Driver[FmuBlockConfig, None]):
+class FmuInLoop(Driver[FmuInLoopConfig, None]):
     """An FMU as a device that takes channels of the rig. It moves nothing: it is always safe.
 
     A row stands at the time of the model. Late rows are made up for: the next request takes as many
     steps as the model lags behind.
     """
 
-    Config: ClassVar[type[DriverConfig]] = FmuBlockConfig
+    Config: ClassVar[type[DriverConfig]] = FmuInLoopConfig
     title: ClassVar[str] = "FMU between channels of the rig"
 
-    def __init__(self, config: FmuBlockConfig, link: None = None) -> None:
+    def __init__(self, config: FmuInLoopConfig, link: None = None) -> None:
         super().__init__(config, link)
         fmu = config.fmu
         self._from_si = [item.conversion.from_si for item in config.inputs.values()]
@@ -211,7 +211,7 @@ class FmuBlock(Driver[FmuBlockConfig, None]):
         self._unknown = "has not come yet"  #: why the model has not begun
 
     @classmethod
-    def declare(cls, config: FmuBlockConfig) -> Declaration:
+    def declare(cls, config: FmuInLoopConfig) -> Declaration:
         """Return outputs of the FMU as channels, and the channels that it gets."""
         latency_s = config.latency_ns * 1e-9
         return Declaration(

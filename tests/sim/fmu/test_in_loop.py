@@ -18,7 +18,8 @@ from rigd.cli.main import main
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError, DeviceError, Exit
 from rigd.record.reader import Recording
-from rigd_sim.devices.fmu_block import FmuBlock, FmuBlockConfig
+from rigd.sdk.check import check_driver
+from rigd_sim.devices.fmu_in_loop import FmuInLoop, FmuInLoopConfig
 
 MS = 1_000_000
 #: No test waits longer for an answer, in s.
@@ -30,37 +31,37 @@ OPTIONS: dict[str, Any] = {
 
 
 @contextmanager
-def opened(fmu: Path, *, lockstep: bool = True, **options: Any) -> Iterator[FmuBlock]:
-    config = FmuBlockConfig.model_validate(
+def opened(fmu: Path, *, lockstep: bool = True, **options: Any) -> Iterator[FmuInLoop]:
+    config = FmuInLoopConfig.model_validate(
         {"file": str(fmu), **OPTIONS, **options}, context={"period_ns": MS}
     )
-    block = FmuBlock(config)
-    block.lockstep = lockstep
-    block.open()
+    model = FmuInLoop(config)
+    model.lockstep = lockstep
+    model.open()
     try:
-        yield block
+        yield model
     finally:
-        block.close()
+        model.close()
 
 
-def exchanged(block: FmuBlock, cycle: int, torque: float) -> list[float] | None:
+def exchanged(model: FmuInLoop, cycle: int, torque: float) -> list[float] | None:
     """One cycle: its row, then the inputs."""
-    row = block.read(cycle * MS)
-    block.take_inputs(cycle * MS, [torque], late=False)
+    row = model.read(cycle * MS)
+    model.take_inputs(cycle * MS, [torque], late=False)
     return None if row is None else list(row)
 
 
-def awaited(block: FmuBlock, cycle: int) -> list[float]:
+def awaited(model: FmuInLoop, cycle: int) -> list[float]:
     """The row of ``cycle`` as soon as it is there."""
     deadline = time.monotonic() + PATIENCE_S
-    while (row := block.read(cycle * MS)) is None:
+    while (row := model.read(cycle * MS)) is None:
         assert time.monotonic() < deadline
     return list(row)
 
 
 def test_outputs_follow_inputs_of_cycle_before(flywheel: Path) -> None:
-    with opened(flywheel) as block:
-        rows = [exchanged(block, cycle, 0.05 * cycle) for cycle in range(4)]
+    with opened(flywheel) as model:
+        rows = [exchanged(model, cycle, 0.05 * cycle) for cycle in range(4)]
     speeds = [row[0] for row in rows if row is not None]
     gain = 1e-3 / 0.05
     assert speeds == pytest.approx([0.0, 0.0, 0.05 * gain, 0.15 * gain], rel=1e-12)
@@ -68,27 +69,27 @@ def test_outputs_follow_inputs_of_cycle_before(flywheel: Path) -> None:
 
 
 def test_long_step_gives_row_when_it_ends(flywheel: Path) -> None:
-    with opened(flywheel, step="3 ms") as block:
-        rows = [exchanged(block, cycle, float(cycle)) for cycle in range(7)]
+    with opened(flywheel, step="3 ms") as model:
+        rows = [exchanged(model, cycle, float(cycle)) for cycle in range(7)]
     assert [row is not None for row in rows] == [True, False, False, True, False, False, True]
     assert rows[6] is not None and rows[6][0] == pytest.approx(3.0 * 3e-3 / 0.05)
 
 
 def test_short_steps_are_taken_within_one_cycle(flywheel: Path) -> None:
     outputs = {"steps": "steps", "omega": "omega"}
-    with opened(flywheel, step="0.25 ms", outputs=outputs) as block:
-        rows = [exchanged(block, cycle, 1.0) for cycle in range(3)]
+    with opened(flywheel, step="0.25 ms", outputs=outputs) as model:
+        rows = [exchanged(model, cycle, 1.0) for cycle in range(3)]
     assert rows[2] is not None and rows[2][:2] == pytest.approx([8.0, 2e-3 / 0.05])
 
 
 def test_late_model_catches_up_with_time(flywheel: Path) -> None:
-    with opened(flywheel, lockstep=False, late=10_000) as block:
-        exchanged(block, 0, 1.0)
-        row = awaited(block, 3)  # due in cycle 1
-        assert (row[0], row[3], block.taken_ns) == (pytest.approx(1e-3 / 0.05), 2.0, MS)
-        block.take_inputs(3 * MS, [1.0], late=True)
-        row = awaited(block, 4)
-        assert (row[0], row[3], block.taken_ns) == (pytest.approx(4e-3 / 0.05), 0.0, 4 * MS)
+    with opened(flywheel, lockstep=False, late=10_000) as model:
+        exchanged(model, 0, 1.0)
+        row = awaited(model, 3)  # due in cycle 1
+        assert (row[0], row[3], model.taken_ns) == (pytest.approx(1e-3 / 0.05), 2.0, MS)
+        model.take_inputs(3 * MS, [1.0], late=True)
+        row = awaited(model, 4)
+        assert (row[0], row[3], model.taken_ns) == (pytest.approx(4e-3 / 0.05), 0.0, 4 * MS)
         assert row[2] > 0.0
         assert row[4] == 1.0, "the status shows that an input was late"
 
@@ -104,11 +105,11 @@ def test_late_model_catches_up_with_time(flywheel: Path) -> None:
 )
 def test_failing_model_is_named_in_virtual_time(flywheel: Path, fault: str, said: str) -> None:
     start = {"fault": fault, "after": "0.5 ms"}
-    with opened(flywheel, start=start, deadline="0.3 s") as block:
-        exchanged(block, 0, 0.0)
-        exchanged(block, 1, 0.0)
+    with opened(flywheel, start=start, deadline="0.3 s") as model:
+        exchanged(model, 0, 0.0)
+        exchanged(model, 1, 0.0)
         with pytest.raises(DeviceError, match=said):
-            block.read(2 * MS)
+            model.read(2 * MS)
 
 
 @pytest.mark.parametrize(
@@ -121,22 +122,22 @@ def test_failing_model_is_named_in_virtual_time(flywheel: Path, fault: str, said
 )
 def test_failing_model_is_named_in_real_time(flywheel: Path, fault: str, said: str) -> None:
     start = {"fault": fault, "after": "0.5 ms"}
-    with opened(flywheel, lockstep=False, start=start, late=10_000) as block:
-        exchanged(block, 0, 0.0)
-        awaited(block, 1)
-        block.take_inputs(MS, [0.0], late=False)
+    with opened(flywheel, lockstep=False, start=start, late=10_000) as model:
+        exchanged(model, 0, 0.0)
+        awaited(model, 1)
+        model.take_inputs(MS, [0.0], late=False)
         with pytest.raises(DeviceError, match=said):
-            awaited(block, 1 + 1)
+            awaited(model, 1 + 1)
 
 
 @pytest.mark.parametrize("fault", ["hang", "sleep"])
 def test_model_that_never_returns_is_late(flywheel: Path, fault: str) -> None:
     start = {"fault": fault, "after": "0 s"}
-    with opened(flywheel, lockstep=False, start=start, budget="0.5 ms") as block:
-        exchanged(block, 0, 0.0)
-        assert [block.read(cycle * MS) for cycle in (1, 2, 3)] == [None] * 3
+    with opened(flywheel, lockstep=False, start=start, budget="0.5 ms") as model:
+        exchanged(model, 0, 0.0)
+        assert [model.read(cycle * MS) for cycle in (1, 2, 3)] == [None] * 3
         with pytest.raises(DeviceError) as failed:
-            block.read(4 * MS)
+            model.read(4 * MS)
     assert str(failed.value) == (
         "Flywheel.fmu: the step at 0 s is late by 4 cycles; late or above its budget of 0.5 ms in "
         "4 cycles in succession, and 'late' allows 3"
@@ -144,46 +145,50 @@ def test_model_that_never_returns_is_late(flywheel: Path, fault: str) -> None:
 
 
 def test_model_above_its_budget_is_named(flywheel: Path) -> None:
-    with opened(flywheel, lockstep=False, budget="1 ns", late=0) as block:
-        exchanged(block, 0, 0.0)
+    with opened(flywheel, lockstep=False, budget="1 ns", late=0) as model:
+        exchanged(model, 0, 0.0)
         with pytest.raises(DeviceError, match="the step at 0 s is above the budget: "):
-            awaited(block, 1)
+            awaited(model, 1)
 
 
 def test_budget_below_a_step_prevents_arming(flywheel: Path) -> None:
-    with opened(flywheel, lockstep=False, budget="1 ns") as block:
-        (reason,) = block.preflight()
+    with opened(flywheel, lockstep=False, budget="1 ns") as model:
+        (reason,) = model.preflight()
         assert "the budget is 1e-06 ms" in reason
-        block.lockstep = True
-        assert block.preflight() == ()
+        model.lockstep = True
+        assert model.preflight() == ()
 
 
 def test_killed_process_is_named_and_gone(flywheel: Path) -> None:
-    with opened(flywheel, lockstep=False, late=10_000) as block:
-        exchanged(block, 0, 0.0)
-        awaited(block, 1)
-        assert block._process is not None
-        pid = block._process.pid
+    with opened(flywheel, lockstep=False, late=10_000) as model:
+        exchanged(model, 0, 0.0)
+        awaited(model, 1)
+        assert model._process is not None
+        pid = model._process.pid
         os.kill(pid, signal.SIGKILL)
-        block.take_inputs(MS, [0.0], late=False)
+        model.take_inputs(MS, [0.0], late=False)
         with pytest.raises(DeviceError, match="its process was ended by SIGKILL"):
-            awaited(block, 2)
+            awaited(model, 2)
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
 
 
 def test_unknown_input_prevents_arming_and_later_fails(flywheel: Path) -> None:
-    with opened(flywheel, late=1) as block:
-        exchanged(block, 0, math.nan)
-        row = exchanged(block, 1, math.nan)
+    with opened(flywheel, late=1) as model:
+        exchanged(model, 0, math.nan)
+        row = exchanged(model, 1, math.nan)
         assert row is not None and math.isnan(row[0])
         with pytest.raises(DeviceError, match=r"not begun: its input motor\.torque is nan"):
-            block.arm()
-        exchanged(block, 2, 0.5)
-        block.arm()
-        exchanged(block, 3, math.inf)
+            model.arm()
+        exchanged(model, 2, 0.5)
+        model.arm()
+        exchanged(model, 3, math.inf)
         with pytest.raises(DeviceError, match=r"motor\.torque is inf in 2 cycles in succession"):
-            exchanged(block, 4, math.inf)
+            exchanged(model, 4, math.inf)
+
+
+def test_it_keeps_the_promises_of_drivers(flywheel: Path) -> None:
+    check_driver(FmuInLoop, {"file": str(flywheel), **OPTIONS})
 
 
 RIG = """\
@@ -200,7 +205,7 @@ devices:
     limits:
       torque: {low: -1 N m, high: 1 N m, rate: 100 N m/s}
   twin:
-    driver: fmu-block
+    driver: fmu-in-loop
     options:
       file: FILE
       start: {fault: none, after: 50 ms}
@@ -270,7 +275,7 @@ def test_diverged_model_is_named_and_stops_the_rig(
         ("      outputs: {speed: omega}\nderived", "      outputs: {speed: torque}\nderived",
          ":19:24: 'torque' is no output of the FMU"),
         ("      outputs: {speed: omega}\nderived", "      outputs: {late: omega}\nderived",
-         "'late' is a channel of every block"),
+         ":19:23: 'late' is taken"),
         ("      inputs: {torque: b", "      step: 0.3 ms\n      inputs: {torque: b",
          ":18:13: a step of 0.3 ms is neither a cycle of 1 ms nor a whole"),
         ("      inputs: {torque: b", "      step: 2.5 ms\n      inputs: {torque: b",
@@ -280,7 +285,7 @@ def test_diverged_model_is_named_and_stops_the_rig(
         ("fault: none", "fault: setup-error", ":16:13: Flywheel.fmu: exitInitializationMode"),
     ],
 )  # fmt: skip
-def test_wrong_entry_of_block_is_named(
+def test_wrong_entry_is_named_with_its_place(
     flywheel: Path, tmp_path: Path, old: str, new: str, said: str
 ) -> None:
     text = RIG.replace("FILE", str(flywheel))
