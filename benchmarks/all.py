@@ -29,6 +29,7 @@ BENCHES = (
     "derived",
     "controllers",
     "derived_wire",
+    "model_in_loop",
     "simulated_bus",
     "can_cycle",
     "modbus_codec",

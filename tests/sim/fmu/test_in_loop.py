@@ -86,10 +86,12 @@ def test_late_model_catches_up_with_time(flywheel: Path) -> None:
     with opened(flywheel, lockstep=False, late=10_000) as model:
         exchanged(model, 0, 1.0)
         row = awaited(model, 3)  # due in cycle 1
-        assert (row[0], row[3], model.taken_ns) == (pytest.approx(1e-3 / 0.05), 2.0, MS)
+        assert row[0] == pytest.approx(1e-3 / 0.05)
+        assert (row[3], model.taken_ns) == (2.0, MS)
         model.take_inputs(3 * MS, [1.0], late=True)
         row = awaited(model, 4)
-        assert (row[0], row[3], model.taken_ns) == (pytest.approx(4e-3 / 0.05), 0.0, 4 * MS)
+        assert row[0] == pytest.approx(4e-3 / 0.05)
+        assert (row[3], model.taken_ns) == (0.0, 4 * MS)
         assert row[2] > 0.0
         assert row[4] == 1.0, "the status shows that an input was late"
 
