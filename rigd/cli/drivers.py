@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rigd.cli.inventory import InstalledPlugin
     from rigd.model.channels import Channel
 
-HELP = "list installed drivers, links, plants and simulations"
+HELP = "list installed drivers, links, plants, simulations and observers"
 EXAMPLES = """\
 examples:
   rigd drivers                        names, kinds and titles

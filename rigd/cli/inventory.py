@@ -16,9 +16,10 @@ from rich.markup import escape
 from rigd.analysis import Analysis
 from rigd.cli.screen import folding_table, print_table
 from rigd.config.loader import load_rig
-from rigd.config.registry import DRIVERS, LINKS, PLANTS, SIMULATIONS
+from rigd.config.registry import DRIVERS, LINKS, OBSERVERS, PLANTS, SIMULATIONS
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
+from rigd.observers.model import ObserverModel
 from rigd.sdk import AnyDriver, Link, Plant, Simulation
 from rigd.sdk.options import Option, options_of
 from rigd.sdk.shipped import shipped_folder
@@ -39,6 +40,7 @@ GROUPS: Final = {
     LINKS: PluginKind("link", Link, "links: {NAME: {type: ...}}"),
     PLANTS: PluginKind("plant", Plant, "plant: {model: ...}"),
     SIMULATIONS: PluginKind("simulation", Simulation, "simulation: {model: ...}"),
+    OBSERVERS: PluginKind("observer", ObserverModel, "observers: {NAME: {model: ...}}"),
 }
 
 
@@ -59,7 +61,7 @@ Found = TypeVar("Found", bound=Installed)
 
 @dataclass(frozen=True)
 class InstalledPlugin(Installed):
-    """A driver, link, plant or simulation."""
+    """A driver, link, plant, simulation or observer."""
 
     kind: str = ""
     link_kind: str = ""

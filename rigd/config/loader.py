@@ -115,8 +115,10 @@ def _build(document: Document) -> RigConfig:
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown
-    rig = add_observers(document, source.observers, source.derived, rig, problems)
     before = len(problems.found)
+    rig = add_observers(document, source.observers, source.derived, rig, problems)
+    if len(problems.found) > before:
+        problems.raise_any()  # the same of a wrong observer
     rig = add_derived(document, source.derived, rig, problems)
     if len(problems.found) == before:  # wrong derived channels would all seem unknown
         rig = add_controllers(document, source.controllers, rig, problems)

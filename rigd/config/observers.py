@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.document import Document, KeyPath
-from rigd.config.problems import Problems, suggest
+from rigd.config.observer_channels import Finder, published
+from rigd.config.observer_models import LINEAR, ModelReader
+from rigd.config.problems import Problems
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource, LinearSource, ObserverSource
 from rigd.derived.dimensions import alike, over, plain, times
@@ -27,8 +29,6 @@ from rigd.observers.driver import OBSERVER, Observer, ObserverConfig
 if TYPE_CHECKING:  # a rig file without observers is checked without numpy
     from rigd.observers.linear import Floats, LinearPlan
 
-#: The model that is part of rigd.
-_LINEAR: Final = "linear"
 _SECOND: Final = parse_unit("s").dimension
 #: Name of the recorded stream that belongs to the cycle itself.
 _CYCLE: Final = "cycle"
@@ -55,17 +55,7 @@ def add_observers(
                 f"choose another name, such as '{name}_filter'",
             )
             continue
-        if source.model != _LINEAR:
-            problems.add(
-                document.place((*path, "model")), f"no observer {source.model!r} is installed",
-                suggest(source.model, [_LINEAR]),
-            )  # fmt: skip
-            continue
-        options: dict[str, Any] = dict(source.model_extra or {})
-        given = bind(document, LinearSource, problems, path, data=options)
-        if given is None:
-            continue
-        config = _Linear(document, path, given, derived, rig, problems).config()
+        config = _read(document, path, source, derived, rig, problems)
         if config is not None:
             added[name] = DeviceConfig(
                 name=name,
@@ -76,6 +66,24 @@ def add_observers(
                 limits={},
             )
     return replace(rig, devices={**rig.devices, **added})
+
+
+def _read(
+    document: Document,
+    path: KeyPath,
+    source: ObserverSource,
+    derived: Mapping[str, DerivedSource],
+    rig: RigConfig,
+    problems: Problems,
+) -> ObserverConfig | None:
+    options: dict[str, Any] = dict(source.model_extra or {})
+    if source.model != LINEAR:
+        reader = ModelReader(document, path, source.model, options, derived, rig, problems)
+        return reader.config()
+    given = bind(document, LinearSource, problems, path, data=options)
+    return (
+        None if given is None else _Linear(document, path, given, derived, rig, problems).config()
+    )
 
 
 @dataclass
@@ -115,6 +123,12 @@ class _Linear:
             each_trial=source.reset == "trial",
         )
 
+    @property
+    def _finder(self) -> Finder:
+        return Finder(
+            self.document, self.path, self.derived, self.rig, self.problems, self.source.lost_after
+        )
+
     def _note(self, path: KeyPath, message: str, hint: str | None = None) -> None:
         self.problems.add(self.document.place((*self.path, *path)), message, hint)
 
@@ -136,50 +150,17 @@ class _Linear:
     def _channel(self, key: str, index: int) -> Channel:
         """Return a channel of the list ``key``, or a stand-in with its problem noted."""
         name = getattr(self.source, key)[index]
-        channel = self.rig.recorded(name) if key == "inputs" else self.rig.channel(name)
-        if channel is None:
-            if name in self.derived:
-                self._note(
-                    (key, index), f"{name} is a derived channel, computed after the observers",
-                    "give what it is computed from; derived channels may use states",
-                )  # fmt: skip
-                return Channel(name)
-            known = [
-                f"{device.name}.{item.name}"
-                for device in self.rig.devices.values()
-                for item in device.channels
-            ]
-            self._note((key, index), f"unknown channel {name!r}", suggest(name, known))
-            return Channel(name)
+        channel = self._finder.find((key, index), name, measured=key == "measured")
         if getattr(self.source, key).index(name) != index:
             self._note((key, index), f"{name} stands twice in `{key}`")
-        declared = self.rig.devices[name.partition(".")[0]].declaration
-        apart_s = declared.oldest_s
-        if not declared.every_cycle and self.rig.channel(name) is not None:
-            apart_s = max(apart_s, declared.silent_s)
-        if apart_s >= self.source.lost_after:
-            self._note(
-                (key, index),
-                f"readings of {name} may come {apart_s:g} s apart, and the states are lost after "
-                f"{self.source.lost_after:g} s",
-                f"give a `lost_after` above {apart_s:g} s",
-            )
         return channel
 
     def _channels(
         self, states: Sequence[_State], measured: Sequence[Channel]
     ) -> tuple[Channel, ...]:
         """Return the channels of the observer, in the order of its row."""
-        found = []
-        for state in states:
-            found.append(Channel(state.name, state.unit, "estimated state"))
-            doc = f"standard deviation of {state.name}"
-            found.append(Channel(f"{state.name}_sd", state.unit, doc))
-        for name, channel in zip(self.source.measured, measured, strict=True):
-            doc = f"{name} as measured minus as expected from the readings before"
-            found.append(Channel(f"{name.replace('.', '_')}_innovation", channel.unit, doc))
-        doc = "normalised innovation squared; its mean is the number of channels that are measured"
-        found.append(Channel("nis", "1", doc))
+        known = [Channel(item.name, item.unit, "estimated state") for item in states]
+        found = published(known, list(zip(self.source.measured, measured, strict=True)))
         names = [channel.name for channel in found]
         for name in self.source.states:
             if names.count(name) > 1:
@@ -187,7 +168,7 @@ class _Linear:
                 self.problems.add(
                     place, f"the observer has a channel {name} of its own", "rename the state"
                 )
-        return tuple(found)
+        return found
 
     def _plan(
         self, states: list[Dimension], inputs: list[Dimension], measured: list[Dimension]

@@ -15,6 +15,7 @@ ANALYSES: Final = "rigd.analyses"
 DRIVERS: Final = "rigd.drivers"
 FRICTION_LAWS: Final = "rigd.friction_laws"
 LINKS: Final = "rigd.links"
+OBSERVERS: Final = "rigd.observers"
 PLANTS: Final = "rigd.plants"
 SIMULATIONS: Final = "rigd.simulations"
 

@@ -254,7 +254,14 @@ class ObserverSource(Documented):
     model_config = ConfigDict(extra="allow")
 
     model: FileName
-    """Kind of filter; `linear` for a Kalman filter given as matrices (docs/observers.md)."""
+    """Kind of filter: `linear`, given as matrices, or an installed one (docs/observers.md)."""
+
+
+class ObserverConstants(Source):
+    """The constants of an installed model."""
+
+    constants: dict[Name, GivenConstant] = {}
+    """Constants by name: a quantity, `${rig.NAME}`, or one of them as `value` with its `u`."""
 
 
 class LinearSource(Source):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigd.model.channels import Channel
@@ -13,13 +14,15 @@ if TYPE_CHECKING:  # a rig file is checked without numba
 
 #: Name in recordings and lists, in place of that of a driver.
 OBSERVER: Final = "observer"
+#: Bit of the status word, by its name in conditions: the filter has diverged in this cycle.
+STATUS_BITS: Final = {"diverged": 1 << 30}
 
 
 class ObserverConfig(DriverConfig):
     """An observer of a rig; made by rigd from `observers`, never written in a file."""
 
     plan: Any
-    """What the filter computes: a :class:`~rigd.observers.linear.LinearPlan`."""
+    """What the filter computes: an :class:`~rigd.observers.model.ObserverPlan`."""
     channels: tuple[Channel, ...]
     """Each state and its standard deviation, the innovations, and the NIS."""
     inputs: tuple[str, ...]
@@ -32,6 +35,12 @@ class ObserverConfig(DriverConfig):
     """How long nothing may be measured, or an input not be known, before the states are NaN."""
     each_trial: bool
     """Whether the filter begins anew with every trial."""
+    texts: tuple[tuple[Path, str], ...] = ()
+    """Path and text of the files that its options name."""
+
+    def files(self) -> Mapping[Path, str]:
+        """Return path and text of the files that its options name."""
+        return dict(self.texts)
 
     @property
     def devices(self) -> frozenset[str]:
@@ -55,7 +64,11 @@ class Observer(Driver[ObserverConfig, Any]):
     def declare(cls, config: ObserverConfig) -> Declaration:
         """Return the channels of the observer; a state is of its cycle, however it was found."""
         return Declaration(
-            channels=config.channels, plain_rows=True, has_status=True, every_cycle=False
+            channels=config.channels,
+            plain_rows=True,
+            has_status=True,
+            status_bits=STATUS_BITS,
+            every_cycle=False,
         )
 
     def bind(

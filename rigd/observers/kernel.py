@@ -24,6 +24,8 @@ NEVER: Final = -(2**62)
 _AT, _READ, _BEGUN = 0, 1, 2
 #: Bit 31 of the status: a channel is late or not known.
 _LATE: Final = 2147483648.0
+#: Bit 30: the filter has diverged in this cycle.
+_DIVERGED: Final = 1073741824.0
 
 
 @kernel
@@ -44,8 +46,9 @@ def take(
     last values that were used. ``held`` (l) keeps the last known inputs. ``current`` (l + m) gets 2
     for a value to use now, 1 for one that is not late, else 0. All times are in ns.
 
-    0 means that the filter begins; -1 that the state is not known: nothing was measured for
-    ``lost_ns``, or an input is not known for so long.
+    0 means that the filter begins, for the first time or because nothing was measured for
+    ``lost_ns`` before; -1 that the state is not known: nothing is measured for ``lost_ns``, or an
+    input is not known for so long.
     """
     known, arrived, inputs = True, False, held.shape[0]
     for i in range(given.shape[0]):
@@ -62,6 +65,8 @@ def take(
             current[i] = 2
             arrived = True
     if arrived:
+        if t_ns - clock[_READ] > lost_ns:  # no cycle ran: too long for one to make up for
+            clock[_BEGUN] = 0
         clock[_READ] = t_ns
     if not known or t_ns - clock[_READ] > lost_ns:
         clock[_BEGUN] = 0
@@ -97,8 +102,12 @@ def predict(x: Floats, p: Floats, f: Floats, q: Floats, work: Floats) -> None:
 @kernel
 def correct(
     x: Floats, p: Floats, h: Floats, r: Floats, off: Floats, current: Times, first: int,
+    learned: Floats,
 ) -> float:  # fmt: skip
     """Update ``x`` and ``p`` with the measured values that are to be used; return their NIS.
+
+    A state of which ``learned`` (n) is 0 stays as it is, and its uncertainty counts for the others
+    (the Schmidt-Kalman filter, Simon, section 10.3); it is 1 for the others.
 
     ``h`` (m, n), ``r`` (m, m) are of all measured channels, ``off`` (m) is measured minus expected.
     Those with ``current[first + i] == 2`` are used. The normalised innovation squared y' S^-1 y has
@@ -144,7 +153,7 @@ def correct(
             total = ph[i, b]
             for k in range(b):
                 total -= gain[i, k] * s[b, k]
-            gain[i, b] = total / s[b, b]
+            gain[i, b] = learned[i] * total / s[b, b]
             x[i] += gain[i, b] * y[b]
         for b in range(m - 1, -1, -1):
             total = gain[i, b]
@@ -175,16 +184,19 @@ def publish(
     """Write ``row``: each state with its standard deviation, innovations, NIS and the status.
 
     Between two readings of a slow channel its innovation and the NIS stay; they are NaN while it is
-    late. What is not finite makes the whole state unknown, and the filter begins anew.
+    late. A state that is not finite, or a variance that is not or is below 0, means that the filter
+    has diverged: the whole state is unknown, and the filter begins anew.
     """
     n, m = x.shape[0], off.shape[0]
+    status = 0.0
     for i in range(n):
-        known = known and math.isfinite(x[i]) and math.isfinite(p[i, i])
+        if known and not (math.isfinite(x[i]) and 0.0 <= p[i, i] < math.inf):
+            known, status = False, _DIVERGED
     if not known:
         clock[_BEGUN] = 0
     for i in range(n):
         row[2 * i] = x[i] if known else math.nan
-        row[2 * i + 1] = math.sqrt(max(p[i, i], 0.0)) if known else math.nan
+        row[2 * i + 1] = math.sqrt(p[i, i]) if known else math.nan
     any_used, any_current, late = False, False, False
     for i in range(m):
         state = current[held + i]
@@ -200,7 +212,7 @@ def publish(
         row[2 * n + m] = nis
     for state in current:
         late = late or state == 0
-    row[2 * n + m + 1] = _LATE if late else 0.0
+    row[2 * n + m + 1] = status + (_LATE if late else 0.0)
 
 
 @kernel
@@ -208,12 +220,12 @@ def step_linear(
     t_ns: int, period_ns: int, lost_ns: int, given: Floats, ages: Times, held: Floats,
     current: Times, clock: Times, x: Floats, p: Floats, off: Floats, work: Floats,
     f: Floats, g: Floats, h: Floats, d: Floats, q: Floats, r: Floats, x0: Floats, p0: Floats,
-    row: Floats,
+    learned: Floats, row: Floats,
 ) -> None:  # fmt: skip
     """Compute a linear filter for the cycle at ``t_ns``: x+ = F x + G u, z = H x + D u.
 
     Shapes: ``f``, ``q``, ``p0`` (n, n); ``g`` (n, l); ``h`` (m, n); ``d`` (m, l); ``r`` (m, m);
-    ``x0`` (n); ``work`` (n, n) is overwritten. For the others see :func:`take`.
+    ``x0`` (n); ``work`` (n, n) is overwritten. For the others see :func:`take`, :func:`correct`.
     """
     n, m, inputs = x.shape[0], off.shape[0], held.shape[0]
     steps = take(t_ns, period_ns, lost_ns, given, ages, held, current, clock)
@@ -238,5 +250,5 @@ def step_linear(
             for k in range(inputs):
                 total -= d[i, k] * held[k]
             off[i] = total
-        nis = correct(x, p, h, r, off, current, inputs)
+        nis = correct(x, p, h, r, off, current, inputs, learned)
     publish(steps >= 0, x, p, off, nis, inputs, current, clock, row)

@@ -5,9 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rigd.observers.model import Filter, ObserverPlan
+
+if TYPE_CHECKING:
+    from rigd.observers.memory import Memory
 
 Floats = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -17,7 +23,7 @@ _SINGULAR = 1e-9
 
 
 @dataclass(frozen=True)
-class LinearPlan:
+class LinearPlan(ObserverPlan):
     """A filter for one period of the cycle: x+ = F x + G u + w, z = H x + D u + v, in SI.
 
     Shapes for n states, l inputs, m measured channels: ``f``, ``q`` (of w), ``p0`` (n, n); ``g``
@@ -32,6 +38,12 @@ class LinearPlan:
     r: Matrix
     x0: tuple[float, ...]
     p0: Matrix
+
+    def filter(self, memory: Memory) -> Filter:
+        """Return the filter on ``memory``."""
+        from rigd.observers.linear_filter import LinearFilter  # it loads numba
+
+        return LinearFilter(self, memory)
 
 
 def discretised(a: Floats, b: Floats, q: Floats, period_s: float) -> tuple[Floats, Floats, Floats]:

@@ -2,46 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rigd.model.channels import ECHO
-from rigd.observers.kernel import NEVER, Floats, step_linear
-from rigd.observers.linear import Matrix
+from rigd.observers.memory import Memory
 
 if TYPE_CHECKING:
     from rigd.observers.driver import ObserverConfig
 
 
 class Runner:
-    """The memory of a filter; :meth:`bind` connects it to the tables of the cycle."""
+    """A filter with its memory; :meth:`bind` connects it to the tables of the cycle."""
 
     def __init__(self, config: ObserverConfig) -> None:
-        plan, inputs, measured = config.plan, len(config.inputs), len(config.measured)
-        states, count = len(plan.x0), inputs + measured
-        self._f, self._g = _array(plan.f, states, states), _array(plan.g, states, inputs)
-        self._h, self._d = _array(plan.h, measured, states), _array(plan.d, measured, inputs)
-        self._q, self._r = _array(plan.q, states, states), _array(plan.r, measured, measured)
-        self._x0, self._p0 = np.array(plan.x0), _array(plan.p0, states, states)
+        measured = len(config.measured)
+        self._memory = Memory(
+            len(config.inputs), measured, (len(config.channels) - measured - 1) // 2,
+            config.period_ns, config.lost_ns,
+        )  # fmt: skip
         self._names = (*config.inputs, *config.measured)
-        self._period_ns, self._lost_ns = config.period_ns, config.lost_ns
-        self._given = np.full(count, math.nan)
-        self._ages = np.zeros((3, count), dtype=np.int64)
-        self._held = np.full(inputs, math.nan)
-        self._current = np.zeros(count, dtype=np.int64)
-        self._clock = np.zeros(3, dtype=np.int64)
-        self._x, self._p = np.full(states, math.nan), np.zeros((states, states))
-        self._off, self._work = np.zeros(measured), np.zeros((states, states))
-        self._row = np.full(2 * states + measured + 2, math.nan)
         self._sources: list[tuple[int, int, int]] = []
         self._echoes: list[tuple[int, int]] = []
         self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
-        self.begin()
+        self._filter = config.plan.filter(self._memory)
         self.step(0)  # loads the compiled function, or compiles it: no cycle has time for that
-        self._ages[:] = 0
+        self._memory.ages[:] = 0
         self.begin()
 
     def bind(
@@ -65,32 +51,24 @@ class Runner:
                 index = readings[name]
                 device = device_of[index]
                 self._sources.append((place, index, device))
-                self._ages[1, place] = late_ns[device]
+                self._memory.ages[1, place] = late_ns[device]
             elif name.removesuffix(ECHO) in setpoints:
                 self._echoes.append((place, setpoints[name.removesuffix(ECHO)]))
 
     def begin(self) -> None:
         """Forget the state, and all readings: the filter begins at the next one."""
-        self._ages[2], self._clock[:] = NEVER, (0, NEVER, 0)
-        self._held[:] = math.nan
+        self._memory.begin()
 
     def step(self, t_ns: int) -> list[float]:
         """Return the row of the cycle at ``t_ns``: states, innovations, NIS and status."""
         values, stamps, applied = self._cycle
+        given, ages = self._memory.given, self._memory.ages
         for place, index, device in self._sources:
-            self._given[place] = values[index]
-            self._ages[0, place] = stamps[device]
+            given[place] = values[index]
+            ages[0, place] = stamps[device]
         for place, index in self._echoes:
-            self._given[place] = applied[index]
-            self._ages[0, place] = t_ns
-        step_linear(
-            t_ns, self._period_ns, self._lost_ns, self._given, self._ages, self._held,
-            self._current, self._clock, self._x, self._p, self._off, self._work,
-            self._f, self._g, self._h, self._d, self._q, self._r, self._x0, self._p0, self._row,
-        )  # fmt: skip
-        row: list[float] = self._row.tolist()
+            given[place] = applied[index]
+            ages[0, place] = t_ns
+        self._filter.step(t_ns)
+        row: list[float] = self._memory.row.tolist()
         return row
-
-
-def _array(matrix: Matrix, rows: int, columns: int) -> Floats:
-    return np.array(matrix, dtype=float).reshape(rows, columns)

@@ -13,6 +13,7 @@ GROUPS = {
     "rigd.links": "link",
     "rigd.plants": "plant",
     "rigd.simulations": "simulation",
+    "rigd.observers": "observer",
 }
 
 

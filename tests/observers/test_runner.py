@@ -33,7 +33,7 @@ class Bench:
             x0=tuple(X0.tolist()), p0=_tuple(P0),
         )  # fmt: skip
         config = ObserverConfig(
-            plan=plan, channels=(Channel("x"),), inputs=("u.u",), measured=("a.z", "b.z"),
+            plan=plan, channels=(Channel("x"),) * 7, inputs=("u.u",), measured=("a.z", "b.z"),
             period_ns=PERIOD_NS, lost_ns=round(lost_s * 1e9), each_trial=False,
         )  # fmt: skip
         self.runner = Runner(config)
@@ -150,6 +150,14 @@ def test_missed_cycles_are_predicted() -> None:
         gapless.step(0.5, None, None)
     other.slot += 3
     assert np.allclose(gapless.step(0.5, 0.3, 0.1), other.step(0.5, 0.3, 0.1), rtol=1e-13)
+
+
+def test_cycle_that_stood_too_long_begins_anew() -> None:
+    bench, fresh = Bench(lost_s=0.02), Bench(lost_s=0.02)
+    for _ in range(5):
+        bench.step(0.1, 0.6, -0.9)
+    bench.slot += 3_600_000  # an hour without a cycle: not to be made up for in one
+    assert bench.step(0.1, 0.7, -0.8) == fresh.step(0.1, 0.7, -0.8)
 
 
 def test_slow_channel_keeps_its_innovation_between_readings() -> None:

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from rigd.sdk import Documented
 
-#: Where drivers, links, plants and simulations declare their options.
-GROUPS = ("rigd.drivers", "rigd.links", "rigd.plants", "rigd.simulations")
+#: Where drivers, links, plants, simulations and observers declare their options.
+GROUPS = ("rigd.drivers", "rigd.links", "rigd.plants", "rigd.simulations", "rigd.observers")
 
 
 class Bits(Enum):
