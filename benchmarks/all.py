@@ -7,7 +7,8 @@ Wall time on a shared machine depends on its load: figures are ratios of runs in
 baseline, in CPU time if the peer allows it.
 
 Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage,
-design_promise and fault_campaign, each of which continues its table; so is identify_posterior.
+design_promise and fault_campaign, each of which continues its table; so are identify_posterior and
+slip_filter, of minutes.
 """
 
 from __future__ import annotations

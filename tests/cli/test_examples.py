@@ -197,6 +197,10 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd design --model oe.json --minutes 5 --rig lugre-1",
         "rigd identify FILE --plan constant_current",
     ),
+    "analyses/lugre/slip/test_filter.py": (
+        "rigd filter runs/20261121-080000-quick.mcap --rig my_rig.yaml",
+        "rigd filter FILE --rig my_rig.yaml --observer slip_filter --output slip.mcap",
+    ),
     "../docs/lateral.md": ("rigd identify LATERAL --model MODEL.json",),
     "../docs/recordings.md": ("rigd report FILE --trials 7,12-15",),
     "../docs/calibration.md": (

@@ -1,0 +1,63 @@
+"""Runs the compiled filter of slip on the memory of an observer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from rigd.analysis.kernel import kernel
+from rigd.observers import kernel as shared
+from rigd.observers.memory import Memory
+from rigd_analyses.lugre.rig import kernel as physics
+from rigd_analyses.lugre.slip import kernel as own
+from rigd_analyses.lugre.slip.plan import SlipPlan
+
+
+def _entry(stamps: tuple[int, ...]) -> Callable[..., None]:
+    """Return the compiled step.
+
+    numba's cache notices changes in the file of the entry point alone, and in what the entry point
+    encloses: ``stamps`` are the times of change of all files with compiled code.
+    """
+
+    @kernel
+    def step(*arguments: Any) -> None:
+        if stamps[0] != 0:
+            own.step_slip(*arguments)
+
+    return step
+
+
+def _changed(module: ModuleType) -> int:
+    return Path(str(module.__file__)).stat().st_mtime_ns
+
+
+_step = _entry((_changed(own), _changed(physics), _changed(shared)))
+
+
+class SlipFilter:
+    """A filter of slip with its state."""
+
+    def __init__(self, plan: SlipPlan, memory: Memory) -> None:
+        n = len(plan.deviations)
+        self._memory = memory
+        self._arguments = (
+            np.zeros(n), np.zeros((n, n)), np.zeros(2), np.zeros((n, n)), np.zeros(3),
+            np.array(plan.q), np.array(plan.fixed), np.diag(np.array(plan.noise) ** 2),
+            np.zeros(n), np.diag(np.array(plan.deviations) ** 2), np.zeros((n, n)),
+            np.eye(2, n), np.zeros((n, n)), np.ones(n), np.zeros(physics.COUNT), np.zeros((4, 3)),
+            np.zeros((4, 3, 3)), np.zeros((4, 3, physics.COUNT)), np.zeros((4, 3, n)), np.zeros(3),
+            np.zeros((3, 3)), memory.row,
+        )  # fmt: skip
+
+    def step(self, t_ns: int) -> None:
+        """Compute the cycle at ``t_ns``."""
+        memory = self._memory
+        _step(
+            t_ns, memory.period_ns, memory.lost_ns, memory.given, memory.ages, memory.held,
+            memory.current, memory.clock, *self._arguments,
+        )  # fmt: skip
