@@ -25,7 +25,7 @@ from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
-from rigd_analyses.lugre.rig.found import Beside, Found, beside
+from rigd_analyses.lugre.rig.found import HEIGHT, Beside, Found, beside
 from rigd_analyses.lugre.rig.identify import (
     FirstFit,
     conclude_group,
@@ -34,6 +34,7 @@ from rigd_analyses.lugre.rig.identify import (
     rig_system,
 )
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
+from rigd_analyses.lugre.rig.ridge import effect_shown
 from rigd_analyses.lugre.rig.system import MASS
 from rigd_analyses.lugre.trial import LugreTrial
 
@@ -160,6 +161,15 @@ def test_effect_within_doubt_leaves_stribeck_speed_open(begun: FirstFit) -> None
     assert result.parameter("V_s").quoted is None
     assert "a Stribeck effect is not shown" in result.parameter("mu_s-mu_c").sentence
     assert result.parameter("sigma_0").identifiable
+
+
+def test_fit_without_effect_leaves_stribeck_speed_open(begun: FirstFit) -> None:
+    """The best fit of some recordings on stone has mu_s = mu_c: no logarithm of its height."""
+    whole = begun.whole
+    fitted = replace(whole.fit, theta=whole.fit.theta.copy())
+    fitted.theta[RATIO] = 0.0
+    flat = Found(replace(whole, fit=fitted), (fitted.theta,), {}, (0.0, 1.0), begun.gate)
+    assert not effect_shown(scan_of(begun, 0.0), flat.doubt(HEIGHT))
 
 
 def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:

@@ -141,8 +141,10 @@ class Found:
         """Return the standard error of the logarithm over that of the curvature alone, 1 or more.
 
         A profile rises with the curvature: by the square of this it rises too fast. The doubt in
-        gravity, by which all friction grows alike, is left out.
+        gravity, by which all friction grows alike, is left out. Infinite for a quantity that is 0.
         """
+        if quantity.value(self.theta[:FRICTION]) <= 0.0:  # at mu_s = mu_c, on the bound
+            return math.inf
         chance = self.chance(quantity.log_gradient(self.theta[:FRICTION]))
         by_best = _spread(quantity, self._at_best())
         error = math.hypot(chance, self.method(quantity))
