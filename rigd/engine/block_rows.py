@@ -105,9 +105,15 @@ class BlockRecorder:
         self._skip = (self._skip - len(rows)) % self._every
         if self._windows is None:
             self._sink.push_block(recorded)
-        elif len(recorded):
+            return
+        if len(recorded):
             self._waiting.append(recorded)
-            self.settle()
+        self.settle()
+
+    @property
+    def waits(self) -> bool:
+        """Whether there are rows about which the cycle has not decided yet."""
+        return bool(self._waiting)
 
     def settle(self) -> None:
         """Record or drop the rows about which the cycle has decided meanwhile."""

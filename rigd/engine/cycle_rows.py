@@ -37,31 +37,36 @@ class HeldRows:
     What is held grows with ``before`` of the capture; a procedure is refused if it is too much.
     """
 
-    #: Rows that are taken at once: one row at a time would cost ten times as much.
-    ROWS: Final = 64
+    #: Rows are taken after this number of cycles: one row at a time would cost ten times as much.
+    CYCLES: Final = 32
 
     def __init__(self, stream: Stream, sink: BlockSink, windows: Windows) -> None:
-        self._newest = RowRing.unshared(stream, 2 * self.ROWS)
+        self._newest = RowRing.unshared(stream, 2 * self.CYCLES)
+        self._windows = windows
         self._recorder = BlockRecorder(sink, 1, windows)
+        self._cycles = 0
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Hold a row."""
+        """Hold a row; at most one for each :meth:`settle`."""
         self._newest.push(t_ns, row)
-        self._take(self.ROWS)
 
     def push_packed(self, row: memoryview) -> None:
         """Hold a row that has the bytes of the stream's row dtype already."""
         self._newest.push_packed(row)
-        self._take(self.ROWS)
+
+    def settle(self) -> None:
+        """Pass on, at times, the rows about which the cycle has decided; call in every cycle."""
+        self._cycles += 1
+        if self._cycles >= self.CYCLES:
+            self._cycles = 0
+            self._recorder.take(self._newest.drain())
+            if not self._recorder.waits:
+                self._windows.forget()
 
     def finish(self) -> None:
         """Pass on the last rows, by the last decision of the cycle."""
-        self._take(1)
+        self._recorder.take(self._newest.drain())
         self._recorder.finish()
-
-    def _take(self, least: int) -> None:
-        if self._newest.head - self._newest.tail >= least:
-            self._recorder.take(self._newest.drain())
 
 
 class _Pushed(NamedTuple):
@@ -144,7 +149,10 @@ class CycleRows:
 
         Returns what has begun or ended to be captured.
         """
-        return self._windows.decide(t_ns, step, values)
+        changed = self._windows.decide(t_ns, step, values)
+        for held in self._held:
+            held.settle()
+        return changed
 
     def finish(self, t_ns: int) -> None:
         """Decide about all rows until ``t_ns``, and push those that were held."""

@@ -98,6 +98,10 @@ class Windows:
             )
         return inside
 
+    def forget(self) -> None:
+        """Forget all but the newest windows: no row waits, and those to come are not that late."""
+        self._next = max(self._next, self._words[_COUNT] - _KEPT // 2)
+
 
 @dataclass
 class _Captured:

@@ -90,6 +90,26 @@ def test_end_of_run_does_not_cut_what_follows(tmp_path: Path) -> None:
     assert np.array_equal(recording.read("own")["t_ns"], wanted)
 
 
+@pytest.mark.parametrize("every", [7, 401])
+def test_many_captures_of_slow_stream_are_kept(tmp_path: Path, every: int) -> None:
+    text = TEXT[: TEXT.index("record:")].replace("frequency: 2 Hz", "frequency: 100 Hz")
+    text += "record:\n  wheel_servo: 1\n"
+    text += f"  carriage: {{every: {every}, when: wheel_servo.current > 0.3 A, "
+    text += "before: 1 ms, after: 1 ms}\n"
+    path = tmp_path / "b.mcap"
+    run = perform(RunRequest(compiled(text).procedure, text, RIG, 1, output=path), Control())
+    assert run.result.exit_code == 0, run.result.reason
+    servo, carriage = (
+        Recording.open(path).read("wheel_servo"),
+        Recording.open(path).read("carriage"),
+    )
+    slots = servo["t_ns"] // MS
+    first = carriage["t_ns"][0] // MS
+    assert len(carriage) > 0
+    inside = around(servo["t_ns"], servo["current"] > 0.3, 1, 1) & ((slots - first) % every == 0)
+    assert np.array_equal(carriage["t_ns"], servo["t_ns"][inside])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "token", "part"),
     [

@@ -20,6 +20,7 @@ from support.stalls import witnessed
 from support.wire import ROOT, WireRig, alive
 
 from rigd.config.loader import load_rig
+from rigd.engine.cycle_rows import HeldRows
 from rigd.engine.shared import RecorderState, RunFolder, Word, state_folder
 from rigd.model.errors import Exit
 from rigd.record import Recording
@@ -72,6 +73,25 @@ record: all
     moves=lambda parts: any(_is_driven(parts[name]) for name in _SERVOS),
     stream="wheel_servo",
     watchdog_s=0.1,
+)
+#: How long before its condition, and after it, the belt of `CAPTURING` is recorded.
+BEFORE_S, AFTER_S = 0.1, 0.03
+PERIOD_S = 0.004  #: of a cycle of `QUARTER`
+#: The process of the cycle holds rows of the belt for as long.
+HELD_S = BEFORE_S + (HeldRows.CYCLES + 1) * PERIOD_S
+#: The same, of which the belt is recorded around the largest currents alone.
+CAPTURING = replace(
+    SHAKING,
+    procedure=SHAKING.procedure.replace(
+        "record: all",
+        f"""\
+record:
+  cycle: 1
+  wheel_servo: 1
+  longitudinal_belt:
+    {{when: wheel_servo.current > 0.25 A, before: {BEFORE_S} s, after: {AFTER_S} s}}
+""",
+    ),
 )
 #: A rig file's controller of the speed of the rim of the wheel.
 RIM_HOLD = {
@@ -309,6 +329,23 @@ def gaps(recording: Recording, stream: str) -> int:
     late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
     return skipped - late + abs(len(rows) - len(cycles))
+
+
+def captured(recording: Recording, held_s: float) -> tuple[int, int]:
+    """Return how many captured rows of `CAPTURING` are missing, and how many are there beyond them.
+
+    The last ``held_s`` need not be there. A row at the edge of a capture may be either.
+    """
+    servo = recording.read("wheel_servo")
+    times_s = (servo["t_ns"] - servo["t_ns"][0]) * 1e-9
+    met_s = times_s[servo["current"] > 0.25]
+    there = np.isin(servo["t_ns"], recording.read("longitudinal_belt")["t_ns"])
+    since_s = times_s - met_s[:, None]
+    edge_s = 1.5 * PERIOD_S
+    inner = np.any((since_s >= edge_s - BEFORE_S) & (since_s <= AFTER_S - edge_s), axis=0)
+    outer = np.any((since_s >= -edge_s - BEFORE_S) & (since_s <= AFTER_S + edge_s), axis=0)
+    due = inner & (times_s < times_s[-1] - held_s)
+    return int(np.count_nonzero(due & ~there)), int(np.count_nonzero(there & ~outer))
 
 
 def kill_cycle(bench: WireRig, folder: Path, movement: Movement) -> tuple[Killed, float]:

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.killing import (
+    CAPTURING,
+    HELD_S,
     HOLDING,
     PATIENT,
     QUARTER,
@@ -23,6 +25,7 @@ from support.killing import (
     Killed,
     Victim,
     bound_s,
+    captured,
     own_state,
 )
 from support.stalls import witnessed
@@ -62,7 +65,7 @@ def test_kill_leaves_safe_rig_and_every_sample(
     recorder: signal.Signals | None,
 ) -> None:
     state = own_state(tmp_path)
-    run = Victim(bench, tmp_path, state)
+    run = Victim(bench, tmp_path, state, CAPTURING)
     try:
         with witnessed() as lost_s:
             if recorder is not None:
@@ -80,6 +83,9 @@ def test_kill_leaves_safe_rig_and_every_sample(
     else:
         assert killed.ending in ("aborted", "stopped", "faulted")
         assert killed.ending in killed.told
+    dies = victim != "daemon" and number in (signal.SIGKILL, signal.SIGSTOP)
+    missing, others = captured(Recording.open(run.recording), HELD_S if dies else 0.0)
+    assert (missing, others) == (0, 0)
     shutil.rmtree(state)
 
 
