@@ -29,7 +29,7 @@ BENCHES = (
     "simulated_run",
     "derived",
     "controllers",
-    "derived_wire",
+    "computing_wire",
     "model_in_loop",
     "simulated_bus",
     "can_cycle",

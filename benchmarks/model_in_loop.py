@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from derived_wire import PATIENT, SETTLING_S, played
+from computing_wire import PATIENT, SETTLING_S, played
 from figures import noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
