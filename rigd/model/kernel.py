@@ -18,3 +18,12 @@ F = TypeVar("F", bound=Callable[..., object])
 def kernel(function: F) -> F:
     """Compile ``function`` to machine code, without fast-math: results repeat bit for bit."""
     return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+
+
+def part(function: F) -> F:
+    """Compile ``function`` with the kernels that call it, and store it with them alone.
+
+    For a function that calls kernels of other files: by itself it would be stored with their code,
+    and numba would not notice a change of them.
+    """
+    return cast(F, numba.njit(error_model="numpy", nogil=True)(function))

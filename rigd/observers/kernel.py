@@ -2,7 +2,7 @@
 
 A filter holds the state x (n) and its covariance P (n, n), for inputs u (l) and measured values z
 (m). Equations after Simon, Optimal State Estimation (2006): prediction (5.19), update in the form
-of Joseph (5.19, first form of P+), which keeps P symmetric and not negative.
+of Joseph (5.19, first form of P+), multiplied out from the left, which keeps P symmetric.
 """
 
 from __future__ import annotations
@@ -83,20 +83,24 @@ def take(
 @kernel
 def predict(x: Floats, p: Floats, f: Floats, q: Floats, work: Floats) -> None:
     """Set ``p`` to F P F' + Q; ``work`` (n, n) is overwritten. ``x`` gives only its size."""
-    n = x.shape[0]
+    n = x.shape[0]  # F has few entries that are not 0
     for i in range(n):
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += f[i, k] * p[k, j]
-            work[i, j] = total
-    for i in range(n):
-        for j in range(i, n):
-            total = q[i, j]
-            for k in range(n):
-                total += work[i, k] * f[j, k]
-            p[i, j] = total
-            p[j, i] = total
+            work[i, j] = 0.0
+        for k in range(n):
+            factor = f[i, k]
+            if factor != 0.0:
+                for j in range(n):
+                    work[i, j] += factor * p[k, j]
+    p[:] = q
+    for j in range(n):
+        for k in range(n):
+            factor = f[j, k]
+            if factor != 0.0:
+                for i in range(j + 1):
+                    p[i, j] += work[i, k] * factor
+        for i in range(j):
+            p[j, i] = p[i, j]
 
 
 @kernel
@@ -160,19 +164,22 @@ def correct(
             for k in range(b + 1, m):
                 total -= gain[i, k] * s[k, b]
             gain[i, b] = total / s[b, b]
-    keep = np.zeros((n, n))  # I - K H
-    for i in range(n):
-        keep[i, i] = 1.0
+    for i in range(n):  # (I - K H) P
         for j in range(n):
             for b in range(m):
-                keep[i, j] -= gain[i, b] * h[rows[b], j]
-    noise = np.zeros((n, n))  # K R K'
+                p[i, j] -= gain[i, b] * ph[j, b]
+    rest = np.zeros((n, m))  # (I - K H) P H' - K R, 0 but for states that are not learned
     for i in range(n):
-        for j in range(n):
+        for b in range(m):
+            for k in range(n):
+                rest[i, b] += p[i, k] * h[rows[b], k]
             for a in range(m):
-                for b in range(m):
-                    noise[i, j] += gain[i, a] * r[rows[a], rows[b]] * gain[j, b]
-    predict(x, p, keep, noise, np.empty((n, n)))
+                rest[i, b] -= gain[i, a] * r[rows[a], rows[b]]
+    for i in range(n):
+        for j in range(i, n):
+            for b in range(m):
+                p[i, j] -= rest[i, b] * gain[j, b]
+            p[j, i] = p[i, j]
     return nis
 
 

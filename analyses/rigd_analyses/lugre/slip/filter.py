@@ -21,7 +21,8 @@ def _entry(stamps: tuple[int, ...]) -> Callable[..., None]:
     """Return the compiled step.
 
     numba's cache notices changes in the file of the entry point alone, and in what the entry point
-    encloses: ``stamps`` are the times of change of all files with compiled code.
+    encloses: ``stamps`` are the times of change of all files with compiled code, of which those
+    that call other files are stored with the entry point alone (``part``).
     """
 
     @kernel

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 
-from rigd.analysis.kernel import kernel
+from rigd.analysis.kernel import part
 from rigd.analysis.result import FloatArray
 from rigd.observers.kernel import Floats, Times, correct, predict, publish, take
 from rigd_analyses.lugre.rig.kernel import LOOP_RATE, rates
@@ -42,7 +42,7 @@ CONSTANTS = 14
 CURRENT, HELD = 0, 1
 
 
-@kernel
+@part
 def adjusted(x: Floats, q: FloatArray, fixed: Floats, out: FloatArray) -> float:
     """Write the recursion's parameters ``out`` (20,) with the errors in ``x``; return F_N in N."""
     scale = 1.0 + x[SCALE]
@@ -56,7 +56,7 @@ def adjusted(x: Floats, q: FloatArray, fixed: Floats, out: FloatArray) -> float:
     return float(fixed[NORMAL] * scale)
 
 
-@kernel
+@part
 def columns(
     stage: int, x: Floats, v: float, w: float, z: float, q: FloatArray, fixed: Floats,
     rate: FloatArray, by_q: FloatArray, cosine: float, sine: float, by_x: FloatArray,
@@ -73,7 +73,7 @@ def columns(
         by_x[stage, 0, RIPPLE], by_x[stage, 0, RIPPLE + 1] = v * cosine, v * sine
 
 
-@kernel
+@part
 def carry(
     x: Floats, q: FloatArray, fixed: Floats, current: float, period: float, f: Floats,
     own: FloatArray, rate: FloatArray, by_state: FloatArray, by_q: FloatArray, by_x: FloatArray,
@@ -137,7 +137,7 @@ def carry(
             f[BRISTLE, j] = begin_z + sixth * sum_z
 
 
-@kernel
+@part
 def expected(
     x: Floats, q: FloatArray, fixed: Floats, current: float, h: Floats, own: FloatArray,
     rate: FloatArray, by_state: FloatArray, by_q: FloatArray, by_x: FloatArray,
@@ -168,7 +168,7 @@ def expected(
     return float(found)
 
 
-@kernel
+@part
 def noise(
     fixed: Floats, q: FloatArray, held: bool, was: bool, old: float, new: float, period: float,
     f: Floats, noises: Floats,
@@ -198,7 +198,7 @@ def noise(
     noises[ZERO, ZERO] = fixed[ZERO_DRIFT] * period
 
 
-@kernel
+@part
 def step_slip(
     t_ns: int, period_ns: int, lost_ns: int, given: Floats, ages: Times, held: Floats,
     current: Times, clock: Times, x: Floats, p: Floats, off: Floats, work: Floats, last: Floats,
