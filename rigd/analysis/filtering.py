@@ -14,6 +14,7 @@ from rigd.model.errors import RecordingError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.observers.driver import Observer, ObserverConfig
 from rigd.observers.runner import Runner
+from rigd.procedure.recorded import CYCLE_STREAM
 from rigd.record import Recording
 
 Rows = NDArray[np.void]
@@ -49,8 +50,10 @@ def observers_of(rig: RigConfig) -> dict[str, ObserverConfig]:
 def filtered(recording: Recording, rig: RigConfig, name: str) -> Filtered:
     """Return what the observer ``name`` of ``rig`` makes of ``recording``.
 
-    Every cycle with a row of a stream that it uses is computed. Rows that were recorded at a lower
-    rate, or not at all, are missing: the filter then predicts.
+    Every recorded cycle is computed, with the newest rows of its time or before. Rows that were
+    recorded at a lower rate, or not at all, are missing: the filter then predicts. Rows of a device
+    that is read beside the cycle count in the cycle at whose time they were taken; in the run, in
+    the one in which they came.
 
     Raises:
         RecordingError: a channel that it uses is not in the recording.
@@ -66,7 +69,7 @@ def filtered(recording: Recording, rig: RigConfig, name: str) -> Filtered:
         (echoes if is_echo else values).setdefault(device, []).append(item)
     sources = {device: _read(recording, device, items) for device, items in values.items()}
     sent = {device: _read(recording, device, items) for device, items in echoes.items()}
-    times = np.unique(np.concatenate([item.at_ns for item in (*sources.values(), *sent.values())]))
+    times = _read(recording, CYCLE_STREAM, ()).at_ns
     begins = sorted(trial.info.start_ns for trial in recording.trials) if config.each_trial else []
     rows = _computed(config, rig, times, begins, (values, sources), (echoes, sent))
     return Filtered(name, config, stream, rows.astype(row_dtype(stream)))
@@ -82,9 +85,10 @@ def _read(recording: Recording, device: str, items: Sequence[str]) -> _Source:
     missing = [item for item in items if item not in (rows.dtype.names or ())]
     if missing:
         raise RecordingError(f"{recording.path} has no channel {device}.{missing[0]}")
-    if STATUS_FIELD in (rows.dtype.names or ()) and not items[0].endswith(ECHO):
+    echo = bool(items) and items[0].endswith(ECHO)
+    if STATUS_FIELD in (rows.dtype.names or ()) and not echo:
         rows = rows[rows[STATUS_FIELD] & STALE == 0]
-    columns = np.stack([rows[item] for item in items])
+    columns = np.array([rows[item] for item in items]).reshape(len(items), len(rows))
     return _Source(rows[TIME_FIELD].astype(np.int64), columns)
 
 

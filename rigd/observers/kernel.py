@@ -71,7 +71,7 @@ def take(
     if not known or t_ns - clock[_READ] > lost_ns:
         clock[_BEGUN] = 0
         return -1
-    steps = (t_ns - clock[_AT] + period_ns // 2) // period_ns
+    steps = max(1, (t_ns - clock[_AT] + period_ns // 2) // period_ns)
     if clock[_BEGUN] == 0:
         if not arrived:
             return -1

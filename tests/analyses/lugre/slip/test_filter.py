@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from support.command import rigd
 from support.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
 
+from rigd.analysis.filtering import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control
@@ -21,7 +22,7 @@ from rigd.observers.driver import ObserverConfig
 from rigd.observers.memory import Memory
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.record import Recording
+from rigd.record import Recording, RecordingWriter
 
 Floats = NDArray[np.float64]
 PERIOD_S = 1e-3
@@ -75,6 +76,29 @@ def test_recording_gives_the_same_rows(driven: Path) -> None:
     live, again = Recording.open(driven), Recording.open(output)
     assert live.read("slip_filter").tobytes() == again.read("slip_filter").tobytes()
     assert len(again.trials) == len(live.trials) == 1
+
+
+def test_rows_between_cycles_do_not_count(driven: Path) -> None:
+    """A card is recorded with all its rows; a cycle uses the newest."""
+    run = Recording.open(driven)
+    rows = {name: run.read(name) for name in run.streams}
+    fast = np.repeat(rows["accelerometer"], 4)
+    between = np.arange(len(fast)) % 4 < 3
+    fast["t_ns"][between] -= (750_000, 500_000, 250_000) * len(rows["accelerometer"])
+    fast["acceleration"][between] = 99.0
+    output = driven.with_name("fast.mcap")
+    with RecordingWriter.create(
+        output,
+        streams=list(run.streams.values()),
+        metadata={},
+        attachments=(),
+        start_ns=int(fast["t_ns"][0]),
+    ) as writer:
+        for name, given in {**rows, "accelerometer": fast}.items():
+            writer.write(name, given)
+    rig = load_rig(str(driven.parent / "rig" / "rig.yaml"))
+    found = filtered(Recording.open(output), rig, "slip_filter").rows
+    assert np.array_equal(found["slip"], rows["slip_filter"]["slip"])
 
 
 def test_recording_without_a_channel_is_named(driven: Path) -> None:
