@@ -42,7 +42,7 @@ def opened(eds: str | None) -> tuple[CurrentServo, ScriptedBus]:
     with patch("rigd_drivers.can_bus.open_port", lambda *_: port):
         bus = CanBus(CanBusConfig(interface="scripted"))
         bus.open_second()
-    driver = wheel(bus, eds=eds)
+    driver = wheel(bus, eds=eds, rated_current="1.5 A")
     driver.open()
     return driver, port
 
