@@ -139,6 +139,7 @@ class ServedAxis:
         self.interruptions.recover(self.folder, self.trips)
         library = Library(self.rig, folder / "procedures")
         self.audit = AuditLog(self.runs / "audit.jsonl")
+        self.descriptors = Descriptors()
         self.steering = Steering(
             self.rig,
             self.folder,
@@ -169,7 +170,7 @@ class ServedAxis:
                 self.audit,
                 CalculationWorker(),
                 CalculationWorker(),
-                Descriptors(),
+                self.descriptors,
             ),
             RefusedCounts,
             self.notifications.set,
