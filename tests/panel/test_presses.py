@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 from support.browser import Watched
-from support.page import given, in_control, press, running, state, turn_to, wait_until
+from support.page import DRAWN, given, in_control, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
 from support.played_campaign import TRIP
 from support.played_rig import PlayedRig
@@ -170,12 +170,15 @@ def test_a_start_is_confirmed_with_all_parameters(panel: ServedPanel, watched: W
 
 def test_one_enter_held_answers_one_question(panel: ServedPanel, watched: Watched) -> None:
     page = asked(panel, watched)
+    page.evaluate(DRAWN)
     assert page.evaluate("document.activeElement.tagName") != "BUTTON", "Yes has no focus"
     yes = button(page, "Yes, done")
     yes.and_(page.locator("[aria-disabled=false]")).focus()
     page.keyboard.down("Enter")
     for question in (2, 3):
         expect(page.get_by_role("heading", name=f"Safety question {question}?")).to_be_visible()
+        page.evaluate(DRAWN)
+        assert page.evaluate("document.activeElement.tagName") != "BUTTON", "Yes has no focus"
         yes.focus()
         settled = yes.and_(page.locator("[aria-disabled=false]"))
         for _ in range(10):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,8 @@ from support.zenoh_client import Refused, ZenohClient, config
 from rigd.config.remote import RemoteSetup
 from rigd.remote.tls import SERVER, files_of, setup_tls
 
+#: Connections, and how long a client may try beside them, in s: less than zenoh needs for them.
+GONE, PATIENCE_S = 900, 45.0
 Configure = Callable[[Served, Path], dict[str, Any]]
 
 
@@ -105,3 +110,21 @@ def test_a_client_cannot_pose_as_the_rig(certificates: Path) -> None:
     )
     with serve(setup, certificates) as served, pytest.raises(Refused, match="Unable to connect"):
         served.client("alice")
+
+
+def test_connections_that_have_gone_delay_no_client(over_tls: Served) -> None:
+    """zenoh pauses for 0.1 s after each; they would keep a client out for longer than it tries."""
+    host, _, port = over_tls.endpoint.partition("/")[2].rpartition(":")
+    with ExitStack() as opened:
+        for _ in range(GONE):
+            found = opened.enter_context(socket.socket())
+            found.setblocking(False)
+            found.connect_ex((host, int(port)))
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            with over_tls.client("alice") as client:
+                assert client.alive("rigd/*/alive") == ["rigd/lugre-1/alive"]
+                return
+        except Refused:
+            assert time.monotonic() < deadline

@@ -46,6 +46,7 @@ class Descriptors:
         self.used = self._count()
         self.unauthenticated_ended = 0  #: connections
         self.accept_pauses = 0  #: how often no connection was accepted for a while
+        self._ended = 0  # connections that this ended
         self._full_since_s: float | None = None
         self._crowded = False
 
@@ -102,6 +103,7 @@ class Descriptors:
             note(
                 "too many unauthenticated connections: for a while no other is accepted", "warning"
             )
+        self.unauthenticated_ended = self._ended + admission.waiting_ended
         self.used = self._count()
         full = self.used >= self.limit
         if not full:
@@ -113,11 +115,12 @@ class Descriptors:
             return
         with self._all():
             ended = admission.end_unauthenticated()
+            self._ended += ended
             if full:
                 ended += admission.refuse_waiting()
                 # zenoh needs free descriptors to see that these connections have ended.
                 time.sleep(LOOK_S)
-        self.unauthenticated_ended += ended
+        self.unauthenticated_ended = self._ended + admission.waiting_ended
         if (ended or full) and not self._crowded:
             self._crowded = True
             note(

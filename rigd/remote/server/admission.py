@@ -10,13 +10,16 @@ keep every new client out, because zenoh's TLS listener (tls-listener 0.11 under
 - If the process has no descriptor left for another connection, the listener stops looking at its
   connections. It never starts again, even when all these connections are closed.
 
-This module therefore takes three measures:
+This module therefore takes four measures:
 
 - The kernel keeps a connection to itself until the other end has sent something (TCP_DEFER_ACCEPT
   of tcp(7)).
 - While too many connections are unauthenticated, accepting pauses. The kernel drops the first
   packet of each new connection, and the computer that sent it sends it again. Clients that are
   connected notice nothing.
+- While too many connections wait for zenoh to accept them, all that wait are ended. Silent ones
+  come to zenoh all at once when the kernel gives up on them or their other ends close them, and
+  zenoh would need 0.1 s for each. A client of rigd tries again.
 - A connection in zenoh's router or peer mode, instead of client mode, is refused. zenoh sends a
   router half of what a client asks without naming a rig, and the router cannot answer.
 """
@@ -45,6 +48,8 @@ _log = logging.getLogger(__name__)
 #: 1.6 s if all of them fail.
 MOST_UNAUTHENTICATED: Final = 32
 FEW_UNAUTHENTICATED: Final = 16
+#: So many may wait for zenoh to accept them: as many as there may be clients.
+MOST_WAITING: Final = 32
 #: The kernel keeps a connection that sends nothing for so long, in s, which needs no descriptor. A
 #: client of rigd sends at once.
 _SILENT_S: Final = 30
@@ -58,8 +63,11 @@ _NOTHING: Final = ctypes.create_string_buffer(struct.pack("@HBBI", 0x06, 0, 0, 0
 _FILTER: Final = struct.pack("@HP", 1, ctypes.addressof(_NOTHING))
 #: The first byte of `struct tcp_info` is the state of the connection <linux/tcp.h>.
 _ESTABLISHED: Final = 1
-#: Connections that wait to be taken are no more than this (tokio's backlog is 1024).
-_MOST_WAITING: Final = 4096
+#: Of `struct tcp_info`, the first bytes: of a socket that listens, the last four are how many
+#: connections wait to be accepted <linux/tcp.h>, "tcpi_unacked".
+_WAITING: Final = struct.Struct("@24xI")
+#: More connections than ever wait to be accepted (tokio's backlog is 1024).
+_ALL_WAITING: Final = 4096
 
 
 class Admission:
@@ -70,6 +78,7 @@ class Admission:
 
     def __init__(self, session: zenoh.Session, endpoints: Sequence[str]) -> None:
         self.pauses = 0  #: how often accepting has paused
+        self.waiting_ended = 0  #: connections that this ended before zenoh accepted them
         self._session = session
         read = map(Endpoint.read, endpoints)
         self._ports = frozenset(item.port for item in read if item is not None)
@@ -128,12 +137,13 @@ class Admission:
         refused = 0
         for item, listens in self._sockets():
             # Each is taken and closed; the listener of zenoh never blocks (O_NONBLOCK).
-            while listens and refused < _MOST_WAITING:
+            while listens and refused < _ALL_WAITING:
                 try:
                     item.accept()[0].close()
                 except OSError:
                     break
                 refused += 1
+        self.waiting_ended += refused
         return refused
 
     def _work(self) -> None:
@@ -150,7 +160,9 @@ class Admission:
                     _log.exception("unauthenticated connections cannot be counted")
 
     def _look(self) -> None:
-        """Pause accepting, or let it go on."""
+        """Pause accepting, or let it go on; end those that wait if they are too many."""
+        if any(map(_has_too_many_waiting, self._listening)):
+            self.refuse_waiting()
         clients = self._clients()
         peers = [_peer(item) for item, listens in self._sockets() if not listens]
         unauthenticated = sum(peer not in clients for peer in peers)
@@ -227,6 +239,16 @@ def _looked_at(number: int) -> Iterator[socket.socket | None]:
         yield found if internet and found.type == socket.SOCK_STREAM else None
     finally:
         found.detach()
+
+
+def _has_too_many_waiting(number: int) -> bool:
+    """Return whether too many connections wait until a socket that listens accepts them."""
+    with _looked_at(number) as found:
+        if found is None:
+            return False
+        told = found.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _WAITING.size)
+        waiting: int = _WAITING.unpack(told)[0]
+        return waiting > MOST_WAITING
 
 
 def _address(link: zenoh.Link) -> str:

@@ -17,7 +17,7 @@ from rigd.remote.server import Admission
 class NothingToEnd:
     """An admission whose connections all belong to clients."""
 
-    pauses = 0
+    pauses = waiting_ended = 0
 
     def end_unauthenticated(self) -> int:
         return 0
