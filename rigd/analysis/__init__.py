@@ -7,10 +7,11 @@ Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.model.errors import ConfigError, DataError
-from rigd.model.units import format_quantity, parse_quantity, parse_unit
-from rigd.sdk.analysis import Calibratable, Needs
+from rigd.model.units import format_quantity, parse_quantity, parse_unit, quotient
+from rigd.sdk.analysis import ANY_UNIT, Calibratable, Needs
 
 __all__ = [
+    "ANY_UNIT",
     "Analysis",
     "Calibratable",
     "ConfigError",
@@ -21,4 +22,5 @@ __all__ = [
     "format_quantity",
     "parse_quantity",
     "parse_unit",
+    "quotient",
 ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from rigd.analysis.plan import check_plan, find_analysis
+from rigd.analysis.plan import check_plan, find_analysis, of_kind
 from rigd.analysis.source import Correction, RecordedSweep, needed_trials
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems, suggest
@@ -169,7 +169,7 @@ def _plain(values: Mapping[str, Value]) -> dict[str, float]:
 def _check_signal(sweep: RecordedSweep, signal: str, unit: str) -> None:
     stream, field_name = sweep.field(signal)
     channel = next(item for item in stream.channels if item.name == field_name)
-    if not parse_unit(channel.unit).same_kind(parse_unit(unit)):
+    if not of_kind(channel.unit, unit):
         raise DataError(
             f"{sweep.path}: the signal {signal} is {stream.name}.{field_name}, in {channel.unit}; "
             f"the model works from {unit}"

@@ -14,6 +14,7 @@ from rigd.config.registry import ANALYSES, find, installed
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import parse_unit
 from rigd.procedure.program import IdentifyPlan
+from rigd.sdk.analysis import ANY_UNIT
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
@@ -121,7 +122,7 @@ def _references(reference: Mapping[str, float]) -> list[str]:
 
 def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Place | None) -> None:
     channel = rig.recorded(written)
-    if channel is None or parse_unit(channel.unit).same_kind(parse_unit(unit)):
+    if channel is None or of_kind(channel.unit, unit):
         return
     raw = rig.channel(f"{written}_raw")
     raise ConfigError(
@@ -130,6 +131,11 @@ def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Pla
         hint="" if raw is None else f"did you mean '{written}_raw'?",
         place=place,
     )
+
+
+def of_kind(found: str, wanted: str) -> bool:
+    """Return whether a channel in the unit ``found`` can be a signal in ``wanted``."""
+    return wanted == ANY_UNIT or parse_unit(found).same_kind(parse_unit(wanted))
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

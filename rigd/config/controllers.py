@@ -18,7 +18,14 @@ from rigd.derived.dimensions import alike, over, times
 from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import Channel
 from rigd.model.limits import SetpointLimit
-from rigd.model.units import NO_DIMENSION, Dimension, parse_quantity, parse_unit
+from rigd.model.units import (
+    NO_DIMENSION,
+    Dimension,
+    format_quantity,
+    parse_quantity,
+    parse_unit,
+    quotient,
+)
 
 #: Most of the rate of the cycle that the filter of a derivative may have, as for `lowpass`.
 _FASTEST: Final = 0.25
@@ -109,9 +116,12 @@ class _Reader:
             return None
         output, channel, limit = commanded
         self._check_measured(name, source.measured, measured, rig)
-        gains = self._gains(name, source, channel.unit, measured.unit)
-        filter_s = self._filter(name, source, rig.period_ns * 1e-9)
         low, high = self._output_limits(name, source, output, channel.unit, limit)
+        if source.relay is None:
+            gains = self._gains(name, source, channel.unit, measured.unit)
+        else:
+            gains = self._relay(name, source, channel.unit, measured.unit, high - low)
+        filter_s = self._filter(name, source, rig.period_ns * 1e-9)
         own = self._limits(name, source, measured)
         for key, want in (("feed_forward", channel.unit), ("schedule", "1")):
             other = getattr(source, key)
@@ -129,7 +139,7 @@ class _Reader:
             name=name, measured=source.measured, unit=measured.unit, output=output,
             output_unit=channel.unit, low=low, high=high,
             needs=frozenset(item.partition(".")[0] for item in used if item),
-            kp=gains["kp"], ki=gains["ki"], kd=gains["kd"], filter_s=filter_s,
+            **gains, filter_s=filter_s,
             weight=source.setpoint_weight, forward=source.feed_forward, schedule=source.schedule,
             stale_s=source.stale_after, frozen_s=source.frozen_after, stuck_s=source.stuck_after,
         )  # fmt: skip
@@ -200,21 +210,26 @@ class _Reader:
     def _gains(
         self, name: str, source: ControllerSource, output: str, measured: str
     ) -> dict[str, float]:
-        per = _quotient(output, measured)
+        per = quotient(output, measured)
         ratio = over(_dimension(output), _dimension(measured))
         kinds = {
             "kp": (per, ratio),
-            "ki": (_quotient(output, f"{measured} s"), over(ratio, _SECOND)),
-            "kd": (_quotient(f"{output} s", measured), times(ratio, _SECOND)),
+            "ki": (quotient(output, f"{measured} s"), over(ratio, _SECOND)),
+            "kd": (quotient(f"{output} s", measured), times(ratio, _SECOND)),
         }
         gains = dict.fromkeys(kinds, 0.0)
         for key, (unit, dimension) in kinds.items():
             text = getattr(source, key)
             if text is not None:
                 gains[key] = self._gain((name, key), text, unit, dimension)
+        if source.hysteresis is not None:
+            self.note((name, "hysteresis"), "'hysteresis' is that of a relay", "remove it")
         given = [gain for gain in gains.values() if gain and not math.isnan(gain)]
         if not any(gains.values()):
-            self.note((name,), "the controller has no gain", "give 'kp', 'ki' or both")
+            self.note(
+                (name,), "the controller has no gain",
+                "give 'kp', 'ki' or both, or a 'relay' to find them (docs/controllers.md)",
+            )  # fmt: skip
         elif min(given, default=0.0) < 0.0 < max(given, default=0.0):
             signs = ", ".join(f"{key} {getattr(source, key)}" for key in gains if gains[key])
             self.note(
@@ -222,6 +237,39 @@ class _Reader:
                 "all are positive if more output raises the measured value, else all are negative",
             )  # fmt: skip
         return gains
+
+    def _relay(
+        self, name: str, source: ControllerSource, output: str, measured: str, room: float
+    ) -> dict[str, float]:
+        """Return the relay and its hysteresis, for an output that can move by ``room``."""
+        for key in ("kp", "ki", "kd", "filter", "feed_forward", "schedule"):
+            if getattr(source, key) is not None:
+                self.note((name, key), f"{key!r} has no effect beside 'relay'",
+                          "give the relay to find gains, or gains")  # fmt: skip
+        path: KeyPath = ("controllers", name)
+        relay = read_quantity(
+            self.document, (*path, "relay"), source.relay or "", output, self.problems
+        )
+        if relay == 0.0:
+            self.note((name, "relay"), "a relay of 0 does not move the output")
+        elif 2 * abs(relay) > room:
+            self.note(
+                (name, "relay"),
+                f"the output moves by {format_quantity(2 * abs(relay), output)} between the two "
+                f"sides of the relay, and its limits leave {format_quantity(room, output)}",
+                "give a smaller relay",
+            )
+        hysteresis = 0.0
+        if source.hysteresis is None:
+            self.note((name, "relay"), "key 'hysteresis' is missing: noise would pass for a swing",
+                      f"give two to three times the noise of {source.measured}")  # fmt: skip
+        else:
+            hysteresis = read_quantity(
+                self.document, (*path, "hysteresis"), source.hysteresis, measured, self.problems
+            )
+            if hysteresis < 0.0:
+                self.note((name, "hysteresis"), f"{source.hysteresis} is below 0")
+        return {"relay": relay, "hysteresis": hysteresis}
 
     def _gain(self, path: KeyPath, text: str, unit: str, dimension: Dimension) -> float:
         try:
@@ -331,28 +379,3 @@ class _Reader:
 
 def _dimension(unit: str) -> Dimension:
     return parse_unit(unit).dimension
-
-
-def _quotient(above: str, below: str) -> str:
-    """Return the text of a unit divided by another: ``A`` and ``m/s`` give ``A s/m``."""
-    powers: dict[str, int] = {}
-    for text, sign in ((above, 1), (below, -1)):
-        turn = sign
-        for word in text.replace("/", " / ").split():
-            if word == "/":
-                turn = -sign
-                continue
-            symbol, _, power = word.partition("^")
-            powers[symbol] = powers.get(symbol, 0) + turn * int(power or 1)
-            turn = sign
-    top, bottom = (
-        " ".join(
-            symbol if abs(power) == 1 else f"{symbol}^{abs(power)}"
-            for symbol, power in powers.items()
-            if sign * power > 0 and symbol != "1"
-        )
-        for sign in (1, -1)
-    )
-    if not bottom:
-        return top or "1"
-    return f"{top or 1}/({bottom})" if " " in bottom else f"{top or 1}/{bottom}"

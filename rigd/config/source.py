@@ -214,7 +214,7 @@ class TargetLimitSource(Source):
 
 
 class ControllerSource(Source):
-    """A controller (PID): holds a measured channel at its setpoint by another setpoint."""
+    """A controller (PID or relay): holds a measured channel at its setpoint by another setpoint."""
 
     measured: ChannelName
     """The channel that is held."""
@@ -230,6 +230,12 @@ class ControllerSource(Source):
     """Cut-off frequency of the filter of the derivative; needed with `kd`."""
     setpoint_weight: Annotated[float, In("1"), Ge(0), Le(1)] = 1.0
     """Part of a change of the setpoint that acts at once, by `kp`."""
+    relay: QuantityText | None = None
+    """In place of gains, to find them: by how much the output jumps above and below what the
+    setpoint needs, such as `0.4 A`; negative if more output lowers the measured value.
+    """
+    hysteresis: QuantityText | None = None
+    """Error at which the relay passes over, above the noise of the measured channel."""
     output_limits: Annotated[list[QuantityText], Field(min_length=2, max_length=2)] | None = None
     """Lowest and highest output; by default the limits of what it commands."""
     limits: TargetLimitSource | None = None
@@ -245,7 +251,9 @@ class ControllerSource(Source):
     moves by more than 1 % of its range.
     """
     stuck_after: Annotated[float, In("s"), Gt(0), Le(3600)] = 2.0
-    """The trial ends if the output is at a limit for so long and the error does not shrink."""
+    """The trial ends if the output is at a limit for so long and the error does not shrink, or if a
+    relay does not pass over for so long.
+    """
 
 
 class ObserverSource(Documented):

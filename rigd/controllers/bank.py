@@ -52,7 +52,7 @@ class Bank:
                 (c.kp, c.ki, c.kd, c.filter_s, c.weight, c.low, c.high,
                  limit.low, limit.high, limit.rate * period_s,
                  *(round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)),
-                 index.get(c.output, -1))
+                 index.get(c.output, -1), c.relay, c.hysteresis)
                 for c, limit in zip(self.configs, own, strict=True)
             ]
         ).reshape(count, kernel.PARAMETERS)  # fmt: skip
@@ -152,5 +152,14 @@ class Bank:
                 f"{config.output} has been at its limit of {output} for {config.stuck_s:g} s, and "
                 f"{name} comes no nearer to its setpoint, which is {away} away: the gains have the "
                 "wrong sign, or the setpoint is out of reach"
+            )
+        elif fault == kernel.NO_SWING:
+            output = format_quantity(row[kernel.R_OUTPUT], config.output_unit)
+            away = format_quantity(abs(row[kernel.R_ERROR]), config.unit)
+            reason = (
+                f"the relay has had {config.output} at {output} for {config.stuck_s:g} s, and "
+                f"{name} has not passed its setpoint, which is {away} away: begin at an output "
+                "nearer to what the setpoint needs, or give a larger relay (negative if more "
+                "output lowers the measured value)"
             )
         return f"controller {config.name}: {reason}"

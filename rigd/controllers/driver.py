@@ -46,6 +46,10 @@ class ControllerConfig(DriverConfig):
     """Time constant of the filter of the derivative."""
     weight: float = 1.0
     """Weight of the setpoint in the proportional term."""
+    relay: float = 0.0
+    """Half of the jump of a relay in place of the gains, in the unit of the output; 0: a PID."""
+    hysteresis: float = 0.0
+    """Error at which the relay passes over, in the unit of the measured channel."""
     forward: str | None = None
     """The channel that is added to the output."""
     schedule: str | None = None
@@ -84,7 +88,7 @@ class Controller(Driver[ControllerConfig, None]):
         channels = (
             Channel(short, unit, f"{config.measured} as the controller read it"),
             Channel("error", unit, "setpoint less measured value; 0 while it is off"),
-            Channel("proportional", out, "proportional term; 0 while it is off"),
+            Channel("proportional", out, "proportional term, or relay; 0 while it is off"),
             Channel("integral", out, "integral term, with what the limits took back"),
             Channel("derivative", out, "derivative term, filtered"),
             Channel("forward", out, "feed-forward"),

@@ -11,6 +11,11 @@ weight b of the setpoint, the filter Tf of the derivative and the time h since t
 - output = P + I + D + F within its limits, F the feed-forward.
 
 A step is taken when a reading comes. Between readings the output stays.
+
+In place of the PID a relay, by which gains are found (the same book, section 8.3): the output is
+B + d while the measured value is below the setpoint, B - d while it is above, and passes over when
+the error exceeds the hysteresis. B begins at the output that was set, and is after each whole swing
+the mean output of that swing, so that the swing becomes symmetric.
 """
 
 from __future__ import annotations
@@ -31,14 +36,17 @@ KP, KI, KD, FILTER, WEIGHT, LOW, HIGH = 0, 1, 2, 3, 4, 5, 6
 TARGET_LOW, TARGET_HIGH, TARGET_STEP = 7, 8, 9
 STALE, FROZEN, STUCK = 10, 11, 12  # in ns
 INNER: Final = 13  # the controller that it commands; -1: a device
-PARAMETERS: Final = 14
+RELAY, HYSTERESIS = 14, 15  # 0: a PID
+PARAMETERS: Final = 16
 # Columns of what goes in: values, and for the first three the times of the readings.
 MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
 INPUTS: Final = 6
 # Columns of the memory.
 _TARGET, _R, _Y, _P, _I, _D, _F, _U, _ENGAGED = 0, 1, 2, 3, 4, 5, 6, 7, 8
 _FROZEN_U, _BEST, _SIDE = 9, 10, 11
-MEMORY: Final = 12
+# Of the relay: its sides times their durations, the durations, and whether since a swing began.
+_SUM, _SPAN, _WHOLE = 12, 13, 14
+MEMORY: Final = 15
 # Columns of the memory of times.
 _TAKEN, _CHANGED, _PROGRESS = 0, 1, 2
 TIMES: Final = 3
@@ -49,7 +57,7 @@ R_TARGET, R_FAULT, R_SOURCE = 9, 10, 11
 RESULTS: Final = 12
 
 # Why a controller gives up, as numbers.
-FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW = 0, 1, 2, 3, 4, 5
+FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW, NO_SWING = 0, 1, 2, 3, 4, 5, 6
 
 #: Of the range of the output: so far it must have moved before a value without change is frozen.
 _MOVED: Final = 0.01
@@ -121,6 +129,7 @@ def _engage(
     memory[c, _D], memory[c, _U], memory[c, _ENGAGED] = 0.0, u, 1.0
     memory[c, _P], memory[c, _I], memory[c, _F] = 0.0, math.nan, 0.0
     memory[c, _FROZEN_U], memory[c, _BEST], memory[c, _SIDE] = u, math.inf, 0.0
+    memory[c, _SUM], memory[c, _SPAN], memory[c, _WHOLE] = 0.0, 0.0, 0.0
     taken[c, _TAKEN] = stamps[c, MEASURED] - 1  # the reading that is there counts
     taken[c, _CHANGED], taken[c, _PROGRESS] = t_ns, t_ns
 
@@ -162,6 +171,9 @@ def _step(
 ) -> None:  # fmt: skip
     """Take a step of the PID if there is a new reading; see the head of this module."""
     if stamps[c, MEASURED] <= taken[c, _TAKEN]:
+        return
+    if parameters[c, RELAY] != 0.0:
+        _switch(c, parameters, inputs, stamps, memory, taken)
         return
     begins = math.isnan(memory[c, _I])
     h = 0.0 if begins else 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
@@ -205,6 +217,39 @@ def _step(
 
 
 @kernel
+def _switch(
+    c: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats, taken: Times
+) -> None:
+    """Take a step of the relay; see the head of this module."""
+    y, r = inputs[c, MEASURED], memory[c, _TARGET]
+    relay, least = parameters[c, RELAY], parameters[c, HYSTERESIS]
+    size, last = abs(relay), memory[c, _P] / relay
+    lowest, highest = parameters[c, LOW] + size, parameters[c, HIGH] - size
+    if last == 0.0:
+        memory[c, _I] = min(max(inputs[c, APPLIED], lowest), highest)
+        side = 1.0 if r >= y else -1.0
+    else:
+        h = 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
+        memory[c, _SUM] += h * last
+        memory[c, _SPAN] += h
+        side = 1.0 if r - y > least else (-1.0 if y - r > least else last)
+    if side != last or r != memory[c, _R]:
+        taken[c, _PROGRESS] = stamps[c, MEASURED]
+    if side > last and last != 0.0:  # a swing ends here and the next begins
+        if memory[c, _WHOLE] != 0.0:
+            mean = memory[c, _I] + relay * memory[c, _SUM] / memory[c, _SPAN]
+            memory[c, _I] = min(max(mean, lowest), highest)
+        memory[c, _SUM], memory[c, _SPAN], memory[c, _WHOLE] = 0.0, 0.0, 1.0
+    memory[c, _P] = side * relay
+    memory[c, _U] = memory[c, _I] + memory[c, _P]
+    if y != memory[c, _Y]:
+        taken[c, _CHANGED] = stamps[c, MEASURED]
+        memory[c, _FROZEN_U] = memory[c, _U]
+    memory[c, _R], memory[c, _Y] = r, y
+    taken[c, _TAKEN] = stamps[c, MEASURED]
+
+
+@kernel
 def _watch(
     c: int, t_ns: int, parameters: Floats, inputs: Floats, memory: Floats, taken: Times,
     results: Floats,
@@ -218,6 +263,10 @@ def _watch(
         and moved > _MOVED * (parameters[c, HIGH] - parameters[c, LOW])
     ):  # fmt: skip
         results[c, R_FAULT] = STILL
+        return
+    if parameters[c, RELAY] != 0.0:
+        if t_ns - taken[c, _PROGRESS] > parameters[c, STUCK]:
+            results[c, R_FAULT] = NO_SWING
         return
     error = abs(memory[c, _TARGET] - inputs[c, MEASURED])
     if memory[c, _SIDE] == 0.0 or error < (1.0 - _PROGRESS_PART) * memory[c, _BEST]:

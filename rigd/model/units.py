@@ -191,6 +191,31 @@ def format_quantity(value: float, unit: str) -> str:
     return str(Quantity(value, parse_unit(unit)))
 
 
+def quotient(above: str, below: str) -> str:
+    """Return the text of a unit divided by another: ``A`` and ``m/s`` give ``A s/m``."""
+    powers: dict[str, int] = {}
+    for text, sign in ((above, 1), (below, -1)):
+        turn = sign
+        for word in text.replace("/", " / ").split():
+            if word == "/":
+                turn = -sign
+                continue
+            symbol, _, power = word.partition("^")
+            powers[symbol] = powers.get(symbol, 0) + turn * int(power or 1)
+            turn = sign
+    top, bottom = (
+        " ".join(
+            symbol if abs(power) == 1 else f"{symbol}^{abs(power)}"
+            for symbol, power in powers.items()
+            if sign * power > 0 and symbol != "1"
+        )
+        for sign in (1, -1)
+    )
+    if not bottom:
+        return top or "1"
+    return f"{top or 1}/({bottom})" if " " in bottom else f"{top or 1}/{bottom}"
+
+
 #: Derived units that people know better than their base units.
 _NAMED: Final = {parse_unit(name).dimension: name for name in ("N", "V", "W", "Pa", "ohm", "H")}
 

@@ -6,7 +6,7 @@ from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 #: The options of ``rigd identify`` that an analysis may take. ``calibration``: a file instead of
 #: the calibration in a recording; ``by_recording``: a separate result for each recording;
@@ -18,6 +18,10 @@ OptionName = Literal[
     "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare", "joint",
     "posterior", "model",
 ]  # fmt: skip
+
+
+#: The unit of a signal that may have any.
+ANY_UNIT: Final = "any"
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,8 @@ class Needs:
     """The inputs that the plan of a procedure must give, and those that it may give.
 
     ``signals`` and ``optional_signals`` map names to units; a channel must have a unit of the same
-    kind. ``references`` are results that a plan may give published values of.
+    kind, or any for ``ANY_UNIT``. ``references`` are results that a plan may give published values
+    of.
     """
 
     signals: Mapping[str, str]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.held import OUTPUT, Held, config
+from support.held import OUTPUT, TARGET, Held, config
 
 from rigd.controllers.chain import acting, sequence
 from rigd.model.limits import SetpointLimit
@@ -75,15 +75,16 @@ def test_kernel_equals_slow_form(
 
 @given(
     st.lists(st.tuples(anything, anything, st.booleans(), st.booleans(), anything), max_size=60),
-    st.floats(-20, 20), st.floats(-20, 20), st.floats(1, 1e4),
+    st.floats(-20, 20), st.floats(-20, 20), st.floats(1, 1e4), st.sampled_from([0.0, 0.3, -1.25]),
 )  # fmt: skip
 def test_no_setpoint_leaves_limits_whatever_is_read(
-    cycles: list[tuple[float, float, bool, bool, float]], kp: float, ki: float, rate: float
-) -> None:
+    cycles: list[tuple[float, float, bool, bool, float]],
+    kp: float, ki: float, rate: float, relay: float,
+) -> None:  # fmt: skip
     target = SetpointLimit(-5.0, 40.0, rate)
     held = Held(
         config(kp=kp, ki=ki, kd=0.1, filter_s=0.01, forward="some.forward",
-               schedule="some.schedule", low=-1.0, high=1.5, stale_s=0.003),
+               schedule="some.schedule", low=-1.0, high=1.5, stale_s=0.003, relay=relay),
         limits=(OUTPUT, target),
     )  # fmt: skip
     last, goal, acted = held.current, math.nan, False
@@ -260,3 +261,38 @@ def test_controller_acts_until_its_output_is_set(
 def test_controllers_in_a_circle_have_no_order() -> None:
     assert sequence({"a.x": "b.x", "b.x": "a.x"}) is None
     assert sequence({"b.x": "c.x", "a.x": "b.x"}) == ["a.x", "b.x"]
+
+
+def _swing(held: Held, gain: float, needs: float, cycles: int) -> list[float]:
+    """Let a relay act on a body that is braked by ``needs``; return what was set in each cycle."""
+    speed, currents, late = 0.0, [], [needs] * 20  # the drive answers 20 ms later
+    for _ in range(cycles):
+        held.values[0] = speed
+        assert held.step(hold=0.0) == ""
+        currents.append(held.current)
+        late.append(held.current)
+        speed += 1e-3 * gain * (late.pop(0) - needs)
+    return currents
+
+
+@pytest.mark.parametrize("gain", [50.0, -50.0])
+def test_relay_finds_the_middle_of_its_swing(gain: float) -> None:
+    relay = math.copysign(0.5, gain)
+    held = Held(config(relay=relay, hysteresis=0.05), limits=(SetpointLimit(-2, 2, 1e5), TARGET))
+    held.limiter.applied[0] = held.wanted[0] = 0.6  # what is needed is 0.8
+    currents = _swing(held, gain, needs=0.8, cycles=3000)
+    last = currents[-1500:]
+    assert min(currents) == pytest.approx(0.1)  # half a relay below the output at the start
+    assert sum(last) / len(last) == pytest.approx(0.8, abs=0.01)
+    assert (max(last), min(last)) == (pytest.approx(1.3, abs=0.05), pytest.approx(0.3, abs=0.05))
+
+
+def test_relay_out_of_reach_gives_up_in_time() -> None:
+    held = Held(config(relay=0.2, hysteresis=0.1, stuck_s=0.5))
+    reasons = []
+    for step in range(502):
+        held.values[0] = -10 + 0.001 * (step % 2)
+        reasons.append(held.step(hold=5.0))
+    assert not any(reasons[:501])
+    assert "has had press.current at 0.2 A for 0.5 s" in reasons[501]
+    assert held.wanted == held.rest

@@ -85,14 +85,15 @@ class CalibrationEvaluation(Evaluation):
     def terminal_report(self) -> TerminalReport:
         """Return what was found, and how it is put into the calibration."""
         command = f"rigd calibrate --from {quote(str(self.recording))} --operator NAME"
-        write = "" if self.result.refusals else f"Nothing is written yet: {command}"
+        writes = not self.result.refusals and self.result.kind == "calibration"
+        write = "" if not writes else f"Nothing is written yet: {command}"
         return (*self.findings(), *([write] if write else []))
 
     def findings(self) -> TerminalReport:
         """Return the values with their budgets, what stays as it was, and the facts."""
         result = self.result
         if result.refusals:
-            refused = [f"{result.title}: this is no calibration", *_listed(result.refusals)]
+            refused = [f"{result.title}: this is no {result.kind}", *_listed(result.refusals)]
             return ("\n".join(refused), *_paragraph("what was seen:", result.facts))
         return (
             _values(result.measured),

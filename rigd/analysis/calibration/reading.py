@@ -173,9 +173,7 @@ def steps_of(sweeps: Sequence[RecordedSweep], known: Path | None) -> Steps:
         DataError: there are several recordings, or no trial came to its end.
     """
     if len(sweeps) > 1:
-        raise DataError(
-            f"{len(sweeps)} recordings of calibrations", hint="evaluate them one at a time"
-        )
+        raise DataError(f"{len(sweeps)} recordings at once", hint="evaluate them one at a time")
     (sweep,) = sweeps
     if not sweep.trials:
         raise DataError(f"{sweep.path}: no trial came to its end", hint="run the calibration again")

@@ -52,7 +52,7 @@ class Series:
 class CalibrationResult:
     """The outcome of one calibration.
 
-    ``refusals`` are the reasons why it is no calibration: then nothing may be taken from it.
+    ``refusals`` are the reasons why it is none of its ``kind``: then nothing may be taken from it.
     ``kept`` has for values that the data do not determine the reason; ``facts`` are what a person
     will want to read beside.
     """
@@ -63,6 +63,7 @@ class CalibrationResult:
     kept: Mapping[str, str] = field(default_factory=dict)
     series: tuple[Series, ...] = ()
     refusals: tuple[str, ...] = ()
+    kind: str = "calibration"
 
 
 def together(title: str, results: Sequence[CalibrationResult]) -> CalibrationResult:

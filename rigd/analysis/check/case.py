@@ -17,6 +17,7 @@ from rigd.analysis.calibration import ATTACHMENT
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.record import Attachment, RecordingWriter
+from rigd.sdk.analysis import ANY_UNIT
 
 #: The device that gives all signals of a case.
 DEVICE: Final = "bench"
@@ -72,7 +73,8 @@ def write_case(
         (list(trial.signals), list(trial.channels)) != (names, beside) for trial in case.trials
     ):
         raise ValueError("all trials of a case have the same signals, one at least, and channels")
-    units = {**analysis.needs.signals, **analysis.needs.optional_signals}
+    declared = {**analysis.needs.signals, **analysis.needs.optional_signals}
+    units = {name: "1" if unit == ANY_UNIT else unit for name, unit in declared.items()}
     recorded = (Channel(name, units.get(name, "1")) for name in (*names, *beside))
     stream = Stream(DEVICE, tuple(recorded))
     plan = {

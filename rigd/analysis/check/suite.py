@@ -26,6 +26,7 @@ from rigd.analysis.source import open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit
+from rigd.sdk.analysis import ANY_UNIT
 from rigd.sdk.check import Finding, NonConforming, Report
 
 #: Lower and upper end of a 95 % interval; None: the data leave the value open.
@@ -159,7 +160,7 @@ class _Bench:
         needs = self._analysis.needs
         for name, unit in {**needs.signals, **needs.optional_signals}.items():
             try:
-                parse_unit(unit)
+                parse_unit("1" if unit == ANY_UNIT else unit)
             except ValueError as error:
                 yield f"signal {name}: {error}", "give a unit that rigd knows, such as N m/V"
         if not needs.signals:
