@@ -49,7 +49,8 @@ def response(period_s: float) -> complex:
 
 
 def evaluated(folder: Path, signals: Signals) -> CalibrationEvaluation:
-    trial = SimulatedTrial(H * np.arange(len(signals["measured"])), signals)
+    times = np.asarray(H * np.arange(len(signals["measured"])), dtype=np.float64)
+    trial = SimulatedTrial(times, signals)
     path = write_case(folder / "relay.mcap", RelayAnalysis, Case([trial], constants={}, truth={}))
     found = RelayAnalysis().evaluate([open_sweep(path)], Options(), lambda line: None)
     assert isinstance(found, CalibrationEvaluation)
