@@ -40,6 +40,8 @@ FAR = 1e3  #: standard errors that bound an added value
 
 #: Returns the candidates at parameters (p,) of the system.
 Suspects = Callable[[FloatArray], Iterable[Suspect]]
+#: Returns the fit of a system from starts, each (p,), natural; it ends as :func:`.estimate` does.
+Refit = Callable[[System, Sequence[FloatArray], int], OutputErrorFit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +98,14 @@ class Diagnosis:
 
 def diagnose(
     found: OutputErrorFit, candidates: Suspects, starts: Sequence[FloatArray], block: int,
-    period_s: float,
+    period_s: float, refit: Refit = estimate,
 ) -> Diagnosis:  # fmt: skip
     """Return what would explain the misfit of ``found``; nothing if all is well.
 
     A large misfit may have led to a wrong optimum: then a fit with something more begins from
     ``starts`` (p,), the shared parameters of the first one, too. ``block`` is the longest
-    correlation of the scores that is heeded, in samples of ``period_s``.
+    correlation of the scores that is heeded, in samples of ``period_s``. ``refit`` is how a system
+    is fitted, if not as others are.
     """
     system = found.model.system
     chosen: list[Tested] = []
@@ -130,7 +133,9 @@ def diagnose(
         as_good[last.name] = _as_good(new, best)
         try:
             with np.errstate(over="raise", invalid="raise"):
-                found, chosen, gone = _added(system, found, chosen, last, candidates, starts, block)
+                found, chosen, gone = _added(
+                    system, found, chosen, last, candidates, starts, block, refit
+                )
         except (DataError, FloatingPointError):  # no motion at all: it stays in what is left
             left = [best, *(item for item in left if item is not best)]
             break
@@ -262,7 +267,7 @@ def _names(tests: Sequence[Tested]) -> tuple[str, ...]:
 
 def _added(
     system: System, found: OutputErrorFit, chosen: Sequence[Tested], last: Tested,
-    candidates: Suspects, starts: Sequence[FloatArray], block: int,
+    candidates: Suspects, starts: Sequence[FloatArray], block: int, refit: Refit,
 ) -> tuple[OutputErrorFit, list[Tested], list[Tested]]:  # fmt: skip
     """Return the fit with ``last`` too, what is in it, and what had no size in it and was removed.
 
@@ -272,18 +277,19 @@ def _added(
     more = [*chosen, last]
     promised = np.zeros(0) if last.candidate is None else last.score.size
     sizes = np.concatenate([*(_sizes(found, chosen, item) for item in chosen), promised])
-    fitted = _refitted(system, found, more, sizes, candidates, starts, block)
+    fitted = _refitted(system, found, more, sizes, candidates, starts, block, refit)
     gone = [item for item in more if _vanishes(fitted, more, item)]
     if gone:
         kept = [item for item in more if item not in gone]
         sizes = np.concatenate([np.zeros(0), *(_sizes(fitted, more, item) for item in kept)])
-        fitted, more = _refitted(system, fitted, kept, sizes, candidates, starts, block), kept
+        again = _refitted(system, fitted, kept, sizes, candidates, starts, block, refit)
+        fitted, more = again, kept
     return fitted, more, gone
 
 
 def _refitted(
     system: System, found: OutputErrorFit, chosen: Sequence[Tested], sizes: FloatArray,
-    candidates: Suspects, starts: Sequence[FloatArray], block: int,
+    candidates: Suspects, starts: Sequence[FloatArray], block: int, refit: Refit,
 ) -> OutputErrorFit:  # fmt: skip
     """Return the fit with all that was chosen, from ``sizes`` (c,); effects are taken twice.
 
@@ -300,7 +306,7 @@ def _refitted(
             raise DataError("what explains the misfit is another thing once the motion is refitted")
         extended = Extended(system, _unknowns(chosen, sizes), columns, released)
         points = [np.concatenate([start, sizes]) for start in (base[:own], *others)]
-        fitted = estimate(extended, points, block)
+        fitted = refit(extended, points, block)
         base, others = extended.theta_of_system(fitted.fit.theta), []
         sizes = fitted.fit.theta[own : own + sizes.size]
     return fitted

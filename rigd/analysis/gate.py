@@ -34,7 +34,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
     laws = [item for item in explained if item.meaning is Meaning.LAW]
     sentences = [sentence(item) for item in explained]
     left = _left(diagnosis, labels, period_s)
-    findings = tuple([*unexplained, *sentences, *left][:MOST])
+    findings = tuple([*unexplained[:1], *sentences, *left, *unexplained[1:]][:MOST])
     if contradicted and not unexplained:
         text = (
             f"The model does not fit these data as the rig is stated: {sentence(contradicted[0])}"
@@ -42,6 +42,10 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if unexplained:
         text = f"The model does not fit these data: {unexplained[0]}"
+        if sentences:
+            text += f" What explains most of it, though not all, is {sentences[0]}"
+        elif diagnosis.left:
+            text += f" There seems to be {diagnosis.left[0].name}."
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
         text = f"The friction is not that of the model: these data show {sentence(laws[0])}"
@@ -102,18 +106,22 @@ def _typed(item: Explanation) -> str:
 
 
 def _unexplained(diagnosis: Diagnosis, labels: Sequence[str]) -> list[str]:
-    """Return a sentence on each output that is off by more than noise, with all that was added."""
-    found = []
+    """Return a sentence on each output that is off by more than noise, the worst first.
+
+    All that was added is in the model then.
+    """
+    found: list[tuple[float, str]] = []
     outputs = diagnosis.fit.model.system.outputs
     for output, level, worst, trial in zip(
         outputs, diagnosis.levels, diagnosis.worst, diagnosis.trials, strict=True
     ):
         if level > UNEXPLAINED or worst > UNEXPLAINED_TRIAL:
-            found.append(
-                f"its {output.name} is off by {level**0.5:.1f} times what the noise of current and "
+            text = (
+                f"its {output.name} is off by {level**0.5:.1f} times what the noise of input and "
                 f"sensors leaves, by {worst**0.5:.1f} times in trial {labels[trial]}."
             )
-    return found
+            found.append((level, text))
+    return [text for _, text in sorted(found, key=lambda item: -item[0])]
 
 
 def _left(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> list[str]:

@@ -35,6 +35,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/articulated/test_analysis.py": (
             "test_analysis_finds_what_the_plant_has",
             "test_analysis_keeps_every_rule",
+            "test_difference_of_both_sides_is_named",
             "test_gradual_contacts_are_in_interval_of_mu_s",
             "test_marker_off_its_place_is_named",
             "test_wrong_constant_is_named",

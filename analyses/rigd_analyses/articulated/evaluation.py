@@ -10,6 +10,7 @@ import numpy as np
 from rigd.analysis import DataError, Options
 from rigd.analysis.parameters import Fitted, Group, ParameterEvaluation, Trials, complete_groups
 from rigd.analysis.source import RecordedSweep
+from rigd_analyses.articulated.checks import check_hinge, check_markers
 from rigd_analyses.articulated.found import find, judged
 from rigd_analyses.articulated.reading import robot_trials
 from rigd_analyses.articulated.result import result
@@ -28,10 +29,12 @@ def evaluate(
             data cannot answer.
     """
     trials = [trial for group in complete_groups(sweeps, options, notify) for trial in group.trials]
-    system = RobotSystem(
-        tuple(robot_trials(trials)), _constants(trials), _constant(trials, "gear_ratio")
-    )
-    found = find(system, _constant(trials, "certain_grip"), notify)
+    arrays = tuple(robot_trials(trials))
+    check_markers(arrays)
+    system = RobotSystem(arrays, _constants(trials), _constant(trials, "gear_ratio"))
+    grip = _constant(trials, "certain_grip")
+    check_hinge(system, grip)
+    found = find(system, grip, notify)
     fitted = Fitted(Group(LABEL, trials), result(found, judged(found)))
     return ParameterEvaluation.of(sweeps, [fitted], options)
 

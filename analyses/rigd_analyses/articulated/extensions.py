@@ -190,18 +190,24 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
 
         return respond
 
-    def loaded() -> Columns:
-        shown = []
-        for k in range(len(moved.system.trials)):
-            columns = moved.system.simulate(k, moved.shared, moved.local(k))[:, :, None]
-            columns[:, 2:] = 0.0
-            shown.append(columns)  # not the measured ones, whose noise the residuals have too
-        return shown
+    def loaded(*columns: int) -> Callable[[], Columns]:
+        def respond() -> Columns:
+            made = []
+            for k in range(len(moved.system.trials)):
+                # Not the measured ones, whose noise the residuals have too.
+                torques = moved.system.simulate(k, moved.shared, moved.local(k))
+                shown = np.zeros((*torques.shape, 1))
+                shown[:, columns, 0] = torques[:, columns]
+                made.append(shown)
+            return made
 
-    yield Suspect(
-        "another scale of the torques", "1", loaded, "the torque constants of the motors, the "
-        "losses of the gears", special=True,
-    )  # fmt: skip
+        return respond
+
+    for name, columns in (("torques", (0, 1)), ("right torque", (0,))):
+        yield Suspect(
+            f"another scale of the {name}", "1", loaded(*columns), "the torque constants of the "
+            "motors, the losses of the gears", special=True,
+        )  # fmt: skip
 
     def gained(run: Run, t_s: FloatArray) -> FloatArray:
         return np.column_stack([np.zeros((len(t_s), 2)), run.rate * t_s[:, None]])

@@ -18,7 +18,8 @@ from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import slopes, to_scaled
 from rigd.analysis.output_error import BETTER, NEAR, Branch, OutputErrorFit, conclude
 from rigd.analysis.result import FitOutcome, FloatArray, Gate
-from rigd.analysis.system import SomeTrials
+from rigd.analysis.system import SomeTrials, System
+from rigd.analysis.uncertainty import scaled_pinv
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.articulated.extensions import candidates
 from rigd_analyses.articulated.reading import TORQUE_FRAMES
@@ -51,7 +52,9 @@ RULED_OUT_ROUGHLY: Final = 3.0  #: of the cost: the same, between the values tha
 HOPELESS: Final = 40.0  #: of the cost: no other parameter makes up for it
 NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
 OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
-STRAIGHT: Final = 0.1  #: relative difference of both wheels' ways
+#: Relative: no two careful measures of a length differ by so much.
+UNLIKELY: Final = 0.03
+LENGTHS: Final = ("wheel_radius", "half_track", "half_wheelbase", "hinge_distance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,17 @@ class RobotFound:
     fit: OutputErrorFit
     sliding: tuple[int, ...]
     grip: float
+    sd: float = 0.0  #: standard error of the logarithm of mu_s / mu_d, by the shape of its cost
+
+    def refitted(self, system: System, starts: Sequence[FloatArray], _: int) -> OutputErrorFit:
+        """Return the fit of a system with something more, from the first start (p,).
+
+        It ends as the fit of the robot does: the cost has steps if contacts slide, at which no
+        number of iterations brings an exact end.
+        """
+        local = [item.parameter.start for item in system.local]
+        theta = np.concatenate([starts[0], np.tile(local, len(system.measured))])
+        return _widened(conclude(*_fitted(system, theta), SCORES), self.sd)
 
 
 def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFound:
@@ -87,7 +101,8 @@ def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> Robo
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
     model, ended, sd = _rescanned(system, sliding, branch)
-    return RobotFound(system, _widened(conclude(model, ended, SCORES), sd), tuple(sliding), grip)
+    ended_at = _widened(conclude(model, ended, SCORES), sd)
+    return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
 def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
@@ -95,7 +110,7 @@ def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
     return conclude(*_fitted(system, theta), SCORES)
 
 
-def _fitted(system: RobotSystem, theta: FloatArray) -> Branch:
+def _fitted(system: System, theta: FloatArray) -> Branch:
     model = OutputErrorModel(system, noise_at(system, theta))
     ended = fit(
         model, theta, max_iterations=ITERATIONS, relative_decrease=ENOUGH, damping=NEAR,
@@ -122,15 +137,54 @@ def judged(found: RobotFound) -> Judged:
     system, point = found.system, found.fit.fit.theta[: len(SHARED)]
     labels = [item.label for item in system.trials]
     period_s = system.trials[0].period_s
-    diagnosis = diagnose(found.fit, partial(candidates, system), [point], SCORES, period_s)
+    diagnosis = diagnose(
+        found.fit, partial(candidates, system), [point], SCORES, period_s, found.refitted
+    )
     gate = judge_fit(diagnosis, labels, period_s)
     loud = _loud_torque(system, diagnosis.fit, labels)
     if loud and gate.outcome is not FitOutcome.MISFIT:
         text = f"The model does not fit these data: {loud}"
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
         gate = replace(gate, findings=(loud, *gate.findings))
-    shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
-    return Judged(gate, diagnosis.fit, shifts)
+    shifts = [*(item.score.shift for item in diagnosis.left), *diagnosis.doubts]
+    off = common_scale(diagnosis.fit)
+    if abs(off) > UNLIKELY:
+        shifts.append(_by_lengths(diagnosis.fit, off))
+        gate = _with_lengths(gate, off)
+    return Judged(gate, diagnosis.fit, tuple(shifts))
+
+
+def common_scale(found: OutputErrorFit) -> float:
+    """Return by which share the camera shows all ways longer than the stated lengths have them."""
+    return float(np.mean(found.fit.theta[[SHARED.index(f"scale_{axis}") for axis in "xy"]]))
+
+
+def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:
+    """Return the steps (p,) of the parameters if the lengths are off, not the scale of the camera.
+
+    All lengths move by ``off``; of the others, only the data and what is stated of them decide.
+    """
+    known = found.model.known.rows
+    information = found.information + known.T @ known
+    moved = np.zeros(len(information))
+    places = [SHARED.index(name) for name in LENGTHS]
+    moved[places] = math.log1p(off)
+    others = np.setdiff1d(np.flatnonzero(np.diag(information) > 0.0), places)
+    slope = information[np.ix_(others, places)] @ moved[places]
+    moved[others] = -scaled_pinv(information[np.ix_(others, others)]) @ slope
+    return moved
+
+
+def _with_lengths(gate: Gate, off: float) -> Gate:
+    text = (
+        f"the camera shows all ways {100 * off:+.1f} % off what the lengths of the rig file give: "
+        "its unit of length, or all of these lengths. The intervals hold for both."
+    )
+    if gate.outcome is FitOutcome.FITS:
+        outcome = FitOutcome.CORRECTED
+        return replace(gate, outcome=outcome, sentence=f"The model fits these data, but {text}",
+                       findings=(text,))  # fmt: skip
+    return replace(gate, findings=(*gate.findings[:1], text, *gate.findings[1:]))
 
 
 def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:
@@ -338,5 +392,5 @@ def _widened(found: OutputErrorFit, sd: float) -> OutputErrorFit:
     along = found.inverse[:, place] / found.inverse[place, place]
     left = found.left - along * found.left[place] * sds[place] / sds
     # The begin of a trial that slides has such steps too, and is no number of the result.
-    left[len(SHARED) :] = 0.0
+    left[len(found.model.system.shared) :] = 0.0
     return replace(found, covariance=covariance, left=left)

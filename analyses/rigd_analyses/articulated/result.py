@@ -10,6 +10,7 @@ import numpy as np
 
 from rigd.analysis import residuals as tests
 from rigd.analysis.extended import own_parameters
+from rigd.analysis.gate import settled_gate
 from rigd.analysis.identifiability import Z_95, Evidence, judge
 from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.result import (
@@ -27,6 +28,7 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd.analysis.uncertainty import correlation
+from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.found import Judged, RobotFound
 from rigd_analyses.articulated.system import (
     CAMERA,
@@ -73,9 +75,8 @@ PLACE: Final = slice(2, 4)  #: outputs that are drawn in the plane: x and y of t
 
 def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
     """Return the result for a report."""
-    system, fit, gate = found.system, diagnosed.fit, diagnosed.gate
-    if not fit.converged:
-        gate = Gate(FitOutcome.MISFIT, f"No number is given: {fit.unsettled}.", (fit.unsettled,))
+    system, fit = found.system, diagnosed.fit
+    gate = settled_gate(diagnosed.gate, fit)
     white = [
         noise.whiten_errors(error)[:, SHOWN]
         for noise, error in zip(fit.model.noise, fit.errors, strict=True)
@@ -112,6 +113,7 @@ def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
         visited=f"contact forces up to {share:.2f} of the load, if none slid",
         warnings=(
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
+            *silences(system.trials),
             *_camera(fit),
             *((BY_LAW,) if _is_given(diagnosed, gate) else ()),
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from support.articulated_robots import Driven
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
+from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
 from rigd_analyses.articulated.found import RobotFound, check_way, find, fitted_from, judged
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
@@ -301,3 +303,123 @@ def test_wrong_torque_is_named_and_widens(recordings: RobotSystem) -> None:
     assert "scale of the torques" in f"{found.gate.findings} {found.gate.explanations}"
     off = abs(np.log(value_of(found.fit, "k_lon") / 120.0))
     assert off < 3.0 * error_of(found, "k_lon")
+
+
+def each(system: RobotSystem, change: Callable[[RobotTrial], RobotTrial]) -> RobotSystem:
+    return replace(system, trials=tuple(change(item) for item in system.trials))
+
+
+def exchanged(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` with both markers taken for each other from 2 s on."""
+    late = trial.t_s >= 2.0
+    poses = np.where(late[:, None], trial.poses[:, [3, 4, 5, 0, 1, 2]], trial.poses)
+    return replace(trial, poses=poses)
+
+
+def mirrored(trial: RobotTrial) -> RobotTrial:
+    return replace(trial, speeds=trial.speeds[:, ::-1])
+
+
+def unseen_at_rest(trial: RobotTrial) -> RobotTrial:
+    seen = trial.seen.copy()
+    seen[:10, 3:] = False
+    return replace(trial, seen=seen)
+
+
+def cut_at_begin(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` from 1 s on."""
+    return replace(trial, poses=trial.poses[25:], seen=trial.seen[25:],
+                   torques=trial.torques[25:], speeds=trial.speeds[250:])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (exchanged, "from 2.0 s on, in 150 of 200 frames, the front marker is behind"),
+        (mirrored, "turn to the other side than its wheels"),
+        (unseen_at_rest, "does not show the rear marker where the robot stands"),
+        (cut_at_begin, "the motors turn when the camera's first frames come"),
+    ],
+)
+def test_camera_that_shows_another_robot_is_named(
+    recordings: RobotSystem, change: Callable[[RobotTrial], RobotTrial], words: str
+) -> None:
+    check_markers(recordings.trials)
+    with pytest.raises(DataError, match=words):
+        check_markers(each(recordings, change).trials)
+
+
+def silent(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` whose front marker is not seen for 1 s, and stands meanwhile."""
+    poses, seen = trial.poses.copy(), trial.seen.copy()
+    poses[50:75, :3], seen[50:75, :3] = poses[50, :3], False
+    return replace(trial, poses=poses, seen=seen)
+
+
+def test_silent_marker_is_named_and_does_not_count(recordings: RobotSystem) -> None:
+    wrong = each(recordings, silent)
+    check_markers(wrong.trials)
+    assert silences(recordings.trials) == []
+    assert (
+        "trial 1: the camera shows no front marker for 1.0 s, from 2.0 s on"
+        in (silences(wrong.trials)[0])
+    )
+    found = near(wrong).fit
+    sds = np.sqrt(np.diag(found.covariance))
+    for name in ("k_lon", "k_lat", "k_roll", "mu_d"):
+        off = np.log(value_of(found, name) / dict(zip(SHARED, TRUTH, strict=True))[name])
+        assert abs(off) < 4.0 * sds[SHARED.index(name)]
+
+
+def stopped(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` with a hinge that goes no farther than 40 degrees."""
+    poses = trial.poses.copy()
+    most = np.radians(40.0)
+    poses[:, 5] = poses[:, 2] - np.clip(poses[:, 2] - poses[:, 5], -most, most)
+    return replace(trial, poses=poses)
+
+
+def test_hinge_at_its_stop_is_named(recordings: RobotSystem) -> None:
+    check_hinge(recordings, 0.7)
+    with pytest.raises(DataError, match="2 circles the hinge turns by 40 degrees") as caught:
+        check_hinge(each(recordings, stopped), 0.7)
+    assert f"{caught.value.hint}".startswith("look at its stop first")
+
+
+def larger(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` of a robot whose right wheels are 2 % larger than the left."""
+    return replace(trial, speeds=trial.speeds / [1.02, 1.0], torques=trial.torques * [1.02, 1.0])
+
+
+def loud(trial: RobotTrial) -> RobotTrial:
+    return replace(trial, torques=trial.torques * [1.05, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(larger, "another radius of the right wheels"), (loud, "another scale of the right torque")],
+)
+def test_difference_of_both_sides_is_named(
+    recordings: RobotSystem, change: Callable[[RobotTrial], RobotTrial], words: str
+) -> None:
+    gate, _, _ = numbers(each(recordings, change))
+    assert words in gate.sentence
+
+
+def stretched(trial: RobotTrial) -> RobotTrial:
+    return replace(trial, poses=trial.poses * [1.1, 1.1, 1.0, 1.1, 1.1, 1.0])
+
+
+def test_camera_of_another_unit_is_named_and_widens(recordings: RobotSystem) -> None:
+    found = judged(near(each(recordings, stretched)))
+    assert "its unit of length, or all of these lengths" in " ".join(found.gate.findings)
+    assert error_of(found, "k_lon") > 0.05
+
+
+def test_freed_geometry_is_found(recordings: RobotSystem) -> None:
+    """As `--set half_track="155.8 mm +- 30 mm"` frees it."""
+    stated = {**recordings.constants, "half_track": (1.05 * CONSTANTS["half_track"], 0.03)}
+    gate, found, sds = numbers(replace(recordings, constants=stated))
+    assert gate.findings == ()
+    assert found["half_track"] == pytest.approx(CONSTANTS["half_track"], rel=5e-3)
+    assert abs(np.log(found["k_lat"] / 200.0)) < 4.0 * sds["k_lat"]
