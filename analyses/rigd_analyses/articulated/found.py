@@ -167,7 +167,7 @@ def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:
     known = found.model.known.rows
     information = found.information + known.T @ known
     moved = np.zeros(len(information))
-    places = [SHARED.index(name) for name in LENGTHS]
+    places = np.array([SHARED.index(name) for name in LENGTHS])
     moved[places] = math.log1p(off)
     others = np.setdiff1d(np.flatnonzero(np.diag(information) > 0.0), places)
     slope = information[np.ix_(others, places)] @ moved[places]
