@@ -51,6 +51,7 @@ BENCHES = (
     "validate_tables",
     "lateral_tables",
     "lateral_misfit",
+    "robot_misfit",
     "angle_accuracy",
     "angle_campaign",
     "kill_table",

@@ -232,6 +232,18 @@ def test_right_robot_fits_within_its_intervals(recordings: RobotSystem) -> None:
         assert abs(np.log(found[name] / true)) < 4.0 * sds[name]
 
 
+def test_scale_and_latency_of_camera_are_found() -> None:
+    """A scale is free of the lengths only if these are known: their uncertainty is that of it."""
+    circle, fast = recorded([(200.0, 100.0)], 7, 20.0), recorded([(500.0, 250.0)], 57, 10.0)
+    steps = recorded([(v, v) for v in (100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)], 107, 3.0)
+    known = {name: (value, 1e-5 * value) for name, (value, _) in circle.constants.items()}
+    trials = circle.trials + fast.trials + steps.trials
+    found = near(RobotSystem(trials, known, 25.0)).fit.fit.theta
+    assert found[SHARED.index("scale_x")] == pytest.approx(0.0, abs=1e-3)
+    assert found[SHARED.index("scale_y")] == pytest.approx(0.01, abs=1e-3)
+    assert found[SHARED.index("latency")] == pytest.approx(0.02, rel=0.05)
+
+
 def test_number_of_mu_s_names_its_law(recordings: RobotSystem) -> None:
     found = near(recordings)
     sliding = result(found, judged(found))
