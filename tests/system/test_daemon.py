@@ -172,7 +172,7 @@ def test_a_client_that_is_killed_stops_the_run(daemon: Daemon, bench: WireRig) -
     with safe_within(bench, LEASE_S + 10.0):
         daemon.kill_client()
     last = ending(daemon, recording, steered=False)
-    assert last["ending"] == "stopped"
+    assert last["ending"] == "stopped", last["reason"]
     assert "alice, who steered this run, has vanished" in last["reason"]
     assert run_info(Recording.open(recording)).state == "stopped"
 
