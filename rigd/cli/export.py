@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -18,7 +19,8 @@ examples:
   One table per stream, with t_ns (UTC), time (s), trial (-1 outside trials), trial_time (s since
   the trial began), step and a column per channel; one table of the events; one of the trials with
   their parameters.
-  --joined puts all streams into one table. Each of several files gets a folder of its own.
+  --joined puts all streams into one table. Each of several files gets a folder of its own; if
+  two have the same name, the folders of the recordings are kept: tables/monday/run.
 """
 
 
@@ -57,10 +59,10 @@ def execute(args: argparse.Namespace) -> int:
     files: list[Path] = list(dict.fromkeys(args.files))
     folders = [args.output or file.with_suffix("") for file in files]
     if args.output and len(files) > 1:
-        folders = [args.output / file.stem for file in files]
+        folders = [args.output / name for name in _names(files)]
     if len(set(folders)) < len(folders):
         raise ConfigError(
-            "two of the recordings have the same name, and so the same folder",
+            "two of the recordings would be written to the same folder",
             hint="export them separately, each with its own --output",
         )
     for file, folder in zip(files, folders, strict=True):
@@ -78,6 +80,16 @@ def execute(args: argparse.Namespace) -> int:
         for loss in run_info(recording).losses:
             print(f"warning: {loss}", file=sys.stderr)
     return 0
+
+
+def _names(files: list[Path]) -> list[Path]:
+    """Return a folder for each file: its name; for files of one name, their folders and name."""
+    named = [file.stem for file in files]
+    if len(set(named)) == len(named):
+        return [Path(name) for name in named]
+    full = [file.resolve().with_suffix("") for file in files]
+    common = Path(os.path.commonpath([path.parent for path in full]))
+    return [path.relative_to(common) for path in full]
 
 
 def _rate(text: str) -> float:

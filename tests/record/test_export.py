@@ -248,8 +248,24 @@ def test_several_files_get_a_folder_each(
     assert main([*command, "--output", "tables"]) == 0
     first, second = (Path("tables", name, "joined.csv") for name in ("rates", "other"))
     assert first.read_bytes() == second.read_bytes()
-    Path("deep").mkdir()
-    Path("deep/other.mcap").write_bytes(b"")
-    assert main(["export", "other.mcap", "deep/other.mcap", "--to", "csv", "--output", "t"]) == 2
     with pytest.raises(SystemExit):
         main(["export", "rates.mcap", "--to", "csv", "--joined", "3 m"])
+
+
+def test_files_of_one_name_keep_their_folders(
+    several_rates: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for day in ("monday", "friday"):
+        Path(day).mkdir()
+        Path(day, "run.mcap").write_bytes(several_rates.path.read_bytes())
+    files = ["monday/run.mcap", "friday/run.mcap"]
+    assert main(["export", *files, "--to", "csv", "--output", "tables"]) == 0
+    assert sorted(path.parent for path in Path("tables").rglob("trials.csv")) == [
+        Path("tables/friday/run"),
+        Path("tables/monday/run"),
+    ]
+    Path("monday/run.MCAP").write_bytes(several_rates.path.read_bytes())
+    files = ["monday/run.mcap", "monday/run.MCAP"]
+    assert main(["export", *files, "--to", "csv", "--output", "others"]) == 2
+    assert not Path("others").exists()
