@@ -125,3 +125,14 @@ def test_a_stop_waits_for_no_slow_request(panel: ServedPanel, watched: Watched) 
     expect(page.locator(".stop-result")).to_contain_text("Stop: confirmed")
     assert len(given(panel, "stop")) == 1
     assert panel.line.verbs.count("dry_run") == 6, "all connections are held still"
+
+
+def test_enter_held_on_focused_stop_stops_once(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    page.get_by_role("button", name="Stop", exact=True).focus()
+    for _ in range(10):
+        page.keyboard.down("Enter")  # from the second on the browser marks it as a repeat
+    state(page, "Stopping")
+    expect(page.locator(".stop-result")).to_contain_text("Stop: confirmed")
+    page.keyboard.up("Enter")
+    assert len(given(panel, "stop")) == 1
