@@ -98,11 +98,11 @@ class Daemon:
         """What it has printed."""
         return self._told.read_text()
 
-    def notified(self, text: str) -> None:
-        """Wait until the service manager gets ``text``."""
+    def notified(self, text: str, times: int = 1) -> None:
+        """Wait until the service manager gets ``text``, so many ``times`` from the start on."""
         deadline = time.monotonic() + TIMEOUT_S
         with self._news:
-            while not any(text in item for item in self._notified):
+            while sum(text in item for item in self._notified) < times:
                 assert time.monotonic() < deadline, self.told
                 assert self.process.poll() in (None, 0), self.told
                 self._news.wait(0.2)

@@ -167,6 +167,13 @@ def test_a_run_is_steered_over_the_network(daemon: Daemon) -> None:
     assert gaps(Recording.open(recording), "wheel_servo") == 0
 
 
+def test_service_manager_gets_signs_of_life(daemon: Daemon) -> None:
+    daemon.notified("WATCHDOG=1\nSTATUS=idle", times=3)
+    recording = daemon.start(SHAKE, set={"time": "0.5 s"})
+    daemon.notified("WATCHDOG=1\nSTATUS=shake: running")
+    ending(daemon, recording)
+
+
 def test_a_client_that_is_killed_stops_the_run(daemon: Daemon, bench: WireRig) -> None:
     recording = begin(daemon, bench, set={"time": "7200 s"})
     with safe_within(bench, LEASE_S + 10.0):
