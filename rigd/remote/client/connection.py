@@ -22,6 +22,7 @@ from rigd.remote.client.session import (
     QUESTION_S,
     QueryReply,
     TimedOut,
+    close_session,
     is_connected,
     listen,
     open_session,
@@ -101,7 +102,7 @@ class Connection:
             # Not decoded: a client can stop a rig whose daemon is of another version.
             await connection.ask_status()
         except BaseException:
-            await asyncio.to_thread(session.close)
+            await asyncio.to_thread(close_session, session)
             raise
         return connection
 
@@ -124,7 +125,7 @@ class Connection:
         """End all subscriptions, and disconnect; closing twice is silent."""
         for mailbox in self._mailboxes:
             mailbox.close()
-        await asyncio.to_thread(self._session.close)
+        await asyncio.to_thread(close_session, self._session)
 
     async def __aenter__(self) -> Self:
         return self

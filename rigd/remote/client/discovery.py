@@ -9,7 +9,7 @@ from rigd.config.remote import DEFAULT_ENDPOINT
 from rigd.model.errors import RigdError
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.remotes import Remote, read_remotes
-from rigd.remote.client.session import open_session, rigs_alive
+from rigd.remote.client.session import close_session, open_session, rigs_alive
 from rigd.remote.client.target import Target, make_target
 from rigd.remote.protocol import Status
 
@@ -55,7 +55,7 @@ async def _discover_local(known: frozenset[str]) -> list[DiscoveredRig]:
     try:
         alive = await rigs_alive(session)
     finally:
-        await asyncio.to_thread(session.close)
+        await asyncio.to_thread(close_session, session)
     return [await _look(rig, Remote(DEFAULT_ENDPOINT)) for rig in alive if rig not in known]
 
 

@@ -7,6 +7,7 @@ to the event loop.
 from __future__ import annotations
 
 import asyncio
+import atexit
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -30,6 +31,10 @@ _PAUSE_S: Final = 0.05
 _TIMED_OUT: Final = b"Timeout"
 
 
+#: Sessions to close, by their id.
+_opened: Final[dict[int, zenoh.Session]] = {}
+
+
 @dataclass(frozen=True)
 class QueryReply:
     """The answer to a query: a reply or, if not ``ok``, an error reply."""
@@ -45,16 +50,36 @@ class TimedOut(Exception):
 def open_session(target: Target) -> zenoh.Session:
     """Return a session with the daemon at an address; blocks while it connects.
 
+    To be closed by :func:`close_session`; the end of Python closes it otherwise.
+
     Raises:
         LinkError: no daemon admits this client there.
     """
     try:
-        return zenoh.open(client_config([target.endpoint], target.tls))
+        session = zenoh.open(client_config([target.endpoint], target.tls))
     except zenoh.ZError as error:
         hint = f"{target.note}is the daemon running there (rigd serve), and is the address right?"
         if target.tls is not None:
             hint = f"{target.note}{_doubt(target.tls)}"
         raise LinkError(f"no daemon admits this client at {target.endpoint}", hint=hint) from error
+    _opened[id(session)] = session
+    return session
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Close a session; closing twice is silent. Blocks."""
+    session.close()
+    _opened.pop(id(session), None)
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close what a script or notebook left open.
+
+    A thread of zenoh that calls Python while Python ends aborts the process (SIGABRT).
+    """
+    for session in list(_opened.values()):
+        close_session(session)
 
 
 def _doubt(tls: TlsFiles) -> str:

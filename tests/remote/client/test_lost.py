@@ -183,3 +183,26 @@ def test_client_that_is_never_closed_keeps_no_process(endpoint: str) -> None:
             capture_output=True, text=True, timeout=60, check=True,
         )  # fmt: skip
     assert (done.stdout, done.stderr) == ("lugre-1\n", "")
+
+
+#: Prints, when Python ends, whether all sessions of zenoh are closed: a thread of zenoh that calls
+#: Python later than that aborts the process, now and then.
+UNCLOSED = """
+import atexit, sys, zenoh
+opened, sessions = zenoh.open, []
+zenoh.open = lambda config: sessions.append(opened(config)) or sessions[-1]
+atexit.register(lambda: print([session.is_closed() for session in sessions]))
+from rigd.remote import Client
+rig = Client(endpoint=sys.argv[1])
+statuses = rig.watch()
+next(statuses)
+"""
+
+
+def test_client_never_closed_disconnects_before_python_ends(endpoint: str) -> None:
+    with serve(RemoteSetup((endpoint,))):
+        done = subprocess.run(
+            [sys.executable, "-c", UNCLOSED, endpoint],
+            capture_output=True, text=True, timeout=60, check=True,
+        )  # fmt: skip
+    assert done.stdout == "[True]\n"
