@@ -67,8 +67,10 @@ def peer_of(
             bench = Bench(line, part, Physics())
             bench.call = call
             damage = "crc" if line.is_serial else "wrong_transaction"
+            # A pty hands bytes on in a thread of the kernel, which waits on a loaded machine.
+            patience = {"timeout": "0.2 s"} if line.is_serial else {}
             yield Peer(
-                options=bench.options(),
+                options=bench.options(**patience),
                 faults={
                     "dead": lambda: bench.fault("cut"),
                     "silent": lambda: bench.fault("silent"),
