@@ -29,8 +29,6 @@ _ASKED_AGAIN: Final = 5
 _PAUSE_S: Final = 0.05
 #: zenoh's own answer if no peer gave one in time.
 _TIMED_OUT: Final = b"Timeout"
-
-
 #: Sessions to close, by their id.
 _opened: Final[dict[int, zenoh.Session]] = {}
 
