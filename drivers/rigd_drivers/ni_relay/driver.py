@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 
 from rigd.sdk import Channel, Declaration, DeviceError, Driver, DriverConfig, LinkError, Row
 from rigd_drivers.ni_relay.config import NiRelayConfig, WatchdogOptions
-from rigd_drivers.ni_relay.keeper import CYCLE_SILENCE_S, Keeper
+from rigd_drivers.ni_relay.keeper import CYCLE_SILENCE_S, Keeper, Seen
 from rigd_drivers.ni_relay.lines import CALL_S, RelayLines
 
 #: Bits of the status word.
@@ -61,7 +61,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
         self._lines = RelayLines(config)
         self._keeper: Keeper | None = None
         self._armed_ns = 0  # 0: it is not
-        self._ready = False
+        self._up_ns = 0  # when the one-shot was seen up first since it is armed; 0: not yet
         self._limited = False
 
     @classmethod
@@ -120,12 +120,12 @@ class NiRelay(Driver[NiRelayConfig, None]):
 
     def arm(self) -> None:
         """Begin to feed the one-shot; :meth:`ready` once it is up."""
-        self._ready = False
+        self._up_ns = 0
         self._armed_ns = time.monotonic_ns()
 
     def ready(self) -> bool:
         """Return whether the one-shot lets the relay close."""
-        return self._ready
+        return self._up_ns > 0
 
     def read(self, t_ns: int) -> RelayRow | None:
         """Return what the card has confirmed: closed, latency, status word.
@@ -144,12 +144,13 @@ class NiRelay(Driver[NiRelayConfig, None]):
         status = LIMITED if self._limited else 0
         if known.wish != keeper.wish:
             status |= PENDING
-        up = self._one_shot_up(keeper)
+        seen = keeper.seen
+        up = self._one_shot_up(seen)
         if up:
             status |= ONE_SHOT
         if self._armed_ns:
             status |= ARMED
-            self._check_one_shot(keeper, up=up)
+            self._check_one_shot(seen, up=up)
         return RelayRow.of(closed=float(known.closed), latency=known.latency_s, status=status)
 
     def write(self, setpoints: Sequence[float]) -> None:
@@ -176,7 +177,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
         Raises:
             LinkError: the card does not confirm; the one-shot opens the relay.
         """
-        self._armed_ns, self._ready = 0, False
+        self._armed_ns = self._up_ns = 0
         keeper = self._keeper
         if keeper is None:
             return
@@ -215,18 +216,18 @@ class NiRelay(Driver[NiRelayConfig, None]):
         if failed is not None:
             raise failed.why
 
-    def _one_shot_up(self, keeper: Keeper) -> bool:
+    def _one_shot_up(self, seen: Seen | None) -> bool:
         """Return whether the one-shot was up when it was looked at last, since it is armed."""
         if self.config.watchdog is None:
             return True
-        seen = keeper.seen
         return seen is not None and seen.up and seen.looked_ns > self._armed_ns
 
-    def _check_one_shot(self, keeper: Keeper, *, up: bool) -> None:
-        if up:
-            self._ready = True
-        elif self._ready:
-            self._ready = False
+    def _check_one_shot(self, seen: Seen | None, *, up: bool) -> None:
+        """Raise if it was down since it came up, however short: the relay opened meanwhile."""
+        if not self._up_ns:
+            self._up_ns = max(self._armed_ns, seen.looked_ns if seen else 0) if up else 0
+        elif self.config.watchdog and seen and seen.down_ns > self._up_ns:
+            self._up_ns = 0
             raise DeviceError(
                 "the one-shot dropped and opened the relay",
                 hint="this computer stalled, see 'rigd doctor'; or its supply or a wire is loose",

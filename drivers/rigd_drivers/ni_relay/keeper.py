@@ -50,6 +50,7 @@ class Seen:
     looked_ns: int  #: not later than it showed that
     edge_ns: int  #: of the last edge: not earlier than it
     seen_ns: int  #: not earlier than it showed that
+    down_ns: int  #: when it was seen down last; 0: never
 
 
 class Keeper:
@@ -73,6 +74,7 @@ class Keeper:
         self._trigger = False
         self._feeding = False
         self._edge_ns = 0
+        self._down_ns = 0
         self._ending = False
         self.known = Known(False, 0, 0.0, 0)
         self.seen: Seen | None = None
@@ -161,7 +163,9 @@ class Keeper:
     def _look(self) -> None:
         looked_ns = time.monotonic_ns()
         up = self._lines.one_shot_up()
-        self.seen = Seen(up, looked_ns, self._edge_ns, time.monotonic_ns())
+        if not up:
+            self._down_ns = looked_ns
+        self.seen = Seen(up, looked_ns, self._edge_ns, time.monotonic_ns(), self._down_ns)
 
     def _keep_pace(self) -> None:
         """Run as urgently as the cycle that feeds us.

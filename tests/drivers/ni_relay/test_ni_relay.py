@@ -110,6 +110,14 @@ def cycles(driver: NiRelay, closed: float, until: Callable[[], object]) -> None:
         time.sleep(0.002)
 
 
+def wait(until: Callable[[], object]) -> None:
+    """Wait without a cycle until something holds."""
+    deadline = time.monotonic() + WAIT_S
+    while not until():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
 def armed(driver: NiRelay) -> NiRelay:
     driver.arm()
     cycles(driver, 0.0, driver.ready)
@@ -229,6 +237,21 @@ def test_cycle_that_falls_silent_starves_one_shot(rig: Rig) -> None:
         assert rig.bench.edges[-1] * 1e-9 < silent + 0.1 + 0.2 + lost_s()
     with pytest.raises(DeviceError, match="one-shot dropped"):
         cycles(driver, 1.0, lambda: False)
+
+
+def test_drop_between_two_reads_is_reported(rig: Rig) -> None:
+    driver = armed(rig.opened())
+    cycles(driver, 1.0, lambda: rig.bench.closed)
+    wait(lambda: not rig.bench.closed)  # no cycle feeds it
+    raised = time.monotonic_ns()
+
+    def up_for_long() -> bool:
+        driver.write((1.0,))
+        return rig.bench.one_shot.up and rig.bench.edges[-1] - raised > 0.2e9
+
+    wait(up_for_long)
+    with pytest.raises(DeviceError, match="one-shot dropped"):
+        driver.read(time.monotonic_ns())
 
 
 def test_a_slow_one_shot_makes_no_stale_rows(rig: Rig) -> None:
