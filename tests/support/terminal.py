@@ -34,10 +34,17 @@ class Terminal:
     seen: str = ""
 
     @classmethod
-    def open(cls, arguments: Sequence[str], folder: Path, columns: int = 80) -> Self:
-        """Start ``rigd`` with ``arguments`` in ``folder``."""
+    def open(
+        cls, arguments: Sequence[str], folder: Path, columns: int = 80, early: str = ""
+    ) -> Self:
+        """Start ``rigd`` with ``arguments`` in ``folder``; ``early`` was typed before it asks."""
         master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        if early:  # a loaded machine takes its time from the key to the terminal: await the echo
+            os.write(master, f"{early}\n".encode())
+            echo = b""
+            while b"\n" not in echo:
+                echo += os.read(master, 4096)
         process = warm.start(arguments, folder, slave, stdin=slave)
         os.close(slave)
         return cls(process, master, folder)

@@ -129,9 +129,9 @@ def test_a_person_is_asked_before_anything_is_replaced(
     torque: Path, bench: Path, answer: str, code: int, written: bool
 ) -> None:
     words = ["calibrate", "--from", str(torque), *OPERATOR, "--rig", "bench.yaml"]
-    terminal = Terminal.open(words, bench)
+    opposite = "yes" if answer == "no" else "no"
+    terminal = Terminal.open(words, bench, early=opposite)  # no answer to what comes
     try:
-        terminal.type("yes" if answer == "no" else "no")  # too early: no answer to what comes
         terminal.expect("Write this to")
         terminal.expect("[yes/no]: ")
         terminal.type(answer)
