@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Collection, Mapping, MutableSequence, Sequence
 from typing import Final
 
@@ -12,6 +11,7 @@ import numpy as np
 from rigd.controllers import kernel
 from rigd.controllers.chain import sequence
 from rigd.controllers.driver import ControllerConfig
+from rigd.model.gather import Copy, copies
 from rigd.model.limits import SetpointLimit
 from rigd.model.units import format_quantity
 
@@ -40,11 +40,9 @@ class Bank:
             raise ValueError("controllers command one another in a circle")
         self.loops = {name: self.loops[name] for name in ordered}
         self.configs = [by_setpoint[name] for name in ordered]
-        #: The index of each controller in :attr:`rows`, by its name.
+        #: The index of each controller in :attr:`spans` and :attr:`packed`, by its name.
         self.places = {config.name: index for index, config in enumerate(self.configs)}
         count = len(ordered)
-        #: What each controller did in the last cycle: the values of its channels.
-        self.rows: list[list[float]] = [[math.nan] * kernel.R_TARGET for _ in range(count)]
         own = [limits[name] for name in ordered]
         index = {name: place for place, name in enumerate(ordered)}
         self._parameters = np.array(
@@ -56,21 +54,36 @@ class Bank:
                 for c, limit in zip(self.configs, own, strict=True)
             ]
         ).reshape(count, kernel.PARAMETERS)  # fmt: skip
-        # Arrays of Python take and give single numbers much faster than those of numpy.
-        self._inputs = array("d", [0.0, 0.0, 1.0, 0.0, 0.0, 0.0] * count)
-        self._stamps = array("q", [_FUTURE] * (3 * count))
-        self._results = array("d", [0.0] * (kernel.RESULTS * count))
+        # A row for each column of the kernel, so that one column is copied at once.
+        self._inputs = np.zeros((kernel.INPUTS, count))
+        self._inputs[kernel.SCHEDULE] = 1.0
+        self._stamps = np.full((3, count), _FUTURE)
+        self._results = np.zeros((count, kernel.RESULTS))
         self._tables = (
-            self._parameters,
-            np.frombuffer(self._inputs).reshape(count, kernel.INPUTS),
-            np.frombuffer(self._stamps, dtype=np.int64).reshape(count, 3),
-            np.zeros((count, kernel.MEMORY)),
-            np.zeros((count, kernel.TIMES), dtype=np.int64),
-            np.frombuffer(self._results).reshape(count, kernel.RESULTS),
-        )
-        self._readings: list[tuple[int, int, int, int]] = []
-        self._setpoints: list[tuple[int, int, int, int, str]] = []
-        self._begun_ns: int | None = None
+            self._parameters, self._inputs.T, self._stamps.T, np.zeros((count, kernel.MEMORY)),
+            np.zeros((count, kernel.TIMES), dtype=np.int64), self._results,
+        )  # fmt: skip
+        self._flat = self._results.reshape(-1)
+        rows = self._flat.data.cast("B")
+        size = 8 * kernel.RESULTS
+        #: The newest row of each controller as a ring has it; the memory stays the same.
+        self.packed: Sequence[memoryview] = [
+            rows[c * size : c * size + 8 * kernel.R_FAULT] for c in range(count)
+        ]
+        #: What the controllers did in the last cycle, one after the other; see :attr:`spans`.
+        self.results: list[float] = [math.nan] * (kernel.RESULTS * count)
+        #: The place of the channels of each controller in :attr:`results`.
+        self.spans = [
+            slice(at + kernel.R_MEASURED, at + kernel.R_TARGET)
+            for at in range(0, kernel.RESULTS * count, kernel.RESULTS)
+        ]
+        self._readings: list[Copy] = []
+        self._times: list[Copy] = []
+        self._wanted: list[Copy] = []
+        self._applied: list[Copy] = []
+        self._places: list[tuple[int, int, str]] = []
+        self._active: Collection[str] = ()
+        self._outcomes: list[tuple[int, int, int, int]] = []
         for place, limit in enumerate(own):  # a setpoint begins at rest
             self._tables[3][place, 0] = limit.rest
         kernel.warm()
@@ -82,15 +95,33 @@ class Bank:
         setpoints: Mapping[str, int],
     ) -> None:
         """Note the places of channels and setpoints in the tables of the cycle."""
+        count, values, devices = len(self.configs), {}, {}
         for c, config in enumerate(self.configs):
             for source, name in enumerate((config.measured, config.forward, config.schedule)):
                 if name is not None:
-                    place = readings[name]
-                    at = c * kernel.INPUTS + source
-                    self._readings.append((at, 3 * c + source, place, device_of[place]))
-            target, output = setpoints[config.setpoint], setpoints[config.output]
-            begin = c * kernel.INPUTS + kernel.WANTED
-            self._setpoints.append((begin, c * kernel.RESULTS, target, output, config.setpoint))
+                    values[source * count + c] = readings[name]
+                    devices[source * count + c] = device_of[readings[name]]
+        self._readings = copies("d", values, self._inputs)
+        self._times = copies("q", devices, self._stamps)
+        self._places = [
+            (setpoints[config.setpoint], setpoints[config.output], config.setpoint)
+            for config in self.configs
+        ]
+        targets = {kernel.WANTED * count + c: at for c, (at, _, _) in enumerate(self._places)}
+        outputs = {kernel.APPLIED * count + c: at for c, (_, at, _) in enumerate(self._places)}
+        self._wanted = copies("d", targets, self._inputs)
+        self._applied = copies("d", outputs, self._inputs)
+        self._activate(())
+
+    def _activate(self, active: Collection[str]) -> None:
+        """Note which controllers act, and for each where its setpoint and what it wants go."""
+        self._active = active
+        self._outcomes = []
+        for c, (target, output, name) in enumerate(self._places):
+            acts, at = name in active, c * kernel.RESULTS
+            self._inputs[kernel.ACTIVE, c] = acts
+            wants = (output, at + kernel.R_OUTPUT) if acts else (target, at + kernel.R_TARGET)
+            self._outcomes.append((target, at + kernel.R_TARGET, *wants))
 
     def step(
         self,
@@ -107,33 +138,31 @@ class Bank:
         measured values as setpoints of those that do not act; ``applied`` the setpoints of all,
         within their limits. If one gives up, what it commands stays.
         """
-        if self._begun_ns is None:
-            self._begun_ns = t_ns
-        begun_ns, inputs, times = self._begun_ns, self._inputs, self._stamps
-        for at, when, place, device in self._readings:
-            inputs[at] = values[place]
-            times[when] = stamps[device] - begun_ns
-        for at, _, target, output, name in self._setpoints:
-            inputs[at] = wanted[target]
-            inputs[at + 1] = applied[output]
-            inputs[at + 2] = name in active
-        kernel.control(t_ns - begun_ns, *self._tables)
-        results, fault = self._results.tolist(), False
-        for c, (_, at, target, output, name) in enumerate(self._setpoints):
-            self.rows[c] = results[at : at + kernel.R_TARGET]
-            goal = applied[target] = results[at + kernel.R_TARGET]
-            if name in active:
-                wanted[output] = results[at + kernel.R_OUTPUT]
-            else:
-                wanted[target] = goal
-            fault = fault or results[at + kernel.R_FAULT] != kernel.FINE
-        return self._why() if fault else ""
+        if active is not self._active:
+            self._activate(active)
+        for copy in self._readings:
+            copy(values)
+        for copy in self._times:
+            copy(stamps)
+        for copy in self._wanted:
+            copy(wanted)
+        for copy in self._applied:
+            copy(applied)
+        fault = kernel.control(t_ns, *self._tables)
+        results: list[float] = self._flat.tolist()
+        self.results = results
+        for target, goal, place, wants in self._outcomes:
+            applied[target] = results[goal]
+            wanted[place] = results[wants]
+        return "" if fault < 0 else self._why(fault)
 
-    def _why(self) -> str:
-        faults = self._tables[-1][:, kernel.R_FAULT :]
-        c = int(np.flatnonzero(faults[:, 0])[0])
-        config, row = self.configs[c], self.rows[c]
-        fault, source = int(faults[c, 0]), int(faults[c, 1])
+    def row(self, name: str) -> Sequence[float]:
+        """Return what the controller ``name`` did in the last cycle: the values of its channels."""
+        return self.results[self.spans[self.places[name]]]
+
+    def _why(self, c: int) -> str:
+        config, row = self.configs[c], self._results[c]
+        fault, source = int(row[kernel.R_FAULT]), int(row[kernel.R_SOURCE])
         name = getattr(config, _SOURCES[source])
         reason = "its output is too large a number"
         if fault == kernel.NAN:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.model.channels import Channel
 from rigd.sdk import Declaration, Driver, DriverConfig
+
+if TYPE_CHECKING:  # a rig file is checked without numpy
+    from rigd.controllers.bank import Bank
 
 #: Name in recordings and lists, in place of that of a driver.
 CONTROLLER: Final = "controller"
@@ -74,11 +77,16 @@ class ControllerConfig(DriverConfig):
         return tuple(item for item in (self.measured, self.forward, self.schedule) if item)
 
 
-class Controller(Driver[ControllerConfig, None]):
+class Controller(Driver[ControllerConfig, "Bank"]):
     """A controller in the cycle. It moves nothing itself: what it commands passes the limiter."""
 
     title = "controller"
     Config = ControllerConfig
+
+    def __init__(self, config: ControllerConfig, link: Bank) -> None:
+        super().__init__(config, link)
+        #: The newest row as a ring has it; the memory stays the same.
+        self.packed = link.packed[link.places[config.name]]
 
     @classmethod
     def declare(cls, config: ControllerConfig) -> Declaration:

@@ -50,11 +50,13 @@ MEMORY: Final = 15
 # Columns of the memory of times.
 _TAKEN, _CHANGED, _PROGRESS = 0, 1, 2
 TIMES: Final = 3
-# Columns of the results: those of the channels.
-R_MEASURED, R_ERROR, R_P, R_I, R_D, R_F, R_OUTPUT, R_SATURATED, R_ACTIVE = 0, 1, 2, 3, 4, 5, 6, 7, 8
-# Then the setpoint within its limits, why it gives up, and for which input.
-R_TARGET, R_FAULT, R_SOURCE = 9, 10, 11
-RESULTS: Final = 12
+# Columns of the results: the time in ns as an integer, the channels and the setpoint within its
+# limits, which together are the row as a ring has it (:func:`rigd.model.rows.row_dtype`);
+R_TIME, R_MEASURED, R_ERROR, R_P, R_I, R_D, R_F, R_OUTPUT, R_SATURATED, R_ACTIVE = range(10)
+R_TARGET: Final = 10
+# then why it gives up, and for which input.
+R_FAULT, R_SOURCE = 11, 12
+RESULTS: Final = 13
 
 # Why a controller gives up, as numbers.
 FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW, NO_SWING = 0, 1, 2, 3, 4, 5, 6
@@ -74,18 +76,22 @@ def control(
     memory: Floats,
     taken: Times,
     results: Floats,
-) -> None:
+) -> int:
     """Take a step of each of the n controllers for the cycle at ``t_ns``.
 
     A controller stands before the one that it commands. The columns of the arrays (a row for each
-    controller) are above. The output of one that gives up stays.
+    controller) are above. The output of one that gives up stays. Returns the first that gives up,
+    or -1.
     """
+    fault = -1
+    clock = results.view(np.int64)
     for c in range(parameters.shape[0]):
         inner = int(parameters[c, INNER])
         if inner >= 0:  # what is set there is the setpoint of the inner controller
             inputs[c, APPLIED] = memory[inner, _TARGET]
         if inputs[c, ACTIVE] == 0.0:
             _track(c, parameters, inputs, memory, results)
+            clock[c, R_TIME] = t_ns
             continue
         results[c, R_FAULT], results[c, R_SOURCE] = FINE, 0.0
         _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
@@ -95,8 +101,12 @@ def control(
             _step(c, parameters, inputs, stamps, memory, taken, results)
             _watch(c, t_ns, parameters, inputs, memory, taken, results)
         _report(c, inputs, memory, results)
-        if inner >= 0 and results[c, R_FAULT] == FINE:
+        clock[c, R_TIME] = t_ns
+        if results[c, R_FAULT] != FINE:
+            fault = c if fault < 0 else fault
+        elif inner >= 0:
             inputs[inner, WANTED] = memory[c, _U]
+    return fault
 
 
 @kernel
@@ -292,4 +302,4 @@ def _report(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
 def warm() -> None:
     """Load the compiled functions, or compile them: no cycle has time for that."""
     table, times = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int64)
-    control(0, table, table, times, table, times, table)
+    control(0, table, table.T, times.T, table, times, table)

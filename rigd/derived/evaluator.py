@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.derived.graph import Graph, Op
 from rigd.derived.kernel import ALWAYS, NEVER, compute, warm
 from rigd.model.channels import ECHO
+from rigd.model.gather import Copy, copies
+
+Number = TypeVar("Number", np.float64, np.int64)
 
 
 class Evaluator:
@@ -23,36 +28,40 @@ class Evaluator:
             for n, r in enumerate(graph.rows)
             if n not in constants
         ]
-        count = len(graph.rows)
         self._graph = graph
-        self._rows = np.array(rows, dtype=np.int64).reshape(-1, 8)
-        self._parameters = np.array([*graph.parameters, 0.0])
-        self._state = np.full(graph.states + 1, math.nan)
-        self._inputs = np.full(len(graph.inputs) + 1, math.nan)
-        self._ages = np.zeros((2, len(graph.inputs) + 1), dtype=np.int64)
-        # A memoryview takes a number in half the time of an array.
-        self._given = self._inputs.data.cast("B").cast("d")
-        self._stamps = self._ages[0].data.cast("B").cast("q")
-        self._values = np.full(count, math.nan)
-        self._times = np.zeros((3, count), dtype=np.int64)
-        self._stepped = self._times[2]
-        self._stepped[:] = NEVER
-        for place, parameter in constants.items():
-            self._values[place] = graph.parameters[parameter]
-            self._times[:2, place] = ALWAYS, NEVER
-        self._resets = self._reset_places()
         groups = graph.groups()
+        sizes = [len(names) + 1 for names in groups.values()]  # of their rows, with the status
         layout: list[int] = []
         for names in groups.values():
             used = frozenset[str]().union(*(graph.uses[name] for name in names))
             places = [place for place, name in enumerate(graph.inputs) if name in used]
             layout += [len(names), *(graph.outputs[name] for name in names), len(places), *places]
-        self._layout = np.array(layout, dtype=np.int64)
-        self._results = np.zeros(len(graph.outputs) + len(groups))
-        self._taken = np.zeros(len(groups), dtype=np.int64)
-        sizes = [2 + 2 * len(names) + 1 for names in groups.values()]
-        self._packed = np.zeros(sum(sizes), dtype=np.uint32)
-        packed, ends = self._packed.data.cast("B"), list(accumulate(sizes, initial=0))
+        count, inputs, results = len(graph.rows), len(graph.inputs), sum(sizes)
+        self._floats, at = _joined(
+            [np.full(inputs, math.nan), np.array([*graph.parameters, 0.0]),
+             np.full(graph.states + 1, math.nan), np.full(count, math.nan), np.zeros(results)]
+        )  # fmt: skip
+        steps = np.full(count, NEVER)
+        times = np.zeros((2, count), dtype=np.int64)
+        for place, parameter in constants.items():
+            self._floats[at[3] + place] = graph.parameters[parameter]
+            times[:, place] = ALWAYS, NEVER
+        self._numbers, then = _joined(
+            [np.zeros(3 * inputs, dtype=np.int64), np.array(rows, dtype=np.int64).ravel(),
+             times.ravel(), steps, np.array(layout, dtype=np.int64),
+             np.zeros(len(groups), dtype=np.int64)]
+        )  # fmt: skip
+        del then[3]  # behind the other times
+        self._places = np.array([*at, *then], dtype=np.int64)
+        self._inputs = self._floats[:inputs]
+        self._ages = self._numbers[: 3 * inputs].reshape(3, inputs)
+        self._state = self._floats[at[2] : at[3]]
+        self._stepped = self._numbers[then[2] :][2 * count : 3 * count]
+        self._results, self._taken = self._floats[at[4] :], self._numbers[then[4] :]
+        self._resets = self._reset_places()
+        words = [2 * size + 1 for size in sizes]
+        self._packed = np.zeros(sum(words), dtype=np.uint32)
+        packed, ends = self._packed.data.cast("B"), list(accumulate(words, initial=0))
         #: The same rows with their time, as a ring has them; the memory stays the same.
         self.packed: Sequence[memoryview] = [
             packed[4 * begin : 4 * end] for begin, end in pairwise(ends)
@@ -61,7 +70,8 @@ class Evaluator:
         self.results: list[float] = self._results.tolist()
         #: Unix time of the oldest reading of each group, in ns.
         self.taken_ns: list[int] = []
-        self._sources: list[tuple[int, int, int]] = []
+        self._readings: list[Copy] = []
+        self._stamps: list[Copy] = []
         self._echoes: list[tuple[int, int]] = []
         self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
         self._begun_ns = -1
@@ -83,31 +93,30 @@ class Evaluator:
         counts as stale. An input that the rig lacks is NaN.
         """
         self._cycle = values, stamps, applied
-        for place, name in enumerate(self._graph.inputs):
-            if name in readings:
-                index = readings[name]
-                device = device_of[index]
-                self._sources.append((place, index, device))
-                self._ages[1, place] = late_ns[device]
-            elif name.removesuffix(ECHO) in setpoints:
+        names = self._graph.inputs
+        sources = {place: readings[name] for place, name in enumerate(names) if name in readings}
+        devices = {place: device_of[index] for place, index in sources.items()}
+        self._readings = copies("d", sources, self._inputs)
+        self._stamps = copies("q", devices, self._ages[2])
+        for place, device in devices.items():
+            self._ages[1, place] = late_ns[device]
+        for place, name in enumerate(names):
+            if place not in sources and name.removesuffix(ECHO) in setpoints:
                 self._echoes.append((place, setpoints[name.removesuffix(ECHO)]))
 
     def compute(self, t_ns: int) -> None:
         """Compute all channels for the cycle at ``t_ns``."""
         if self._begun_ns < 0:
             self._begun_ns = t_ns
-        begun_ns, inputs, times = self._begun_ns, self._given, self._stamps
         values, stamps, applied = self._cycle
-        for place, index, device in self._sources:
-            inputs[place] = values[index]
-            times[place] = stamps[device] - begun_ns
+        for copy in self._readings:
+            copy(values)
+        for copy in self._stamps:
+            copy(stamps)
         for place, index in self._echoes:
-            inputs[place] = applied[index]
-            times[place] = t_ns - begun_ns
-        compute(
-            t_ns, begun_ns, self._inputs, self._ages, self._rows, self._parameters, self._state,
-            self._values, self._times, self._layout, self._results, self._taken, self._packed,
-        )  # fmt: skip
+            self._inputs[place] = applied[index]
+            self._ages[2, place] = t_ns
+        compute(t_ns, self._begun_ns, self._floats, self._numbers, self._places, self._packed)
         self.results = self._results.tolist()
         self.taken_ns = self._taken.tolist()
 
@@ -126,3 +135,8 @@ class Evaluator:
             for index, row in enumerate(rows)
             if row.reset
         ]
+
+
+def _joined(parts: Sequence[NDArray[Number]]) -> tuple[NDArray[Number], list[int]]:
+    """Return ``parts`` one after the other, and where each begins and the last ends."""
+    return np.concatenate(parts), [0, *accumulate(len(part) for part in parts)]

@@ -16,8 +16,9 @@ from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
+from rigd.engine.computing import COMPUTED, Computing
 from rigd.engine.control import Control
-from rigd.engine.cycle_places import DevicePlaces, runs
+from rigd.engine.cycle_places import DevicePlaces
 from rigd.engine.cycle_rows import CycleRows, RingSink
 from rigd.engine.holding import HoldPhase
 from rigd.engine.inputs import inputs_of
@@ -101,8 +102,8 @@ class Cycle:
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
-        derived = [n for n, mount in enumerate(rig.mounts) if isinstance(mount.driver, Derived)]
-        self._silent = {item.name for n, item in enumerate(rig.mounts) if n not in derived}
+        before = Derived | Observer  # computed before anything is decided
+        self._silent = {item.name for item in rig.mounts if not isinstance(item.driver, before)}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [
@@ -115,35 +116,18 @@ class Cycle:
         self._reads = [
             (n, DevicePlaces.of(mount))
             for n, mount in enumerate(rig.mounts)
-            if not isinstance(mount.driver, Derived | Controller)  # they compute
+            if not isinstance(mount.driver, COMPUTED)
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
-        self._evaluator = evaluator
-        self._derived = list(runs([(n, rig.mounts[n].values) for n in derived]))
-        for n in derived:
-            self._fresh[n] = True
-        self._observers = [m.driver for m in rig.mounts if isinstance(m.driver, Observer)]
-        binds = [observer.bind for observer in self._observers]
-        binds += [] if evaluator is None else [evaluator.bind]
         late_ns = [
             0 if mount.driver.declaration.every_cycle else silent_ns
             for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
         ]
         self._inputs = inputs_of(rig, late_ns)
-        for bind in binds:
-            bind(
-                rig.readings, rig.device_of, late_ns, rig.setpoints,
-                self._values, self._stamps, limiter.applied,
-            )  # fmt: skip
-        self._controllers = controllers
-        self._computed = [
-            (index, mount.values, controllers.places[mount.name])
-            for index, mount in enumerate(rig.mounts)
-            if controllers is not None and isinstance(mount.driver, Controller)
-        ]
+        self._computing = Computing(
+            rig, self._values, self._stamps, late_ns, limiter.applied, evaluator, controllers
+        )
         self._acting: frozenset[str] = frozenset()  #: setpoints of the controllers that act
-        if controllers is not None:
-            controllers.bind(rig.readings, rig.device_of, rig.setpoints)
         self._hold_until_ns = 0
         self._settle_ns = max(self._silent_ns, default=0)
         self._begun_ns = 0
@@ -221,15 +205,12 @@ class Cycle:
 
     def begin_trial(self) -> None:
         """Let observers and derived channels that begin anew with each trial do so."""
-        for observer in self._observers:
-            observer.begin_trial()
-        if self._evaluator is not None:
-            self._evaluator.begin_trial()
+        self._computing.begin_trial()
 
     def _bound(self, program: CycleProgram | None) -> Player | None:
         if program is None:
             return None
-        loops = _NONE if self._controllers is None else self._controllers.loops
+        loops = self._computing.loops
         return Player(program, self._watched, self.rig.setpoints, loops)
 
     def readings(self) -> Mapping[str, float]:
@@ -309,12 +290,7 @@ class Cycle:
                     f"{name} gave no row for {silent_ms} ms (check its supply, its cable "
                     "and the parts between)",
                 )
-        if self._evaluator is not None:
-            self._evaluator.compute(t_ns)
-            results, oldest_ns = self._evaluator.results, self._evaluator.taken_ns
-            for mounts, places, groups, rows in self._derived:
-                values[places] = results[rows]
-                stamps[mounts] = oldest_ns[groups]
+        self._computing.estimate(t_ns)
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:
@@ -383,18 +359,11 @@ class Cycle:
 
     def _control(self, t_ns: int) -> None:
         """Let the controllers of the present step set what they command; end the trial for one."""
-        bank = self._controllers
-        if bank is None:
-            return
-        values, wanted, applied = self._values, self._wanted, self.limiter.applied
-        reason = bank.step(t_ns, self._acting, values, self._stamps, wanted, applied)
-        for index, places, place in self._computed:
-            values[places] = bank.rows[place]
-            self._stamps[index], self._fresh[index] = t_ns, True
+        reason = self._computing.control(t_ns, self._acting, self._wanted)
         if self._silent:
-            self._silent -= bank.places.keys()
+            self._silent -= self._computing.controllers
         if reason:
-            wanted[:] = self._rest
+            self._wanted[:] = self._rest
             self._leave(Outcome(Severity.END_TRIAL, reason))
 
     def _stop_completed(self, t_ns: int) -> Outcome | None:
@@ -456,6 +425,8 @@ class Cycle:
                 stale += stamps[index] != t_ns
         self.counters.stale += stale
         self._rows.push(t_ns, slot, self._values, self.limiter.applied, stamps, self._fresh)
+        if self._computing.t_ns == t_ns:
+            self._rows.push_computed(slot)
         spent_ns = clock.now() - began
         own = (slot * clock.period_ns * 1e-9, began * 1e-9, spent_ns * 1e-9, float(stale))
         self._rows.push_own(t_ns, slot, own)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple, Protocol
 
-from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockRecorder, BlockSink
+from rigd.engine.computing import COMPUTED
 from rigd.engine.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.shared import RowRing
@@ -110,7 +110,7 @@ class CycleRows:
             elif name in rings:
                 every = record[name].every
                 sink, window = self._sink(mount.stream, rings[name], record[name])
-                if isinstance(mount.driver, Derived):
+                if isinstance(mount.driver, COMPUTED):
                     self._computed.append((sink, mount.driver.packed, every, window))
                     continue
                 declared = mount.driver.declaration
@@ -191,6 +191,9 @@ class CycleRows:
             else:
                 row += setpoints[commands]
             ring.push(stamps[position] if new else t_ns, row)
+
+    def push_computed(self, slot: int) -> None:
+        """Push the rows that this cycle has computed, as they are packed."""
         for ring, packed, every, window in self._computed:
             if slot % every == 0 and (window is None or window.is_open):
                 ring.push_packed(packed)  # a row of its cycle, however old the readings in it are

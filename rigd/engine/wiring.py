@@ -131,7 +131,7 @@ def _driver(
     bank: Bank | None,
 ) -> Driver:
     if bank is not None and isinstance(device.config, ControllerConfig):
-        return Controller(device.config, None)
+        return Controller(device.config, bank)
     if evaluator is not None and isinstance(device.config, DerivedConfig):
         return Derived(device.config, evaluator)
     if issubclass(device.driver_class, Driver):

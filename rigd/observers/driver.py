@@ -59,6 +59,8 @@ class Observer(Driver[ObserverConfig, Any]):
         from rigd.observers.runner import Runner  # it loads numba
 
         self._runner: Runner = Runner(config)
+        #: The newest row as a ring has it; the memory stays the same.
+        self.packed = self._runner.packed
 
     @classmethod
     def declare(cls, config: ObserverConfig) -> Declaration:

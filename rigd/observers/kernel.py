@@ -17,6 +17,7 @@ from rigd.model.kernel import kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
+Words = NDArray[np.uint32]
 
 #: A time before all others: of a channel that has given no value yet.
 NEVER: Final = -(2**62)
@@ -26,6 +27,30 @@ _AT, _READ, _BEGUN = 0, 1, 2
 _LATE: Final = 2147483648.0
 #: Bit 30: the filter has diverged in this cycle.
 _DIVERGED: Final = 1073741824.0
+
+
+@kernel
+def cut(floats: Floats, places: Times, number: int) -> Floats:
+    """Return table ``number`` of those that lie in ``floats`` one after the other.
+
+    ``places`` are where they begin (:meth:`rigd.observers.memory.Memory.join`).
+    """
+    return floats[places[number] : places[number + 1]]
+
+
+@kernel
+def square(floats: Floats, places: Times, number: int, columns: int) -> Floats:
+    """Return table ``number`` as a matrix of ``columns``."""
+    table = cut(floats, places, number)
+    return table.reshape((table.shape[0] // columns, columns))
+
+
+@kernel
+def cut_times(times: Times, count: int) -> tuple[Times, Times, Times, int, int]:
+    """Return ages (3, count), current (count), clock (3), period and ``lost_ns`` of ``times``."""
+    ages = times[: 3 * count].reshape((3, count))
+    at = 4 * count
+    return ages, times[3 * count : at], times[at : at + 3], times[at + 3], times[at + 4]
 
 
 @kernel
@@ -125,17 +150,20 @@ def correct(
             m += 1
     if m == 0:
         return math.nan
-    ph = np.zeros((n, m))  # P H'
-    s = np.empty((m, m))  # S = H P H' + R, then its Cholesky factor L
-    for b in range(m):
-        for i in range(n):
-            for k in range(n):
-                ph[i, b] += p[i, k] * h[rows[b], k]
-    for a in range(m):
+    # All in one memory; columns as rows, so that the inner loops run along it.
+    work = np.zeros((3 * m + 1, max(n, m)))
+    ph, gain, s, y = work[:m], work[m : 2 * m], work[2 * m : 3 * m], work[3 * m]
+    for b in range(m):  # (P H')', of a P that is symmetric; H has few entries that are not 0
+        for k in range(n):
+            factor = h[rows[b], k]
+            if factor != 0.0:
+                for i in range(n):
+                    ph[b, i] += p[k, i] * factor
+    for a in range(m):  # S = H P H' + R, then its Cholesky factor L
         for b in range(m):
             total = r[rows[a], rows[b]]
             for k in range(n):
-                total += h[rows[a], k] * ph[k, b]
+                total += h[rows[a], k] * ph[b, k]
             s[a, b] = total
     for b in range(m):
         for a in range(b, m):
@@ -143,52 +171,58 @@ def correct(
             for k in range(b):
                 total -= s[a, k] * s[b, k]
             s[a, b] = math.sqrt(total) if a == b else total / s[b, b]
-    y = np.empty(m)  # L^-1 y
     nis = 0.0
-    for a in range(m):
+    for a in range(m):  # y = L^-1 times the innovations
         total = off[rows[a]]
         for k in range(a):
             total -= s[a, k] * y[k]
         y[a] = total / s[a, a]
         nis += y[a] * y[a]
-    gain = np.empty((n, m))  # K L = P H' L'^-1, then K = (K L) L^-1
-    for i in range(n):
-        for b in range(m):
-            total = ph[i, b]
-            for k in range(b):
-                total -= gain[i, k] * s[b, k]
-            gain[i, b] = learned[i] * total / s[b, b]
-            x[i] += gain[i, b] * y[b]
-        for b in range(m - 1, -1, -1):
-            total = gain[i, b]
-            for k in range(b + 1, m):
-                total -= gain[i, k] * s[k, b]
-            gain[i, b] = total / s[b, b]
+    for b in range(m):  # K L = P H' L'^-1
+        for k in range(b):
+            for i in range(n):
+                gain[b, i] -= gain[k, i] * s[b, k]
+        for i in range(n):
+            gain[b, i] = (ph[b, i] + gain[b, i]) / s[b, b] * learned[i]
+            x[i] += gain[b, i] * y[b]
+    for b in range(m - 1, -1, -1):  # K = (K L) L^-1
+        for k in range(b + 1, m):
+            for i in range(n):
+                gain[b, i] -= gain[k, i] * s[k, b]
+        for i in range(n):
+            gain[b, i] /= s[b, b]
     for i in range(n):  # (I - K H) P
-        for j in range(n):
-            for b in range(m):
-                p[i, j] -= gain[i, b] * ph[j, b]
-    rest = np.zeros((n, m))  # (I - K H) P H' - K R, 0 but for states that are not learned
+        for b in range(m):
+            for j in range(n):
+                p[i, j] -= gain[b, i] * ph[b, j]
+    ph[:] = 0.0  # (I - K H) P H' - K R, 0 but for states that are not learned
+    for b in range(m):
+        for k in range(n):
+            factor = h[rows[b], k]
+            if factor != 0.0:
+                for i in range(n):
+                    ph[b, i] += p[i, k] * factor
+        for a in range(m):
+            for i in range(n):
+                ph[b, i] -= gain[a, i] * r[rows[a], rows[b]]
     for i in range(n):
         for b in range(m):
-            for k in range(n):
-                rest[i, b] += p[i, k] * h[rows[b], k]
-            for a in range(m):
-                rest[i, b] -= gain[i, a] * r[rows[a], rows[b]]
-    for i in range(n):
+            for j in range(i, n):
+                p[i, j] -= ph[b, i] * gain[b, j]
         for j in range(i, n):
-            for b in range(m):
-                p[i, j] -= rest[i, b] * gain[j, b]
             p[j, i] = p[i, j]
     return nis
 
 
 @kernel
 def publish(
-    known: bool, x: Floats, p: Floats, off: Floats, nis: float, held: int, current: Times,
-    clock: Times, row: Floats,
+    t_ns: int, known: bool, x: Floats, p: Floats, off: Floats, nis: float, held: int,
+    current: Times, clock: Times, row: Floats, packed: Words,
 ) -> None:  # fmt: skip
     """Write ``row``: each state with its standard deviation, innovations, NIS and the status.
+
+    ``packed`` gets the same as a ring has it (:func:`rigd.model.rows.row_dtype`): ``t_ns``, values,
+    and the status as uint32.
 
     Between two readings of a slow channel its innovation and the NIS stay; they are NaN while it is
     late. A state that is not finite, or a variance that is not or is below 0, means that the filter
@@ -219,43 +253,52 @@ def publish(
         row[2 * n + m] = nis
     for state in current:
         late = late or state == 0
-    row[2 * n + m + 1] = status + (_LATE if late else 0.0)
+    last = 2 * n + m + 1
+    row[last] = status + (_LATE if late else 0.0)
+    packed[0], packed[1] = t_ns & 0xFFFFFFFF, t_ns >> 32
+    bits = row.view(np.uint32)
+    for i in range(2 * last):
+        packed[2 + i] = bits[i]
+    packed[2 + 2 * last] = np.uint32(row[last])
 
 
 @kernel
-def step_linear(
-    t_ns: int, period_ns: int, lost_ns: int, given: Floats, ages: Times, held: Floats,
-    current: Times, clock: Times, x: Floats, p: Floats, off: Floats, work: Floats,
-    f: Floats, g: Floats, h: Floats, d: Floats, q: Floats, r: Floats, x0: Floats, p0: Floats,
-    learned: Floats, row: Floats,
-) -> None:  # fmt: skip
+def step_linear(t_ns: int, times: Times, floats: Floats, places: Times, packed: Words) -> None:
     """Compute a linear filter for the cycle at ``t_ns``: x+ = F x + G u, z = H x + D u.
 
-    Shapes: ``f``, ``q``, ``p0`` (n, n); ``g`` (n, l); ``h`` (m, n); ``d`` (m, l); ``r`` (m, m);
-    ``x0`` (n); ``work`` (n, n) is overwritten. For the others see :func:`take`, :func:`correct`.
+    ``floats`` has, behind the tables of the memory: x (n), P (n, n), innovations (m), a matrix that
+    is overwritten (n, n), F (n, n), G (n, l), H (m, n), D (m, l), Q (n, n), R (m, m), the first x
+    and P, and ones (n).
     """
+    given, held, row = cut(floats, places, 0), cut(floats, places, 1), cut(floats, places, 2)
+    ages, current, clock, period_ns, lost_ns = cut_times(times, given.shape[0])
+    x, off = cut(floats, places, 3), cut(floats, places, 5)
     n, m, inputs = x.shape[0], off.shape[0], held.shape[0]
+    p, work = square(floats, places, 4, n), square(floats, places, 6, n)
+    f, g = square(floats, places, 7, n), cut(floats, places, 8)
+    h, d = square(floats, places, 9, n), cut(floats, places, 10)
     steps = take(t_ns, period_ns, lost_ns, given, ages, held, current, clock)
     nis = math.nan
     if steps == 0:
-        x[:], p[:] = x0, p0
+        x[:], p[:] = cut(floats, places, 13), square(floats, places, 14, n)
     for _ in range(steps):
         for i in range(n):
             total = 0.0
             for k in range(n):
                 total += f[i, k] * x[k]
             for k in range(inputs):
-                total += g[i, k] * held[k]
+                total += g[i * inputs + k] * held[k]
             work[0, i] = total
         x[:] = work[0]
-        predict(x, p, f, q, work)
+        predict(x, p, f, square(floats, places, 11, n), work)
     if steps >= 0:
         for i in range(m):
             total = given[inputs + i]
             for k in range(n):
                 total -= h[i, k] * x[k]
             for k in range(inputs):
-                total -= d[i, k] * held[k]
+                total -= d[i * inputs + k] * held[k]
             off[i] = total
-        nis = correct(x, p, h, r, off, current, inputs, learned)
-    publish(steps >= 0, x, p, off, nis, inputs, current, clock, row)
+        learned = cut(floats, places, 15)
+        nis = correct(x, p, h, square(floats, places, 12, m), off, current, inputs, learned)
+    publish(t_ns, steps >= 0, x, p, off, nis, inputs, current, clock, row, packed)

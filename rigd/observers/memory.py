@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.observers.kernel import NEVER
+from rigd.observers.kernel import NEVER, Floats, Times, Words
 
 
 @dataclass(eq=False)
@@ -16,8 +18,8 @@ class Memory:
     """What a filter of l inputs and m measured channels keeps between cycles besides its state.
 
     ``given``, ``ages``, ``held``, ``current`` and ``clock`` are those of
-    :func:`rigd.observers.kernel.take`; ``row`` is what :func:`rigd.observers.kernel.publish`
-    writes, for ``shown`` states.
+    :func:`rigd.observers.kernel.take`; ``row`` and ``packed`` are what
+    :func:`rigd.observers.kernel.publish` writes, for ``shown`` states.
     """
 
     inputs: int
@@ -25,12 +27,13 @@ class Memory:
     shown: int
     period_ns: int
     lost_ns: int
-    given: NDArray[np.float64] = field(init=False)
-    ages: NDArray[np.int64] = field(init=False)
-    held: NDArray[np.float64] = field(init=False)
-    current: NDArray[np.int64] = field(init=False)
-    clock: NDArray[np.int64] = field(init=False)
-    row: NDArray[np.float64] = field(init=False)
+    given: Floats = field(init=False)
+    ages: Times = field(init=False)
+    held: Floats = field(init=False)
+    current: Times = field(init=False)
+    clock: Times = field(init=False)
+    row: Floats = field(init=False)
+    packed: Words = field(init=False)
 
     def __post_init__(self) -> None:
         count = self.inputs + self.measured
@@ -40,9 +43,30 @@ class Memory:
         self.current = np.zeros(count, dtype=np.int64)
         self.clock = np.zeros(3, dtype=np.int64)
         self.row = np.full(2 * self.shown + self.measured + 2, math.nan)
+        self.packed = np.zeros(2 * len(self.row) + 1, dtype=np.uint32)
         self.begin()
 
     def begin(self) -> None:
         """Forget the state, and all readings: the filter begins at the next one."""
         self.ages[2], self.clock[:] = NEVER, (0, NEVER, 0)
         self.held[:] = math.nan
+
+    def join(self, own: Sequence[NDArray[np.float64]]) -> tuple[Times, Floats, Times]:
+        """Move all tables, with copies of ``own``, into one memory for integers and one for floats.
+
+        A compiled function takes 0.1 us for each array that it is given, and a filter has twenty
+        to thirty. Returns the integers, the floats, and where each table of floats begins:
+        ``given``, ``held``, ``row``, then ``own``; see :func:`rigd.observers.kernel.whole_times`
+        and :func:`rigd.observers.kernel.cut`.
+        """
+        count = len(self.given)
+        parts = [self.given, self.held, self.row, *own]
+        ends = np.array([0, *accumulate(part.size for part in parts)], dtype=np.int64)
+        floats = np.concatenate([np.ravel(part) for part in parts])
+        clocks = [self.clock, np.array([self.period_ns, self.lost_ns], dtype=np.int64)]
+        times = np.concatenate([self.ages.ravel(), self.current, *clocks])
+        self.ages = times[: 3 * count].reshape(3, count)
+        self.current = times[3 * count : 4 * count]
+        self.clock = times[4 * count : 4 * count + 3]
+        self.given, self.held, self.row = (floats[ends[k] : ends[k + 1]] for k in range(3))
+        return times, floats, ends

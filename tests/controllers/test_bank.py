@@ -70,7 +70,7 @@ def test_kernel_equals_slow_form(
             goal = min(max(target, -50.0), 50.0)
             expected = slow.step(goal, measured, written, (held.t_ns - taken) * 1e-9)
             taken = held.t_ns
-        assert held.bank.rows[0][6] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert held.bank.row("hold")[6] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @given(
@@ -129,11 +129,11 @@ def test_saturated_output_leaves_limit_at_once() -> None:
     held = Held(config(kp=0.01, ki=5.0))
     for _ in range(1000):
         assert held.step(hold=30.0) == ""
-    assert held.bank.rows[0][6:8] == [2.0, 1.0]
+    assert held.bank.row("hold")[6:8] == [2.0, 1.0]
     held.values[0] = 31.0
     held.step()
     assert held.current < 2.0
-    assert held.bank.rows[0][7] == 0.0
+    assert held.bank.row("hold")[7] == 0.0
 
 
 def test_terms_add_up_to_output() -> None:
@@ -143,9 +143,9 @@ def test_terms_add_up_to_output() -> None:
         held.values[0] = 3 * math.sin(step / 30)
         held.values[1] = 0.3 * math.cos(step / 50)
         held.step(hold=2.0)
-        _, _, p, i, d, f, output, _, _ = held.bank.rows[0]
+        _, _, p, i, d, f, output, _, _ = held.bank.row("hold")
         assert p + i + d + f == pytest.approx(output, abs=1e-12)
-    assert held.bank.rows[0][5] == held.values[1]
+    assert held.bank.row("hold")[5] == held.values[1]
 
 
 def test_schedule_changes_gains_without_bump() -> None:
@@ -168,9 +168,9 @@ def test_outer_controller_sets_inner_in_the_same_cycle() -> None:
     held.step([])
     for _ in range(30):
         assert held.step(both, outer=1.0) == ""
-    assert held.bank.rows[0][6:8] == [3.0, 1.0]
+    assert held.bank.row("outer")[6:8] == [3.0, 1.0]
     assert held.limiter.applied[held.places["hold.force"]] == 3.0
-    assert held.bank.rows[1][1] == 3.0
+    assert held.bank.row("hold")[1] == 3.0
     assert held.wanted[held.places["hold.force"]] == 3.0
 
 
@@ -235,7 +235,7 @@ def test_controller_that_is_off_holds_nothing() -> None:
     for _ in range(50):
         assert held.step([]) == ""
     assert held.current == 0.25
-    assert held.bank.rows[0] == [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0]
+    assert held.bank.row("hold") == [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0]
 
 
 LOOPS = {"outer.v": "inner.f", "inner.f": "press.i"}

@@ -15,6 +15,8 @@ from rigd.engine.in_process import InProcessHost
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import wire
 from rigd.model.channels import STALE, STATUS_FIELD
+from rigd.model.errors import LinkError
+from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
 from rigd.procedure.profiles import ConstantProfile
 from rigd.procedure.program import Comparison, Condition, CycleProgram, Recorded, Segment
@@ -143,3 +145,21 @@ def test_row_is_stale_while_a_device_is_late() -> None:
     assert not np.any(played.sink.of("scaled")[STATUS_FIELD][: -stale.sum()])
     trips = [str(data["reason"]) for _, kind, _, data in played.sink.events if kind == "interlock"]
     assert any("cart.twice is stale" in reason for reason in trips)
+
+
+def test_failed_reading_repeats_no_computed_row() -> None:
+    played = Played()
+    carriage = next(m.driver for m in played.host.cycle.rig.mounts if m.name == "carriage")
+    read, calls = carriage.read, []
+
+    def broken(t_ns: int) -> object:
+        calls.append(t_ns)
+        if len(calls) == 100:
+            raise LinkError("the cable is off")
+        return read(t_ns)
+
+    carriage.read = broken  # type: ignore[method-assign, assignment]
+    assert played.play(duration_s=1.0) is Severity.FAULT
+    times = played.sink.of("cart")[TIME_FIELD].astype(np.int64)
+    assert np.all(np.diff(times) == 1_000_000)
+    assert times[-1] == calls[-1] - 1_000_000

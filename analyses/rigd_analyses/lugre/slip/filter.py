@@ -26,9 +26,9 @@ def _entry(stamps: tuple[int, ...]) -> Callable[..., None]:
     """
 
     @kernel
-    def step(*arguments: Any) -> None:
+    def step(t_ns: int, times: Any, floats: Any, places: Any, packed: Any) -> None:
         if stamps[0] != 0:
-            own.step_slip(*arguments)
+            own.step_slip(t_ns, times, floats, places, packed)
 
     return step
 
@@ -45,20 +45,18 @@ class SlipFilter:
 
     def __init__(self, plan: SlipPlan, memory: Memory) -> None:
         n = len(plan.deviations)
-        self._memory = memory
-        self._arguments = (
-            np.zeros(n), np.zeros((n, n)), np.zeros(2), np.zeros((n, n)), np.zeros(3),
-            np.array(plan.q), np.array(plan.fixed), np.diag(np.array(plan.noise) ** 2),
-            np.zeros(n), np.diag(np.array(plan.deviations) ** 2), np.zeros((n, n)),
-            np.eye(2, n), np.zeros((n, n)), np.ones(n), np.zeros(physics.COUNT), np.zeros((4, 3)),
-            np.zeros((4, 3, 3)), np.zeros((4, 3, physics.COUNT)), np.zeros((4, 3, n)), np.zeros(3),
-            np.zeros((3, 3)), memory.row,
+        self._tables = memory.join(
+            (
+                np.zeros(n), np.zeros((n, n)), np.zeros(2), np.zeros((n, n)), np.zeros(3),
+                np.array(plan.q), np.array(plan.fixed), np.diag(np.array(plan.noise) ** 2),
+                np.zeros(n), np.diag(np.array(plan.deviations) ** 2), np.zeros((n, n)),
+                np.eye(2, n), np.zeros((n, n)), np.ones(n), np.zeros(physics.COUNT),
+                np.zeros((4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, physics.COUNT)),
+                np.zeros((4, 3, n)), np.zeros(3), np.zeros((3, 3)),
+            )
         )  # fmt: skip
+        self._packed = memory.packed
 
     def step(self, t_ns: int) -> None:
         """Compute the cycle at ``t_ns``."""
-        memory = self._memory
-        _step(
-            t_ns, memory.period_ns, memory.lost_ns, memory.given, memory.ages, memory.held,
-            memory.current, memory.clock, *self._arguments,
-        )  # fmt: skip
+        _step(t_ns, *self._tables, self._packed)

@@ -25,8 +25,19 @@ import math
 
 from rigd.analysis.kernel import part
 from rigd.analysis.result import FloatArray
-from rigd.observers.kernel import Floats, Times, correct, predict, publish, take
-from rigd_analyses.lugre.rig.kernel import LOOP_RATE, rates
+from rigd.observers.kernel import (
+    Floats,
+    Times,
+    Words,
+    correct,
+    cut,
+    cut_times,
+    predict,
+    publish,
+    square,
+    take,
+)
+from rigd_analyses.lugre.rig.kernel import COUNT, LOOP_RATE, rates
 
 ANGLE, SPEED, TURNING, BRISTLE, PUSH, TORQUE, ZERO, SCALE, GAIN, RIPPLE = range(10)
 PLAIN = RIPPLE  #: states without roller transitions
@@ -199,26 +210,34 @@ def noise(
 
 
 @part
-def step_slip(
-    t_ns: int, period_ns: int, lost_ns: int, given: Floats, ages: Times, held: Floats,
-    current: Times, clock: Times, x: Floats, p: Floats, off: Floats, work: Floats, last: Floats,
-    q: FloatArray, fixed: Floats, r: Floats, x0: Floats, p0: Floats, f: Floats, h: Floats,
-    noises: Floats, learned: Floats, own: FloatArray, rate: FloatArray, by_state: FloatArray,
-    by_q: FloatArray, by_x: FloatArray, shown: Floats, spread: Floats, row: Floats,
-) -> None:  # fmt: skip
+def step_slip(t_ns: int, times: Times, floats: Floats, places: Times, packed: Words) -> None:
     """Compute the filter of slip for the cycle at ``t_ns``.
 
-    ``last`` (3,) keeps the current of the cycle before, the angle at which the filter began, and
-    whether the carriage was held;
-    ``shown`` (3,) and ``spread`` (3, 3) get slip, carriage speed and the zero. For the others see
-    :func:`carry` and :func:`rigd.observers.kernel.take`.
+    ``floats`` has, behind the tables of the memory: x (n), P (n, n), innovations (2), a matrix that
+    is overwritten (n, n), ``last`` (3), q (20), the other constants, R (2, 2), the first x and P,
+    then as in :func:`carry` and :func:`noise` f (n, n), h (2, n), noises (n, n), learned (n), own,
+    rate, by_state, by_q, by_x, and ``shown`` (3) and ``spread`` (3, 3), which get slip, carriage
+    speed and the zero. ``last`` keeps the current of the cycle before, the angle at which the
+    filter began, and whether the carriage was held.
     """
+    given, held, row = cut(floats, places, 0), cut(floats, places, 1), cut(floats, places, 2)
+    ages, current, clock, period_ns, lost_ns = cut_times(times, given.shape[0])
+    x, off, last = cut(floats, places, 3), cut(floats, places, 5), cut(floats, places, 7)
     n, inputs = x.shape[0], held.shape[0]
+    p, work = square(floats, places, 4, n), square(floats, places, 6, n)
+    q, fixed, r = cut(floats, places, 8), cut(floats, places, 9), square(floats, places, 10, 2)
+    f, h = square(floats, places, 13, n), square(floats, places, 14, n)
+    noises, learned = square(floats, places, 15, n), cut(floats, places, 16)
+    own, rate = cut(floats, places, 17), square(floats, places, 18, 3)
+    by_state = cut(floats, places, 19).reshape((4, 3, 3))
+    by_q = cut(floats, places, 20).reshape((4, 3, COUNT))
+    by_x = cut(floats, places, 21).reshape((4, 3, n))
+    shown, spread = cut(floats, places, 22), square(floats, places, 23, 3)
     period = period_ns * 1e-9
     steps = take(t_ns, period_ns, lost_ns, given, ages, held, current, clock)
     nis = math.nan
     if steps == 0:
-        x[:], p[:] = x0, p0
+        x[:], p[:] = cut(floats, places, 11), square(floats, places, 12, n)
         last[0] = held[CURRENT]
         last[1] = math.nan
         last[2] = 0.0
@@ -266,4 +285,4 @@ def step_slip(
     for k in range(n):
         if not (math.isfinite(x[k]) and p[k, k] >= 0.0):
             shown[0] = math.nan  # a sign of divergence, also in a state that is not shown
-    publish(steps >= 0, shown, spread, off, nis, inputs, current, clock, row)
+    publish(t_ns, steps >= 0, shown, spread, off, nis, inputs, current, clock, row, packed)
