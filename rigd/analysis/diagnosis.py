@@ -2,7 +2,9 @@
 
 The candidates are everything that a family of rigs defines (:mod:`rigd.analysis.structure`), and
 each constant with an uncertainty, which is then left to the data. The tests need no fit; only the
-best candidate is fitted. The selection ends if no candidate is significant, after ``MOST``
+best candidate is fitted, and one with a name that promises nearly as much: what a score test shows
+is right to first order, and of two that promise the same one may leave much once it is fitted. The
+better of the two fits stands. The selection ends if no candidate is significant, after ``MOST``
 candidates, or if one leaves a large misfit nearly as it was: a refusal is not to take long.
 """
 
@@ -31,6 +33,7 @@ WORTH = 20.0  #: gain in -2 ln L, less chance's, below which nothing is added
 NAMED = 0.7  #: share of the best gain from which a thing with a name is preferred to a dependence
 AS_GOOD = 0.9  #: share from which another explanation is worth a word
 MOST_OTHERS = 2
+TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
 DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
 HOPELESS = 1e4  #: mean square of an output beyond which nothing is fitted: its size would be chance
 NEAR = 1.5  #: mean square of all outputs up to which the optimum is taken for the right one
@@ -68,6 +71,23 @@ class Tested:
     def worth(self) -> float:
         """Return the gain in -2 ln L less what its parameters would gain by chance."""
         return self.score.gain - 2.0 * self.score.dof
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """The fit with ``last``, the best variant of ``first``; ``gone`` had no size in it."""
+
+    first: Tested
+    last: Tested
+    fit: OutputErrorFit
+    chosen: list[Tested]
+    gone: list[Tested]
+
+    @property
+    def deviance(self) -> float:
+        """Return -2 ln L but for a constant: each end has noise of its own."""
+        noise = sum(whitener.log_scale for whitener in self.fit.model.noise)
+        return 2.0 * (self.fit.fit.cost - noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,18 +149,23 @@ def diagnose(
         hopeless = hopeless or max(state.levels) > HOPELESS
         if not wrong or best.worth < WORTH or most or done or hopeless:
             break
-        last, before = _refined(scores, best), _mean_square(found)
-        as_good[last.name] = _as_good(new, best)
-        try:
-            with np.errstate(over="raise", invalid="raise"):
-                found, chosen, gone = _added(
-                    system, found, chosen, last, candidates, starts, block, refit
-                )
-        except (DataError, FloatingPointError):  # no motion at all: it stays in what is left
+        before, ends = _mean_square(found), []
+        for first in _rivals(new, best):
+            last = _refined(scores, first)
+            try:
+                with np.errstate(over="raise", invalid="raise"):
+                    added = _added(system, found, chosen, last, candidates, starts, block, refit)
+            except (DataError, FloatingPointError):  # no motion at all
+                continue
+            ends.append(_End(first, last, *added))
+        if not ends:  # it stays in what is left
             left = [best, *(item for item in left if item is not best)]
             break
-        vanished |= {best.name if item is last else item.name for item in gone}
-        hopeless = not gone and _mean_square(found) > max(NEAR, LITTLE * before)
+        end = _preferred(ends)
+        found, chosen = end.fit, end.chosen
+        as_good[end.last.name] = _as_good(new, end.first)
+        vanished |= {end.first.name if item is end.last else item.name for item in end.gone}
+        hopeless = not end.gone and _mean_square(found) > max(NEAR, LITTLE * before)
     explained = tuple(
         _explanation(found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
@@ -254,6 +279,31 @@ def _refined(scores: Scores, best: Tested) -> Tested:
     if best.candidate is None or best.candidate.near is None:
         return best
     return max(_tested(scores, best.candidate.near()), key=lambda item: item.worth)
+
+
+def _rivals(tests: Sequence[Tested], best: Tested) -> list[Tested]:
+    """Return ``best``, and behind it the thing with a name that promises nearly as much.
+
+    Neighbours of what has variants are none: these are compared already.
+    """
+    near = [
+        item
+        for item in _as_good(tests, best)
+        if item.special and (_variants(item) is None or _variants(best) is None)
+    ]
+    return [best, *near[:1]]
+
+
+def _variants(item: Tested) -> Callable[[], Iterable[Suspect]] | None:
+    return None if item.candidate is None else item.candidate.near
+
+
+def _preferred(ends: Sequence[_End]) -> _End:
+    """Return the end that fits best; of those that the data do not tell apart, a constant's."""
+    able = [end for end in ends if end.fit.converged] or list(ends)
+    least = min(end.deviance for end in able)
+    near = [end for end in able if end.deviance - least < TOLD_APART]
+    return next((end for end in near if end.last.candidate is None), near[0])
 
 
 def _as_good(tests: Sequence[Tested], best: Tested) -> list[Tested]:

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigd.analysis.diagnosis import Tested, constants
+from rigd.analysis.diagnosis import TOLD_APART, Tested, constants
 from rigd.analysis.extended import Extended
 from rigd.analysis.fit import fit
 from rigd.analysis.output_error import ENOUGH, MAX_ITERATIONS, NEAR, OutputErrorFit, conclude
@@ -30,7 +30,6 @@ from rigd.analysis.whitened import OutputErrorModel
 
 #: Chance of one false alarm in all of the constants; that of all else is 0.5 %.
 LEVEL = 0.02
-TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
 
 
 def strained(
