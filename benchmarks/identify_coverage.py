@@ -2,6 +2,8 @@
 
     python benchmarks/identify_coverage.py --rigs 30 --keep coverage.jsonl
                         continues the file: stop it and start it as you like
+    python benchmarks/identify_coverage.py --first 31 --rigs 60 --keep coverage.jsonl
+                        rigs 31 to 60; the table has all of the file up to 60
 
 Every experiment is a rig of its own (``tests/support/random_rigs.py``): friction, masses, drive,
 vibration and noise are drawn within what is realistic, and so are the positions of wheel and
@@ -58,9 +60,9 @@ Row = dict[str, Any]
 
 def study(
     rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method: str = "",
-    peers: bool = False,
+    peers: bool = False, first: int = 1,
 ) -> None:  # fmt: skip
-    """Print the coverage of every interval over ``rigs`` experiments per floor."""
+    """Print the coverage of every interval over rigs ``first`` to ``rigs`` of each floor."""
     rows: dict[tuple[str, int], Row] = {}
 
     def add(row: Row) -> None:
@@ -68,7 +70,7 @@ def study(
 
     for line in keep.read_text().splitlines() if keep is not None and keep.exists() else []:
         add(json.loads(line))
-    for number in range(1, rigs + 1):
+    for number in range(first, rigs + 1):
         for floor in floors:
             new = []
             if "found" not in rows.get((floor, number), {}):
@@ -223,14 +225,17 @@ def _judge(name: str, item: Coverage) -> None:
 def main() -> int:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--rigs", type=int, default=30, help="random rigs per floor (default 30)")
+    parser.add_argument(
+        "--rigs", type=int, default=30, help="number of the last rig of each floor (default 30)"
+    )
+    parser.add_argument("--first", type=int, default=1, help="number of the first (default 1)")
     parser.add_argument("--keep", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--floor", choices=FLOORS, help="one floor instead of all three")
     parser.add_argument("--method", choices=("slip-force", OUTPUT_ERROR), default="slip-force")
     parser.add_argument("--peers", action="store_true", help="evaluate with the peers too")
     options = parser.parse_args()
     floors = FLOORS if options.floor is None else (options.floor,)
-    study(options.rigs, options.keep, floors, options.method, options.peers)
+    study(options.rigs, options.keep, floors, options.method, options.peers, options.first)
     return 0
 
 
