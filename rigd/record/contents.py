@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from mcap.opcode import Opcode
@@ -76,11 +76,13 @@ class SummaryWriter:
     """Builds the records after the data: DataEnd, summary, footer.
 
     The indexes of finished chunks come first in the summary and are kept as bytes with their CRC,
-    so that a flush late in a long run costs no more Python than one at its start.
+    so that a flush late in a long run costs no more Python than one at its start. So are the
+    definitions and the indexes of what is not a chunk, which a run adds to but never changes.
     """
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
+        self._encoded: dict[Opcode, tuple[int, bytes]] = {}  #: records of a kind: number, bytes
         self._index = bytearray(b"".join(map(encode, contents.chunks)))
         self._index_crc = crc32(self._index)
 
@@ -117,11 +119,11 @@ class SummaryWriter:
 
     def _summary(self, now: Contents, start: int, open_index: bytes) -> bytes:
         groups: list[tuple[Opcode, bytes]] = [
-            (Opcode.SCHEMA, _join(now.schemas.values())),
-            (Opcode.CHANNEL, _join(now.channels.values())),
+            (Opcode.SCHEMA, self._kept(Opcode.SCHEMA, now.schemas.values())),
+            (Opcode.CHANNEL, self._kept(Opcode.CHANNEL, now.channels.values())),
             (Opcode.STATISTICS, encode(now.statistics())),
-            (Opcode.ATTACHMENT_INDEX, _join(now.attachments)),
-            (Opcode.METADATA_INDEX, _join(now.metadata)),
+            (Opcode.ATTACHMENT_INDEX, self._kept(Opcode.ATTACHMENT_INDEX, now.attachments)),
+            (Opcode.METADATA_INDEX, self._kept(Opcode.METADATA_INDEX, now.metadata)),
         ]
         offsets = bytearray()
         at = start + len(self._index) + len(open_index)
@@ -136,6 +138,14 @@ class SummaryWriter:
         footer = FOOTER.pack(Opcode.FOOTER, FOOTER.size - FRAME.size, start, at, 0)[:-4]
         crc = crc32(footer, crc32(rest, self._index_crc))
         return b"".join((self._index, rest, footer, crc.to_bytes(4, "little")))
+
+    def _kept(self, opcode: Opcode, items: Collection[McapRecord]) -> bytes:
+        """Return the records as bytes, encoded anew only if there are more than last time."""
+        count, encoded = self._encoded.get(opcode, (0, b""))
+        if count != len(items):
+            encoded = b"".join(map(encode, items))
+            self._encoded[opcode] = len(items), encoded
+        return encoded
 
 
 def parse_summary(buffer: memoryview) -> Contents:
@@ -201,7 +211,3 @@ def parse_footer(tail: memoryview) -> tuple[int, int]:
 def _count(contents: Contents, chunk: Chunk) -> None:
     start_ns, end_ns = chunk.index.message_start_time, chunk.index.message_end_time
     contents.add_messages(chunk.channel, chunk.count, start_ns, end_ns)
-
-
-def _join(items: Iterable[McapRecord]) -> bytes:
-    return b"".join(map(encode, items))
