@@ -27,6 +27,7 @@ from rigd.record.wire import (
     decode,
     decode_chunk_index,
     encode,
+    encode_chunk_index,
     encode_data_end,
     records,
 )
@@ -83,13 +84,13 @@ class SummaryWriter:
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
         self._encoded: dict[Opcode, tuple[int, bytes]] = {}  #: records of a kind: number, bytes
-        self._index = bytearray(b"".join(map(encode, contents.chunks)))
+        self._index = bytearray(b"".join(map(encode_chunk_index, contents.chunks)))
         self._index_crc = crc32(self._index)
 
     def add_chunk(self, chunk: Chunk, offset: int) -> None:
         """Add a finished chunk to the index; its ``offset`` is final."""
         index = chunk.index_at(offset)
-        encoded = encode(index)
+        encoded = encode_chunk_index(index)
         self.contents.chunks.append(index)
         self._index += encoded
         self._index_crc = crc32(encoded, self._index_crc)
@@ -111,7 +112,7 @@ class SummaryWriter:
         for offset, chunk in open_chunks:
             index = chunk.index_at(offset)
             now.chunks.append(index)
-            open_index += encode(index)
+            open_index += encode_chunk_index(index)
             _count(now, chunk)
         closing = encode_data_end(data_crc)
         start = data_end + len(closing)

@@ -11,6 +11,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import starmap
 from typing import Final, TypeVar
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
@@ -134,6 +135,25 @@ def decode_chunk_index(content: memoryview) -> ChunkIndex:
         compressed_size=compressed,
         uncompressed_size=uncompressed,
     )
+
+
+def encode_chunk_index(index: ChunkIndex) -> bytes:
+    """Return a chunk index with its frame, as :func:`encode`, which takes ten times as long."""
+    name = index.compression.encode()
+    entries = b"".join(starmap(_CHUNK_INDEX_ENTRY.pack, index.message_index_offsets.items()))
+    content = b"".join(
+        (
+            _CHUNK_INDEX_HEAD.pack(
+                index.message_start_time, index.message_end_time, index.chunk_start_offset,
+                index.chunk_length, len(entries),
+            ),
+            entries,
+            _CHUNK_INDEX_MIDDLE.pack(index.message_index_length, len(name)),
+            name,
+            _CHUNK_INDEX_SIZES.pack(index.compressed_size, index.uncompressed_size),
+        )
+    )  # fmt: skip
+    return FRAME.pack(Opcode.CHUNK_INDEX, len(content)) + content
 
 
 def encode_data_end(crc: int) -> bytes:

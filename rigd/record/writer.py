@@ -256,9 +256,7 @@ class RecordingWriter:
         held.clear()
         self._waiting.append(chunk)
         self._waiting_bytes += chunk.size
-        # Without compression the block is not copied: it must be written before rows are added.
-        ready = self._waiting_bytes >= MAX_WAITING_BYTES or self._compression == "none"
-        if ready and not self._closed:
+        if self._waiting_bytes >= MAX_WAITING_BYTES and not self._closed:
             self.flush()
 
     def _summary_due(self) -> bool:
