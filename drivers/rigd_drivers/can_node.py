@@ -54,7 +54,7 @@ class Node:
         self.state: nmt.State | None = None  #: the state in its last heartbeat
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
         self.sdo_timeout_s = SDO_TIMEOUT_S
-        self._replies: deque[bytes] = deque(maxlen=16)
+        self.replies: deque[bytes] = deque(maxlen=16)  #: to SDO requests, not looked at yet
         self._claimed = False
         self._restarted = False
         self._garbled = ""
@@ -70,7 +70,7 @@ class Node:
 
     def attach(self) -> None:
         """Take from the bus what the node sends about itself."""
-        self.bus.subscribe(frames.SDO_REPLY + self.node_id, self._replies.append)
+        self.bus.subscribe(frames.SDO_REPLY + self.node_id, self.replies.append)
         self.bus.subscribe(frames.EMCY + self.node_id, self._on_emergency)
         self.bus.subscribe(frames.HEARTBEAT + self.node_id, self._on_heartbeat)
 
@@ -142,6 +142,12 @@ class Node:
             return str(entry)
         return self._sheet.called(entry.index, entry.sub)
 
+    def permit(self, entry: Entry, value: int | None = None) -> None:
+        """Raise ProtocolError if the EDS forbids to read ``entry``, or to write ``value`` to it."""
+        if self._sheet is not None and entry not in self._beside_sheet:
+            sheet = self._sheet
+            self._heed(sheet.unreadable(entry) if value is None else sheet.unwritable(entry, value))
+
     def read(self, entry: Entry) -> int:
         """Return the value of ``entry``.
 
@@ -150,12 +156,11 @@ class Node:
             ProtocolError: it refuses, or answers with something else.
 
         """
-        if self._sheet is not None and entry not in self._beside_sheet:
-            self._heed(self._sheet.unreadable(entry))
+        self.permit(entry)
         try:
             return entry.unpack(self._upload(entry.index, entry.sub))
         except sdo.Aborted as error:
-            raise self._refused(f"reading {self.called(entry)}", error) from error
+            raise self.refused(entry, None, error) from error
         except ValueError as error:
             raise ProtocolError(f"{self}: {error}") from error
 
@@ -170,7 +175,7 @@ class Node:
         except sdo.Aborted as error:
             if error.code in sdo.MISSING:
                 return None
-            raise self._refused(f"reading {self.called(entry)}", error) from error
+            raise self.refused(entry, None, error) from error
         if self._sheet is not None and self._sheet.find(entry.index, entry.sub) is None:
             self._beside_sheet.add(entry)
         return int.from_bytes(data, "little", signed=entry.code.islower())
@@ -182,13 +187,11 @@ class Node:
             LinkError, ProtocolError: see :meth:`read`.
 
         """
-        if self._sheet is not None and entry not in self._beside_sheet:
-            self._heed(self._sheet.unwritable(entry, value))
+        self.permit(entry, value)
         try:
             self._run(sdo.Download(entry.index, entry.sub, entry.pack(value)))
         except sdo.Aborted as error:
-            what = f"writing {value} (0x{value:X}) to {self.called(entry)}"
-            raise self._refused(what, error) from error
+            raise self.refused(entry, value, error) from error
 
     def ensure(self, entry: Entry, value: int) -> None:
         """Write ``value`` to ``entry`` and read it back.
@@ -357,13 +360,13 @@ class Node:
         where = f"{transfer.index:04X}:{transfer.sub:02X}"
         request: bytes | None = transfer.request
         errors = self.bus.errors
-        self._replies.clear()
+        self.replies.clear()
         while request is not None:
             self.bus.send(frames.SDO_REQUEST + self.node_id, request)
-            if not self.bus.wait(lambda: bool(self._replies), self.sdo_timeout_s):
-                raise self._silent(where, self.bus.errors - errors)
+            if not self.bus.wait(lambda: bool(self.replies), self.sdo_timeout_s):
+                raise self.silent(where, self.bus.errors - errors)
             try:
-                request = transfer.feed(self._replies.popleft())
+                request = transfer.feed(self.replies.popleft())
             except sdo.Garbled as error:
                 self.bus.send(frames.SDO_REQUEST + self.node_id, transfer.abort(0x05040001))
                 raise ProtocolError(
@@ -373,7 +376,7 @@ class Node:
 
     def _is_alone(self) -> None:
         """Raise if a second reply follows the one that was just taken."""
-        if self.bus.wait(lambda: bool(self._replies), _TWIN_S):
+        if self.bus.wait(lambda: bool(self.replies), _TWIN_S):
             raise ProtocolError(
                 f"two nodes answer under node id {self.node_id} on {self.bus.name}",
                 hint="switch all but one off, and give each an id of its own",
@@ -407,7 +410,8 @@ class Node:
         if problem is not None:
             raise ProtocolError(f"{self}: {problem}", hint=WRONG_EDS)
 
-    def _silent(self, where: str, errors: int) -> LinkError:
+    def silent(self, where: str, errors: int) -> LinkError:
+        """Return the error of no answer about ``where``; ``errors`` were on the bus meanwhile."""
         if errors:
             return self.bus.broken(
                 f"node {self.node_id} does not answer, the controller reports errors ({errors})"
@@ -418,9 +422,12 @@ class Node:
             f"{self.bus.config.bitrate / 1000:g} kbit/s",
         )
 
-    def _refused(self, doing: str, error: sdo.Aborted) -> ProtocolError:
+    def refused(self, entry: Entry, value: int | None, error: sdo.Aborted) -> ProtocolError:
+        """Return the error of a refused read, or write of ``value``."""
+        doing = "reading" if value is None else f"writing {value} (0x{value:X}) to"
         return ProtocolError(
-            f"{self} refuses {doing}: {error}", hint=_REFUSALS.get(error.code, _LOOK_UP)
+            f"{self} refuses {doing} {self.called(entry)}: {error}",
+            hint=_REFUSALS.get(error.code, _LOOK_UP),
         )
 
 

@@ -11,6 +11,7 @@ from pydantic import model_validator
 from rigd.sdk import (
     Channel,
     Declaration,
+    DeviceError,
     Driver,
     DriverConfig,
     In,
@@ -20,6 +21,7 @@ from rigd.sdk import (
     Row,
 )
 from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_errand import Errand, Read, Script, Write, nearer
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
 from rigd_drivers.can_pdo import configure, switch_off_rest
 from rigd_drivers.can_profile import FIRST_TPDO, EncoderProfile, PdoChoice
@@ -39,6 +41,9 @@ from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Low word of 1000h.
 _PROFILE: Final = 406
+#: Object of the preset value, of a position in 6004 and in 6020:01 (CiA 406; HYDAC HLT 1100, manual
+#: 669824, section 9.3).
+_PRESETS: Final = (objects.PRESET, objects.LINEAR_PRESET)
 #: Options that only one kind has.
 _OPTIONS: Final = {
     "rotary": ("counts_per_revolution", "gear_ratio"),
@@ -68,6 +73,9 @@ class EncoderConfig(NodeConfig):
     """Whether counting up is the rig's negative direction."""
     zero: Annotated[float, In("count")] | None = None
     """Count at zero, of an absolute encoder; none: that at opening, as for incremental."""
+    preset: Annotated[int, Ge(0), Le(0x7FFF_FFFF)] | None = None
+    """Count that the action `preset` gives the present position (object 6003, or 6010:01 of linear
+    encoders without 6004); none: it has no such action."""
 
     @property
     def pdo(self) -> PdoChoice:
@@ -102,6 +110,7 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         self._scale = float("nan")
         self._watched = False
         self._node: Node | None = None
+        self._errand: Errand | None = None
 
     @classmethod
     def declare(cls, config: EncoderConfig) -> Declaration:
@@ -112,7 +121,9 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         else:
             row, converted = PositionRow, Channel("position", "m", "position")
         counts = Channel("counts", "count", "encoder counts, unwrapped", raw_of=converted.name)
-        return Declaration(channels=(converted, counts), row=row)
+        doc = "sets the count of the present position to `preset`"
+        actions = {} if config.preset is None else {"preset": doc}
+        return Declaration(channels=(converted, counts), row=row, actions=actions)
 
     @classmethod
     def contradictions(cls, config: EncoderConfig, link: LinkConfig | None) -> Sequence[str]:
@@ -125,6 +136,9 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
         if config.profile is not None:
             writes += config.profile.writes()
             reads += config.profile.reads()
+        if config.preset is not None:
+            linear = position is objects.LINEAR_POSITION
+            writes.append((_PRESETS[linear], config.preset))
         plan = Plan(_PROFILE, reads, writes, [_position_pdo(config, position)])
         return contradictions(config, link, plan)
 
@@ -201,11 +215,62 @@ class Cia406Encoder(Driver[EncoderConfig, CanBus]):
             return AngleRow.of(angle=value, counts=counts, status=state)
         return PositionRow.of(position=value, counts=counts, status=state)
 
+    def act(self, action: str) -> None:
+        """Begin to set the count to `preset`.
+
+        Raises:
+            DeviceError: that is in progress.
+            LinkError: it is not open.
+            ValueError: unknown action.
+
+        """
+        if action != "preset" or self.config.preset is None:
+            raise ValueError(f"the encoder has no action {action!r}")
+        if self._node is None:
+            raise LinkError(f"the encoder at node {self.config.node} is not open")
+        if self._errand is not None:
+            raise DeviceError(f"{self._node}: its count is being set already")
+        self._errand = Errand(self._node, self._set_count(self._node, self.config.preset))
+
+    def acted(self) -> str | None:
+        """Return what the encoder shows once its count is set, None before.
+
+        Raises:
+            LinkError, ProtocolError, DeviceError: it does not answer, refuses, or counts on.
+
+        """
+        return None if self._errand is None else self._errand.advance()
+
+    def _set_count(self, node: Node, preset: int) -> Script:
+        """Write the count, and see that the position is nearer it than before."""
+        span = self._unwrap.span
+        try:
+            if preset >= span:
+                raise DeviceError(
+                    f"{node} counts to {span - 1}, `preset` is {preset}", hint="correct `preset`"
+                )
+            (position,) = self._tpdo.entries
+            before = yield Read(position)
+            yield Write(_PRESETS[position is objects.LINEAR_POSITION], preset)
+            shown = yield Read(position)
+            if not nearer(shown, preset, before, span):
+                raise DeviceError(
+                    f"{node} took the preset value {preset} and shows {shown}, before {before}",
+                    hint="its manual states when it takes a preset: at rest, or enabled first",
+                )
+        finally:
+            self._errand = None
+        self._unwrap = Unwrap(span)  # the step in its counts is no movement
+        count = self._unwrap.follow(shown)
+        self._zero = count if self.config.zero is None else self.config.zero
+        return f"{node} shows {shown} counts, before {before}"
+
     def make_safe(self) -> None:
         """Do nothing: it only measures."""
 
     def close(self) -> None:
         """Leave the encoder pre-operational; closing twice is silent."""
+        self._errand = None
         node, self._node = self._node, None
         if node is not None:
             node.close()

@@ -29,6 +29,7 @@ class Mode(IntEnum):
 
     PROFILE_VELOCITY = 3
     PROFILE_TORQUE = 4
+    HOMING = 6
     CYCLIC_VELOCITY = 9
     CYCLIC_TORQUE = 10
 
@@ -54,6 +55,8 @@ _STATES: Final = (
 VOLTAGE: Final = 0x0010  #: the power stage is supplied
 REMOTE: Final = 0x0200  #: the drive follows the controlword
 FOLLOWS: Final = 0x1000  #: in the cyclic modes: the drive follows the target
+HOMED: Final = 0x1000  #: in the homing mode: homing attained
+HOMING_ERROR: Final = 0x2000  #: in the homing mode
 
 # Controlwords.
 DISABLE_VOLTAGE: Final = 0x00
@@ -61,6 +64,7 @@ SHUTDOWN: Final = 0x06
 SWITCH_ON: Final = 0x07
 ENABLE: Final = 0x0F
 FAULT_RESET: Final = 0x80  #: acts on its rising edge
+START_HOMING: Final = 0x10  #: in the homing mode, beside ENABLE; acts on its rising edge
 #: All that are written.
 WORDS: Final = (DISABLE_VOLTAGE, FAULT_RESET, SHUTDOWN, SWITCH_ON, ENABLE)
 

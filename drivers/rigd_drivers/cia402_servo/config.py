@@ -8,6 +8,7 @@ from annotated_types import Ge, Gt, Le
 
 from rigd.sdk import In
 from rigd_drivers.can_sheet import NodeConfig
+from rigd_drivers.cia402_servo.homing import Method
 from rigd_drivers.cia402_servo.profile import DrivePdos, DriveProfile
 from rigd_drivers.device_file import FromFile
 
@@ -26,6 +27,10 @@ class ServoConfig(NodeConfig):
     """Whether the drive's positive direction is the rig's negative one."""
     zero: Annotated[float, In("count")] | None = None
     """Count (object 6064) at zero, of a homed or absolute axis; none: that at opening."""
+    homing: Method | None = None
+    """Homing method of the action `home`: 37, or 35 of older drives. The position where the drive
+    stands becomes 0; it is enabled for that for a moment, and does not move. None: as `profile` has
+    it, else it has no such action."""
     rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
     """Rated torque of the motor, to which object 6076 must be set; none: any."""
     torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
@@ -42,6 +47,19 @@ class ServoConfig(NodeConfig):
     def pdos(self) -> DrivePdos:
         """Which PDOs carry what."""
         return DrivePdos() if self.profile is None else self.profile.pdos
+
+    @property
+    def homing_method(self) -> Method | None:
+        """Homing method of the action `home`; None: it has no such action."""
+        profiled = None if self.profile is None else self.profile.homing
+        return self.homing or profiled
+
+    @property
+    def actions(self) -> dict[str, str]:
+        """What a person may ask of the drive, by name."""
+        if self.homing_method is None:
+            return {}
+        return {"home": "sets the position where the drive stands to 0, by its homing mode"}
 
     @property
     def unit_of_6076(self) -> float | None:

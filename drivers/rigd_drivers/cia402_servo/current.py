@@ -100,6 +100,7 @@ class CurrentServo(Servo[CurrentServoConfig]):
             row=CurrentRow,
             setpoints=(Channel("current", "A", "motor current", -limit, limit),),
             watchdog_s=config.watchdog_s,
+            actions=config.actions,
         )
 
     def write(self, setpoints: Sequence[float]) -> None:

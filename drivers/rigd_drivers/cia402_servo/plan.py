@@ -8,6 +8,7 @@ from typing import Final
 from rigd.sdk import LinkConfig
 from rigd_drivers.can_node import HEARTBEAT_MS
 from rigd_drivers.canopen import cia402, objects, pdo
+from rigd_drivers.canopen.cia402 import Mode
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.cia402_servo import by_sdo
 from rigd_drivers.cia402_servo.config import ServoConfig
@@ -31,7 +32,7 @@ def reads(config: ServoConfig) -> tuple[Entry, ...]:
 
 def writes(config: ServoConfig, link: LinkConfig | None, choice: Choice) -> list[tuple[Entry, int]]:
     """Return what set-up and proof of the watchdog write by SDO, beside the PDOs."""
-    master = getattr(link, "master_node", 127)
+    master, method = getattr(link, "master_node", 127), config.homing_method
     return [
         (objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS),
         *by_sdo.watch_writes(master, config.watchdog),
@@ -39,6 +40,7 @@ def writes(config: ServoConfig, link: LinkConfig | None, choice: Choice) -> list
         *((objects.CONTROLWORD, word) for word in cia402.WORDS),
         (choice.target, 0),
         (objects.MODE, choice.mode),
+        *([] if method is None else [(objects.HOMING_METHOD, method), (objects.MODE, Mode.HOMING)]),
     ]
 
 

@@ -136,6 +136,9 @@ class DriveProfile(NodeProfile):
     """Object of the current at 1000 per mille; none: 6075:00, whose unit the drive must confirm."""
     torque_unit: Annotated[float, In("N m"), Gt(0)] | None = None
     """Unit of the motor rated torque (object 6076)."""
+    homing: Literal[35, 37] | None = None
+    """Homing method of the action `home`: 37, or 35 of older drives; none: it has no such action.
+    Both set the position where the drive stands to 0. rigd uses no method that moves."""
     pdos: DrivePdos = DrivePdos()
     """Its PDOs, as CiA 301 has them unless given."""
 

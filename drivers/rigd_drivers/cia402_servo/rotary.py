@@ -76,6 +76,7 @@ class RotaryServo(VelocityServo[RotaryServoConfig]):
             row=ShaftRow if config.torque else TurningRow,
             setpoints=(speed,),
             watchdog_s=config.watchdog_s,
+            actions=config.actions,
         )
 
     def write(self, setpoints: Sequence[float]) -> None:

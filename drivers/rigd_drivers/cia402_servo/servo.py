@@ -24,6 +24,7 @@ from rigd_drivers.canopen.inbox import Inbox
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.cia402_servo import by_sdo, plan
 from rigd_drivers.cia402_servo.config import ServoConfigT
+from rigd_drivers.cia402_servo.homing import Homing
 from rigd_drivers.cia402_servo.profile import Choice
 
 #: Low word of 1000h.
@@ -62,7 +63,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         self._unwrap = Unwrap(1 << 32)
         self._zero = 0.0
         self._enabling = cia402.Enabling()
-        self._statusword = 0
+        self._homing = Homing()
         self._armed = False
         self._enabled = False
         self._armed_ns = 0
@@ -156,6 +157,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     def arm(self) -> None:
         """Begin to enable the drive at zero target, resetting a fault that our silence made."""
+        self._homing.end()
         self._enabling = cia402.Enabling()
         self._enabled = self._sound = False
         self._armed = True
@@ -186,9 +188,33 @@ class Servo(Driver[ServoConfigT, CanBus]):
         if not complete:
             self._check_arming()
             return None
-        self._statusword = values[0]
+        self._homing.shown = values[0]
         self._follow_state()
         return self._row(values)
+
+    def act(self, action: str) -> None:
+        """Begin to set the position where the drive stands to 0.
+
+        Raises:
+            DeviceError: it is armed, or that is in progress.
+            LinkError: it is not open.
+            ValueError: unknown action.
+
+        """
+        method, node = self.config.homing_method, self._opened()
+        if action != "home" or method is None:
+            raise ValueError(f"{self.title} has no action {action!r}")
+        if self._armed:
+            raise DeviceError(f"{node} is armed", hint="home it at rest, before a run")
+        self._homing.begin(node, method, self._choice.mode)
+
+    def acted(self) -> str | None:
+        """Return what the drive shows once it is homed, None before; see :meth:`Homing.advance`."""
+        told = self._homing.advance()
+        if told is not None:
+            self._unwrap = Unwrap(1 << 32)  # the step in its position is no movement
+            self._zero = self.config.zero or 0.0
+        return told
 
     def make_safe(self) -> None:
         """Switch the drive off: target zero and voltage disabled, twice, each with a SYNC.
@@ -200,6 +226,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             LinkError: the bus takes no frames; the watchdog switches the drive off.
         """
         self._armed = self._enabled = False
+        self._homing.end()
         if not self._reachable():
             return
         for _ in range(2):
@@ -248,6 +275,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def close(self) -> None:
         """Leave the drive pre-operational; closing twice is silent."""
         self._set_up = False
+        self._homing.end()
         node, self._node = self._node, None
         if node is not None:
             node.close()
@@ -303,11 +331,11 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def _send_target(self, target: int) -> None:
         """Queue controlword and target of this cycle; the target counts once enabled."""
         if not self._armed:
-            word, target = cia402.DISABLE_VOLTAGE, 0
+            word, target = self._homing.word, 0
         elif self._enabled:
             word = cia402.ENABLE
         else:
-            word, target = self._enabling.next(self._statusword), 0
+            word, target = self._enabling.next(self._homing.shown), 0
         self.link.put(self._command.identifier, self._command_layout.pack(word, target))
 
     @staticmethod
@@ -414,7 +442,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
             self._node.restart_quietly()
 
     def _follow_state(self) -> None:
-        word = self._statusword
+        word = self._homing.shown
         state = cia402.state_of(word)
         if self._enabled:
             if state is not DriveState.ENABLED:
@@ -449,7 +477,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         if not self._armed or self._enabled:
             return
         if time.monotonic_ns() - self._armed_ns > _ARMING_NS:
-            word = self._statusword
+            word = self._homing.shown
             state = cia402.state_of(word)
             lacks, hint = "", None if word & cia402.VOLTAGE else by_sdo.NOT_ENABLED
             if state is DriveState.ENABLED:

@@ -94,6 +94,7 @@ class SpeedServo(VelocityServo[SpeedServoConfig]):
             row=AxisRow if config.force else MotionRow,
             setpoints=(speed, clutch) if config.clutch else (speed,),
             watchdog_s=config.watchdog_s,
+            actions=config.actions,
         )
 
     def arm(self) -> None:

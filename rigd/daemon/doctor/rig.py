@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -71,7 +71,7 @@ def _examine(look: UnarmedSession, seconds: float, on_check: OnCheck) -> None:
     group = f"{group}, {seconds:g} s at rest"
     for check in survey.cycle(group):
         on_check(check)
-    for check in (*_loads(group, look), *_interlocks(group, look)):
+    for check in (*judge_loads(group, look.loads()), *_interlocks(group, look)):
         on_check(check)
     for check in survey.devices(group):
         on_check(check)
@@ -157,8 +157,9 @@ def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
             yield Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
-def _loads(group: str, look: UnarmedSession) -> Iterator[Check]:
-    for name, load in look.loads().items():
+def judge_loads(group: str, loads: Mapping[str, float]) -> Iterator[Check]:
+    """Yield whether each link, by name, has room; ``loads`` are shares of its capacity, 0 to 1."""
+    for name, load in loads.items():
         found, figures = f"uses at most {load:.0%} of its capacity", {"load": load}
         if load > _FULL:
             advice = "move devices to another bus, or lower `cycle`: messages that wait arrive late"

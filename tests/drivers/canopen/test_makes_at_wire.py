@@ -17,7 +17,7 @@ import pytest
 from support.can_bench import belt, wheel
 from support.can_bench_sim import Shaft
 
-from rigd.sdk import ProtocolError
+from rigd.sdk import ProtocolError, Row
 from rigd.sdk.check import background_loop
 from rigd_drivers import device_file
 from rigd_drivers.can_bus import CanBus, CanBusConfig
@@ -47,6 +47,7 @@ class Bench:
         traits = read_make(make)
         self.drive = Cia402Drive("drive", self.hub, node, motor, ratings, traits=traits)
         self.bus = CanBus(CanBusConfig(interface="hub", channel=str(path)))
+        self.rows: list[Row] = []
 
     def cycle(
         self, driver: CurrentServo | SpeedServo, value: float, until: Callable[[], bool]
@@ -57,7 +58,8 @@ class Bench:
             assert time.monotonic() < deadline
             now = time.monotonic_ns()
             self.bus.begin(now)
-            driver.read(now)
+            row = driver.read(now)
+            self.rows += [] if row is None else [row]
             driver.write([value])
             self.bus.end(now)
             self.bus.wait(lambda: False, 0.002)
@@ -145,5 +147,30 @@ def test_drive_without_profile_is_misread_or_refused() -> None:
         found.cycle(driver, 0.0, driver.ready)
         found.cycle(driver, 0.1, lambda: found.shaft.demand.value != 0.0)
         assert found.shaft.demand.value > 10 * 6.283  # units of 1 count/s taken for 0.001 rpm
+        driver.make_safe()
+        driver.close()
+
+
+@pytest.mark.parametrize("make", ["maxon-epos4", "elmo-gold"])
+def test_homed_drive_is_at_zero_and_runs(make: str) -> None:
+    with bench(make, 2, BELT) as found:
+        options: dict[str, Any] = {"zero": "0 count", "homing": 37, "speed_range": "2 m/s"}
+        driver = belt(found.bus, profile=make, clutch=False, **options)
+        driver.open()
+        told: list[str] = []
+
+        def homed() -> bool:
+            assert found.shaft.demand.value == 0.0
+            told.extend(filter(None, [driver.acted()]))
+            return bool(told)
+
+        driver.act("home")
+        found.cycle(driver, 0.0, homed)
+        assert "shows 0 counts, before 1234" in told[0]
+        found.cycle(driver, 0.0, lambda: not found.shaft.demand.powered)
+        assert found.rows[-1][0] == 0.0
+        driver.arm()  # in the mode that it had before
+        found.cycle(driver, 0.0, driver.ready)
+        found.cycle(driver, 1.0, lambda: found.shaft.demand.value != 0.0)
         driver.make_safe()
         driver.close()

@@ -166,6 +166,17 @@ def test_profile_modes_need_no_bit_12(connect: Connect) -> None:
     assert cycle(driver, port, 0.75)[0] == (0x201, "0f 00 f4 01")  # 500 per mille of 1.5 A
 
 
+def test_profile_may_tell_that_bit_12_stays_0(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus, profile={**ABOUT, "torque": {"follows_bit": False}})
+    driver.open()
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, 0x0237):
+        feedback(port, status)
+        cycle(driver, port, 0.0)
+    assert driver.ready()
+
+
 @pytest.mark.parametrize(
     ("speed", "options", "unit"),
     [

@@ -129,6 +129,16 @@ def test_drive_failing_while_enabled_reports_the_reason(
         driver.read(0)
 
 
+def test_lost_master_advice_names_cable_and_cycle(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    port.say(0x081, "30 81 11 00 00 00 00 00")
+    driver.link.begin(0)
+    with pytest.raises(DeviceError) as caught:
+        driver.read(0)
+    hint = caught.value.hint or ""
+    assert "frames were lost (check cable" in hint and "the cycle stalled" in hint
+
+
 def test_node_leaving_operational_is_a_distinct_fault(connect: Connect) -> None:
     driver, port = enabled(connect)
     for _ in range(2):

@@ -96,3 +96,15 @@ async def test_observer_reads_the_true_state(tmp_path: Path) -> None:
         assert await _position(client) == "0e 00 00 00"
         node.inject("jump", counts=100)
         assert node.state()["position"] == 2.0
+
+
+@on_loop
+async def test_preset_value_becomes_the_position(tmp_path: Path) -> None:
+    async with encoder(tmp_path, SCALE) as (_, client, physics):
+        await _running(client)
+        physics.counts = 100.0
+        assert await _position(client) == "6e 00 00 00"  # it began at 10
+        await written(client, ENCODER, "23 03 60 00 e8 03 00 00")
+        assert await _position(client) == "e8 03 00 00"
+        physics.counts = 102.0
+        assert await _position(client) == "ea 03 00 00"

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, Final, Self
 from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
 from rigd_sim.wire.can.heartbeat import Watch
+from rigd_sim.wire.can.homing402 import Homing
 from rigd_sim.wire.can.ids import Identity, Manners
 from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.states402 import (
@@ -54,6 +55,7 @@ class Mode(IntEnum):
     NONE = 0
     PV = 3
     PT = 4
+    HM = 6
     CSV = 9
     CST = 10
 
@@ -143,6 +145,7 @@ class Cia402Drive(CanopenNode):
         if traits is not None:
             self._velocity_units = traits.velocity_per_rad_s(ratings.counts_per_turn)
         self._machine = StateMachine()
+        self._homing = Homing()
         self._demand = Demand()
         self._held_counts = 0  #: where the shaft is held fast
         self._given_since_ns = self._safe_since_ns = time.monotonic_ns()
@@ -178,6 +181,9 @@ class Cia402Drive(CanopenNode):
         code = MILLI_RPM if self._traits is None else self._traits.velocity_code
         add(0x60A9, 0, Kind.U32, code or 0)
         self._target_velocity = add(0x60FF, 0, Kind.I32, **commanded)
+        self._homing_method = Entry(0x6098, 0, Kind.I8, 0, writable=True)
+        if Mode.HM in self._modes:
+            self.dictionary.add(self._homing_method)
         add(0x6502, 0, Kind.U32, sum(1 << mode - 1 for mode in self._modes))
         outputs = Entry(0x60FE, 1, Kind.U32, 0, writable=True, mappable=True)
         (self._outputs,) = self.dictionary.array(0x60FE, [outputs])
@@ -255,7 +261,7 @@ class Cia402Drive(CanopenNode):
     def sample(self, t_ns: int) -> None:
         """Measure, and bring statusword and actual values up to date."""
         sensed = self._sense(t_ns)
-        self._position.value = _wrapped(sensed.counts)
+        self._position.value = _wrapped(sensed.counts + self._homing.offset)
         self._velocity.value = _clipped(sensed.speed * self._velocity_units, 31)
         self._torque.value = _clipped(sensed.torque / self._rated_torque * 1e3, 15)
         self._current.value = self._torque.value  # one motor: both are of its rating
@@ -302,6 +308,10 @@ class Cia402Drive(CanopenNode):
             self.recovered()
         self._open_enable_input()
         self._mode_shown.value = self._mode.value
+        if self._mode.value == Mode.HM:
+            enabled = self._machine.state is DriveState.OPERATION_ENABLED
+            word, counts = self._control.value, self._sense(t_ns).counts
+            self._homing.follow(word, self._homing_method.value, counts, enabled=enabled)
         self._actuate(t_ns)
 
     def fail(self, code: int, t_ns: int) -> None:
@@ -336,6 +346,7 @@ class Cia402Drive(CanopenNode):
             self._scan = None
         self._bad.hide("stuck")  # without supply, nothing goes on
         self._machine.power_on()
+        self._homing.power_off()
         self._actuate(t_ns)
 
     def _actuate(self, t_ns: int) -> None:
@@ -377,7 +388,9 @@ class Cia402Drive(CanopenNode):
         word = self._machine.state | VOLTAGE_ENABLED
         if "setpoint_ignored" not in self._bad.shown:
             word |= REMOTE
-            if self._machine.state is DriveState.OPERATION_ENABLED and self._shows_bit_12():
+            if self._mode.value == Mode.HM:
+                word |= self._homing.status
+            elif self._machine.state is DriveState.OPERATION_ENABLED and self._shows_bit_12():
                 word |= FOLLOWS
         if abs(self._demand.value) >= self._ratings.current_limit and (
             self._ratings.mode is Mode.CST

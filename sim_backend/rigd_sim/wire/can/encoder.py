@@ -75,6 +75,11 @@ class Cia406Encoder(CanopenNode):
         def add(index: int, sub: int, kind: Kind, value: int) -> Entry:
             return self.dictionary.add(Entry(index, sub, kind, value, mappable=True))
 
+        def preset(value: int) -> None:
+            self.sample(time.monotonic_ns())
+            self._shown += (value - self._counted()) / self._per_turn() * scale.counts_per_turn
+
+        self.dictionary.add(Entry(0x6003, 0, Kind.U32, 0, writable=True, changed=preset))
         self._position = add(0x6004, 0, Kind.U32, scale.start % scale.span)
         (self._speed,) = self.dictionary.array(
             0x6030, [Entry(0x6030, 1, Kind.I16, 0, mappable=True)]
@@ -146,11 +151,12 @@ class Cia406Encoder(CanopenNode):
 
     def _counted(self) -> int:
         """Return the position as the settings have it."""
-        if self._settings.value & SCALED:
-            per_turn, span = self._units.value, self._range.value
-        else:
-            per_turn, span = STEPS, STEPS * self._scale.turns
-        return round(self._shown / self._scale.counts_per_turn * per_turn) % span
+        scaled = self._settings.value & SCALED
+        span = self._range.value if scaled else STEPS * self._scale.turns
+        return round(self._shown / self._scale.counts_per_turn * self._per_turn()) % span
+
+    def _per_turn(self) -> int:
+        return self._units.value if self._settings.value & SCALED else STEPS
 
     def apply(self, t_ns: int) -> None:
         """Do nothing: an encoder takes no orders."""
