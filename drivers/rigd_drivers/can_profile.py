@@ -147,6 +147,19 @@ class EncoderProfile(NodeProfile):
     """The TPDO that carries the position at every SYNC."""
 
 
+class TransmitterProfile(NodeProfile):
+    """What rigd must know of a make of CiA 404 transmitter beyond the standard."""
+
+    value: ObjectChoice = ObjectChoice(object="7130:01", type="int16")
+    """Object of the process value: 7130:01 with 16 bits, 9130:01 with 32."""
+    status: bool = True
+    """Whether the status of the measurement (6150:01) is mapped beside it."""
+    tare: bool = True
+    """Whether it can be set to zero by object 6125:01."""
+    pdo: PdoChoice = FIRST_TPDO
+    """The TPDO that carries the value at every SYNC."""
+
+
 def distinct(pdos: Sequence[PdoChoice], what: str) -> None:
     """Raise ValueError if two of ``pdos`` have the same number."""
     numbers = [each.number for each in pdos]

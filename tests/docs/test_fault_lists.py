@@ -12,6 +12,7 @@ from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.wire.can.drive import Cia402Drive
 from rigd_sim.wire.can.encoder import Cia406Encoder
 from rigd_sim.wire.can.misbehaviour import FAULTS
+from rigd_sim.wire.can.transmitter import Cia404Transmitter
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lines import SimLines
 from rigd_sim.wire.modbus.part import LINE_FAULTS
@@ -35,6 +36,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "CANopen node": FAULTS,
     "CiA 402 servo": beyond(Cia402Drive.faults, FAULTS),
     "CiA 406 encoder": beyond(Cia406Encoder.faults, FAULTS),
+    "CiA 404 transmitter": beyond(Cia404Transmitter.faults, FAULTS),
     "NI card": SimNi.faults,
     "Relay": SimRelay.faults,
     "Scale": SimScale.faults,

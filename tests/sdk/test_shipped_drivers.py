@@ -29,6 +29,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
                 "outputs": {"speed": {"variable": "omega", "unit": "rad/s"}}},
     "modbus-transmitter": {"host": "cell", "map": "laumas-tlb4", "low": "-500 N", "high": "500 N",
                            "scale": "0.01 N/count"},
+    "cia404-transmitter": {"node": 21, "unit": "5 N", "low": "-1500 N", "high": "1500 N"},
     "modbus-servo": {"host": "drive", "map": "schneider-atv320", "max_speed": "300 rpm",
                      "watchdog": "0.5 s"},
     "line-outputs": {"port": "tcp://supply:5025", "ask": r"MEAS:VOLT?\n",

@@ -12,6 +12,8 @@ from rigd.sdk.check import Observed, Peer, background_loop
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.can.node import CanopenNode
+from rigd_sim.wire.can.transmitter import Cia404Transmitter
 from rigd_sim.wire.hub import CanHub
 
 #: Travel of the belt per turn of the motor, in m.
@@ -56,7 +58,7 @@ class CountingDrive(Cia402Drive):
         )
 
 
-def _node(kind: str, hub: CanHub) -> Cia402Drive | Cia406Encoder:
+def _node(kind: str, hub: CanHub) -> CanopenNode:
     shaft = Shaft()
     motor = Motor(shaft.sense, shaft.command)
     if kind == "current":
@@ -67,12 +69,14 @@ def _node(kind: str, hub: CanHub) -> Cia402Drive | Cia406Encoder:
         drive = CountingDrive("motor", hub, 3, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
         drive.is_belt = False
         return drive
+    if kind == "transmitter":
+        return Cia404Transmitter("cell", hub, 21, lambda t_ns: 3.0)
     return Cia406Encoder("encoder", hub, 11, lambda t_ns: 0.0, Scale(4096, 4096))
 
 
 @contextmanager
 def can_peer(kind: str) -> Iterator[Peer]:
-    """A node that runs: `current`, `speed`, `rotary` or `encoder`."""
+    """A node that runs: `current`, `speed`, `rotary`, `encoder` or `transmitter`."""
     path = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp")) / "bus"
     hub = CanHub("bus", path)
     node = _node(kind, hub)

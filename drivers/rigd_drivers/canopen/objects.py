@@ -1,7 +1,8 @@
 """Defines entries of a CANopen object dictionary: index, type, and how a value is packed.
 
 Sources: CiA 301, section 7.5 (1000h range); CiA 402-2 and -3 (6000h range of drives); CiA 406
-(6000h range of encoders); maxon EPOS4 Firmware Specification (3001h).
+(6000h range of encoders); CiA 404
+(6100h and 7100h ranges of measuring devices); maxon EPOS4 Firmware Specification (3001h).
 """
 
 from __future__ import annotations
@@ -102,3 +103,10 @@ LINEAR_POSITION: Final = Entry(0x6020, 1, "i", "position value of channel 1")
 OPERATING_STATUS: Final = Entry(0x6500, 0, "H", "operating status")
 STEPS_PER_REVOLUTION: Final = Entry(0x6501, 0, "I", "single-turn resolution")
 REVOLUTIONS: Final = Entry(0x6502, 0, "H", "number of distinguishable revolutions")
+
+# CiA 404, channel 1
+AUTOZERO: Final = Entry(0x6125, 1, "I", "autozero")
+PHYSICAL_UNIT: Final = Entry(0x6131, 1, "I", "physical unit of the process value")
+DECIMAL_DIGITS: Final = Entry(0x6132, 1, "B", "decimal digits of the process value")
+MEASURED_STATUS: Final = Entry(0x6150, 1, "B", "status of the measurement")
+PROCESS_VALUE: Final = Entry(0x7130, 1, "h", "process value")

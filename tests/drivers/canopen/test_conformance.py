@@ -12,6 +12,7 @@ from rigd.sdk.check import check_driver
 from rigd_drivers.cia402_servo.current import CurrentServo
 from rigd_drivers.cia402_servo.rotary import RotaryServo
 from rigd_drivers.cia402_servo.speed import SpeedServo
+from rigd_drivers.cia404_transmitter import Cia404Transmitter
 from rigd_drivers.cia406_encoder import Cia406Encoder
 
 
@@ -50,6 +51,11 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
             },
         ),
         (Cia406Encoder, "encoder", {"node": 11, "kind": "rotary"}),
+        (
+            Cia404Transmitter,
+            "transmitter",
+            {"node": 21, "unit": "5 N", "low": "-1500 N", "high": "1500 N"},
+        ),
     ],
 )
 def test_can_drivers_work_as_drivers_do(
