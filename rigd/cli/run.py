@@ -83,7 +83,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--compression",
         choices=("zstd", "lz4", "none"),
         default="zstd",
-        help=("recording to write (default: a name in --runs)"),
+        help="compression of the recording (default: zstd)",
     )
     parser.add_argument("--operator", metavar="NAME", help="operator of the run, for the recording")
     options.add_about(parser)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -30,6 +33,25 @@ def test_help_names_every_command_and_every_exit_code(tmp_path: Path) -> None:
         assert f"  {command}" in shown
     for code in Exit:
         assert f"{int(code)}  " in shown
+
+
+def test_every_option_has_a_help_of_its_own() -> None:
+    texts = [
+        (parser.prog, action.help)
+        for parser in every_parser(cli.build_parser())
+        for action in parser._actions
+        if action.option_strings and action.help is not None
+    ]
+    assert len(texts) > 100
+    assert [text for text, times in Counter(texts).items() if times > 1] == []
+
+
+def every_parser(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from every_parser(command)
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path: Path) -> None:
