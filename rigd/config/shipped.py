@@ -86,7 +86,7 @@ def titled(name: str, location: str) -> str:
 def _named_files(folder: Path, kind: Kind) -> Iterator[tuple[Path, str]]:
     """Yield the files of ``folder`` that state their kind, with the name that they give."""
     pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*([A-Za-z0-9_-]+)", re.MULTILINE)
-    for file in sorted(folder.glob("*.yaml")):
+    for file in sorted(item for item in folder.glob("*.yaml") if item.is_file()):
         try:
             with file.open("rb") as stream:
                 head = stream.read(_HEAD_BYTES).decode("utf-8", errors="replace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,17 @@ def test_own_file_precedes_the_shipped_file(
     own.parent.mkdir()
     own.write_text("# mine\nrig: lugre-1\n")
     assert find_file("lugre-1", "configs").resolve() == own
+
+
+def test_pipe_in_the_folder_delays_no_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Opened to be read, it would wait for its writer: each command that takes a name would hang."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo(tmp_path / "pipe.yaml")
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "bench.yaml").write_text("rig: bench-7\n")
+    assert find_file("bench-7", "configs") == Path("bench.yaml")
 
 
 def test_name_in_two_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
