@@ -118,7 +118,7 @@ def _print(info: RunInfo) -> None:
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "run": info.state + (f": {info.reason}" if info.reason else ""),
         "file": "damaged" if info.problem else f"not checked (`rigd verify {named}` does)",
-        "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
+        "trials": _counted(info),
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
         "--set": ", ".join(
             f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
@@ -175,10 +175,17 @@ def _print_trials(console: Console, info: RunInfo) -> None:
     for trial in info.trials:
         lasted = "" if trial.end_ns is None else f"{(trial.end_ns - trial.start_ns) * 1e-9:.2f}"
         values = (trial.text(name) for name in names)
-        state = "complete" if trial.complete else f"not complete: {trial.reason or 'no end'}"
+        whole = trial.reason or "played"  # its rows are not checked here
+        state = whole if trial.complete else f"not complete: {trial.reason or 'no end'}"
         texts = (str(trial.number), lasted, *values, state)
         table.add_row(*(escape(plain(text)) for text in texts))
     print_table(console, table)
+
+
+def _counted(info: RunInfo) -> str:
+    """Return how many trials there are; those are not complete that ended early or lost rows."""
+    missing = len(info.trials) - info.trials_done
+    return f"{len(info.trials)} begun" + (f", {missing} not complete" if missing else "")
 
 
 def _recorded(info: RunInfo) -> str:

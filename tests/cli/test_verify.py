@@ -117,14 +117,17 @@ def test_info_claims_nothing_about_an_unchecked_file(
 ) -> None:
     spoil(path, 2)
     assert main(["info", "run.mcap"]) == 0
-    assert "not checked (`rigd verify run.mcap` does)" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    assert "file        not checked (`rigd verify run.mcap` does)" in lines
+    of_the_run = "run         complete: all played"  # and not of its rows
+    assert [line for line in lines if "complete" in line] == [of_the_run]
 
 
 def test_info_lists_the_trials(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "run.mcap"]) == 0
     lines = capsys.readouterr().out.splitlines()
     first = next(line.split() for line in lines if line.strip().startswith("1 "))
-    assert first == ["1", "2.00", "100", "mm/s", "complete"]
+    assert first == ["1", "2.00", "100", "mm/s", "played"]
 
 
 def test_a_notebook_counts_one_trial(tmp_path: Path) -> None:
@@ -145,7 +148,7 @@ def test_a_repair_keeps_the_damaged_file(path: Path, capsys: pytest.CaptureFixtu
     assert Path("run.mcap.orig").read_bytes() == damaged
     assert main(["info", "run.mcap"]) == 0
     said = capsys.readouterr().out
-    assert "1 complete, 2 begun" in said
+    assert "2 begun, 1 not complete" in said
     assert "run.mcap lacks 100 rows of axis" in said
     assert main(["verify", "run.mcap"]) == 0
     assert main(["recover", "run.mcap"]) == 0

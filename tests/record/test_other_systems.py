@@ -67,7 +67,7 @@ json.dump(codes, sys.stdout)
 """
 #: What is done with a recording, and a word that it shows.
 READING = {
-    "info": (["info", "pvc.mcap"], "3 complete"),
+    "info": (["info", "pvc.mcap"], "3 begun"),
     "runs": (["runs", "."], "constant_current"),
     "verify": (["verify", "pvc.mcap"], "pvc.mcap: sound"),
     "csv": (["export", "pvc.mcap", "--to", "csv", "--stream", "carriage"], "carriage.csv"),

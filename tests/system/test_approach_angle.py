@@ -126,7 +126,7 @@ def test_each_run_is_sampled_from_command_to_stop(whole: Path) -> None:
 def test_info_shows_procedure_and_parameters(whole: Path) -> None:
     told = rigd("info", "run.mcap", cwd=whole)
     assert told.code == 0
-    assert "4 complete" in told.out
+    assert "4 begun" in told.out
     assert "angle = 30 deg" in told.out
     assert "calibration.yaml" in told.out
 
