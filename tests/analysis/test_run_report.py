@@ -13,7 +13,9 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 from support.markup import outline
 
+from rigd.analysis.report.layout import Panel
 from rigd.analysis.run_page import parse_selection, run_report, samples
+from rigd.analysis.run_page.figures import Shown, StepSpan, one_trial
 from rigd.analysis.run_page.samples import Attempt, gather, shared_time
 from rigd.model.channels import STALE, STATUS_FIELD, Channel, Stream
 from rigd.model.errors import ConfigError, DataError, RecordingError
@@ -115,6 +117,17 @@ def test_trial_is_shown_with_parameters_steps_and_end(tmp_path: Path) -> None:
     assert "settle 0.00 to 0.20 s; drive 0.20 to 1.00 s" in text
     assert "all steps played" in text
     assert "axis.position" in text
+
+
+def test_every_second_step_of_trial_is_shaded() -> None:
+    steps = [StepSpan(0.0, 0.2, "settle"), StepSpan(0.2, 0.7, "drive"), StepSpan(0.7, 1.0, "rest")]
+    shown = [Shown("axis", Panel(("position",), "m")), Shown("axis", Panel(("speed",), "m/s"))]
+    figure = one_trial(shown, {}, 1.0, steps, (), {})
+    for ax in figure.axes[: len(shown)]:
+        (shade,) = ax.collections
+        extents = [path.get_extents() for path in shade.get_paths()]
+        assert [(box.x0, box.x1) for box in extents] == [(0.2, 0.7)]
+    assert "drive" in [text.get_text() for text in figure.texts]
 
 
 def test_parameters_that_vary_are_columns(tmp_path: Path) -> None:
