@@ -76,8 +76,13 @@ def execute(args: argparse.Namespace) -> int:
         table.add_column(name, overflow="fold")
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
-    table.add_column("set", overflow="fold")
-    table.add_column("meta", overflow="fold")
+    assigned = {
+        heading: name
+        for heading, name in (("set", "overrides"), ("meta", "meta"))
+        if any(info.metadata.get(name) for info in catalogue.runs)
+    }
+    for heading in assigned:
+        table.add_column(heading, overflow="fold")
     for info in catalogue.runs:
         total = info.metadata.get("run", {}).get("trials", "?")
         texts = (
@@ -89,8 +94,7 @@ def execute(args: argparse.Namespace) -> int:
             f"{info.trials_done}/{total}",
             f"{info.duration_s:.0f}",
             f"{info.size / 1e6:.1f}",
-            _assigned(info, "overrides"),
-            _assigned(info, "meta"),
+            *(_assigned(info, name) for name in assigned.values()),
         )
         table.add_row(*(escape(plain(text)) for text in texts))
     print_rows(console, table)

@@ -6,10 +6,11 @@ import sys
 import textwrap
 from collections.abc import Sequence
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod, RenderableType
 from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 #: Wider than any table; in columns.
 _WIDEST = 10_000
@@ -31,20 +32,34 @@ def folding_table(*columns: str) -> Table:
 def print_rows(console: Console, table: Table) -> None:
     """Print ``table``; if the terminal is too narrow, print its rows as paragraphs.
 
-    The first cell of each row gets its own line, and so may be long; the others follow, indented.
+    The first cell of each row gets its own line, and so may be long; the others follow, indented
+    and in columns, as far as these fit.
     """
     least, _, gaps = _needs(console, table)
     if sum(least) + gaps <= console.width:
         print_table(console, table)
         return
-    first, *others = table.columns
-    for name, *texts in zip(
-        (first.header, *first.cells),
-        *((other.header, *other.cells) for other in others),
-        strict=True,
-    ):
+    first, *others = (
+        [Text.from_markup(str(cell)) for cell in (column.header, *column.cells)]
+        for column in table.columns
+    )
+    for column, cells in zip(table.columns[1:], others, strict=True):
+        _align(cells, column.justify)
+    for name, *cells in zip(first, *others, strict=True):
         console.print(name, soft_wrap=True)
-        console.print(Padding("  ".join(str(text) for text in texts if text), (0, 0, 0, 2)))
+        line = Text("  ").join(cells)
+        line.rstrip()
+        console.print(Padding(line, (0, 0, 0, 2)))
+
+
+def _align(cells: Sequence[Text], justify: JustifyMethod) -> None:
+    """Pad the cells of a column to one width."""
+    width = max(cell.cell_len for cell in cells)
+    for cell in cells:
+        if justify == "right":
+            cell.pad_left(width - cell.cell_len)
+        else:
+            cell.pad_right(width - cell.cell_len)
 
 
 def print_table(console: Console, table: Table) -> None:
@@ -68,9 +83,20 @@ def _needs(console: Console, table: Table) -> tuple[list[int], list[int], int]:
         [Measurement.get(console, options, cell) for cell in (column.header, *column.cells)]
         for column in table.columns
     ]
-    least = [max(cell.minimum for cell in cells) for cells in needs]
+    least = [
+        max(
+            cell.minimum + _indent(text)
+            for cell, text in zip(cells, (column.header, *column.cells), strict=True)
+        )
+        for cells, column in zip(needs, table.columns, strict=True)
+    ]
     most = [max(cell.maximum for cell in cells) for cells in needs]
     return least, most, Measurement.get(console, options, table).maximum - sum(most)
+
+
+def _indent(text: RenderableType) -> int:
+    """Return the number of spaces before the first word; a line needs them beside the word."""
+    return len(text) - len(text.lstrip()) if isinstance(text, str) else 0
 
 
 def shared(room: int, least: Sequence[int], most: Sequence[int]) -> list[int]:

@@ -12,7 +12,7 @@ from rich.table import Table
 from support.terminal import Terminal
 
 from rigd.cli.main import main
-from rigd.cli.screen import print_table, shared, wrapped
+from rigd.cli.screen import print_rows, print_table, shared, wrapped
 
 RECORDING = "runs/20261121-080000-constant_current-a_name_that_is_long.mcap"
 
@@ -55,6 +55,31 @@ def test_recordings_fit_eighty_columns(folder: Path) -> None:
     assert max(len(line) for line in lines) <= 80
 
 
+def test_column_that_no_recording_fills_is_absent(folder: Path) -> None:
+    heading = shown(folder, 300, "runs")[0].split()
+    assert heading[:2] == ["recording", "recorded"]
+    assert not {"set", "meta"} & set(heading)
+
+
+def test_cells_below_a_long_name_stay_in_columns() -> None:
+    table = Table(box=None, pad_edge=False)
+    for name in ("recording", "procedure", "state"):
+        table.add_column(name)
+    table.add_column("MB", justify="right")
+    table.add_row("a" * 30, "quick", "complete", "1.5")
+    table.add_row("b" * 30, "constant_current", "stopped", "20.8")
+    screen = io.StringIO()
+    print_rows(Console(file=screen, width=40), table)
+    assert [line.rstrip() for line in screen.getvalue().splitlines()] == [
+        "recording",
+        "  procedure         state       MB",
+        "a" * 30,
+        "  quick             complete   1.5",
+        "b" * 30,
+        "  constant_current  stopped   20.8",
+    ]
+
+
 def test_table_narrower_than_terminal_keeps_to_it() -> None:
     lines = drawn(40, "a few words that wrap in their column").splitlines()
     assert max(map(len, lines)) <= 40
@@ -66,6 +91,14 @@ def test_a_table_wider_than_the_terminal_stays_whole() -> None:
     assert [line.split() for line in drawn(40, word).splitlines()] == [
         ["parameter", "where"], [word, word]
     ]  # fmt: skip
+
+
+def test_an_indented_name_is_not_cut() -> None:
+    table = Table("option", "meaning", box=None, pad_edge=False)
+    table.add_row("  data_bits", "a_setting_of_the_scale in its menu")
+    screen = io.StringIO()
+    print_table(Console(file=screen, width=34), table)
+    assert "data_bits" in screen.getvalue().split()
 
 
 @pytest.mark.parametrize(

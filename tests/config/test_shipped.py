@@ -66,7 +66,7 @@ def test_own_file_precedes_the_shipped_file(
 def test_pipe_in_the_folder_delays_no_search(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Opened to be read, it would wait for its writer: each command that takes a name would hang."""
+    """To open it waits for its writer: each command that takes a name would hang."""
     monkeypatch.chdir(tmp_path)
     os.mkfifo(tmp_path / "pipe.yaml")
     (tmp_path / "folder.yaml").mkdir()
