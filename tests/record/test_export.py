@@ -31,7 +31,7 @@ FIELDS = ("current", "speed", "counts", "status")
 def given(
     create: Create, rows: MakeRows, servo: Stream, force: Stream, start_ns: int
 ) -> NDArray[np.void]:
-    """Rows of a recording run.mcap with one trial from 0.5 s to 1 s."""
+    """Rows of a recording run.mcap with one trial from 0.5 s to 1 s, its step from 0.6 s."""
     moved = rows(servo, 1_500)
     moved["current"][3] = math.nan
     moved["speed"][4] = math.inf
@@ -39,6 +39,7 @@ def given(
         writer.write("wheel_servo", moved)
         writer.write("force", rows(force, 10))
         writer.event(start_ns + 500_000_000, "trial_start", 7, {"note": 'a "quoted", µ'})
+        writer.event(start_ns + 600_000_000, "step", 7, {"name": "drive"})
         writer.event(start_ns + 1_000_000_000, "trial_end", 7, {"complete": True})
     return moved
 
@@ -51,6 +52,9 @@ def check_columns(columns: dict[str, NDArray[np.float64]], given: NDArray[np.voi
     expected = np.full(1_500, -1)
     expected[500:1_000] = 7
     np.testing.assert_array_equal(columns["trial"], expected)
+    inside = expected == 7
+    np.testing.assert_allclose(columns["trial_time"][inside], np.arange(500) * 1e-3, atol=1e-9)
+    assert np.isnan(columns["trial_time"][~inside]).all()
 
 
 def test_parquet_export_has_columns_and_events(given: NDArray[np.void], tmp_path: Path) -> None:
@@ -63,11 +67,12 @@ def test_parquet_export_has_columns_and_events(given: NDArray[np.void], tmp_path
     ]
     table = pyarrow.parquet.read_table(paths[0])
     check_columns({name: table[name].to_numpy() for name in table.column_names}, given)
+    assert table["step"].to_pylist()[599:601] == ["", "drive"]
     assert table["current"].null_count == 0
     assert table.field("current").metadata[b"unit"] == b"A"
     assert json.loads(table.schema.metadata[b"rigd.run"])["procedure"] == "sweep"
     events = pyarrow.parquet.read_table(paths[2]).to_pylist()
-    assert [event["kind"] for event in events] == ["trial_start", "trial_end"]
+    assert [event["kind"] for event in events] == ["trial_start", "step", "trial_end"]
     assert json.loads(events[0]["data"]) == {"note": 'a "quoted", µ'}
 
 
@@ -87,15 +92,17 @@ def test_csv_export_has_columns_and_events(given: NDArray[np.void], tmp_path: Pa
         for name in table.column_names
     }
     check_columns(columns, given)
+    assert list(columns["step"][599:601]) == ["", "drive"]
 
 
 def test_mat_export_has_columns_units_and_events(given: NDArray[np.void], tmp_path: Path) -> None:
     paths = export(Recording.open(tmp_path / "run.mcap"), tmp_path / "out", "mat")
     content = scipy.io.loadmat(paths[0], squeeze_me=True, simplify_cells=True)
     check_columns(content, given)
+    assert (list(content["step"][599:601]), content["step_names"]) == ([0, 1], "drive")
     assert content["units"]["speed"] == "rad/s"
     events = scipy.io.loadmat(paths[2], squeeze_me=True, simplify_cells=True)
-    assert list(events["kind"]) == ["trial_start", "trial_end"]
+    assert list(events["kind"]) == ["trial_start", "step", "trial_end"]
 
 
 @pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
