@@ -86,9 +86,10 @@ def _recorded(infos: Sequence[RunInfo]) -> str:
             continue
         dates.setdefault(moment.of, {})[moment.at.astimezone(UTC).strftime(_DATE)] = None
         if is_virtual(info):
-            virtual[f"{VIRTUAL} from {info.started[:10]}"] = None
+            virtual[info.started[:10]] = None
     texts = [_some(found, ", ") + _OF[of][len(found) > 1] for of, found in dates.items()]
-    return "; ".join([*texts, *virtual])
+    since = [f"{VIRTUAL} from {_some(virtual, ', ')}"] if virtual else []
+    return "; ".join([*texts, *since])
 
 
 def _operator(info: RunInfo) -> str:
