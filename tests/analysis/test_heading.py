@@ -72,7 +72,9 @@ def test_several_dates_share_one_remark(tmp_path: Path) -> None:
 def test_virtual_times_of_many_recordings_stay_short(tmp_path: Path) -> None:
     """Each seed of a simulation has a virtual time of its own."""
     infos = [
-        info_of(tmp_path / f"{day}.mcap", {**VIRTUAL, "started": f"2020-01-{day:02}T00:00:00+00:00"})
+        info_of(
+            tmp_path / f"{day}.mcap", {**VIRTUAL, "started": f"2020-01-{day:02}T00:00:00+00:00"}
+        )
         for day in range(1, 12)
     ]
     two, many = (dict(heading(some, MADE).entries)["Recorded"] for some in (infos[:2], infos))

@@ -21,21 +21,24 @@ def _execute(args: argparse.Namespace) -> int:
     if args.json:
         print_json([_as_json(item) for item in found])
     else:
-        _print(found)
+        show_rigs(found)
     return 0
 
 
-def _print(found: list[DiscoveredRig]) -> None:
+def show_rigs(found: list[DiscoveredRig]) -> None:
+    """Print a line for each rig, or what to do if there is none."""
     from rich.markup import escape
 
     from rigd.cli.screen import folding_table, open_console, print_table
+    from rigd.config.remote import DEFAULT_ENDPOINT
     from rigd.remote.client.remotes import list_path
 
     console = open_console()
     if not found:
         console.print(
-            f"no rig on this machine, and no entry in {escape(str(list_path()))}\n  rigd "
-            "serve --rig RIG serves a rig",
+            f"no rig at {DEFAULT_ENDPOINT}, and no entry in {escape(str(list_path()))}\n"
+            "  `rigd serve --rig RIG` serves a rig; a rig that listens at another address needs an "
+            "entry, as in `rigd remote list --help`",
             soft_wrap=True,
         )
         return
@@ -80,7 +83,8 @@ COMMANDS = {
         _execute,
         add_json,
         """\
-The command asks the addresses in ~/.config/rigd/remotes.yaml and this machine, nothing else.
+The command asks the addresses in ~/.config/rigd/remotes.yaml and tcp/127.0.0.1:7447, nothing else.
+A second rig of this computer listens at another port, and so needs an entry:
 
   remotes:
     lugre-1: {endpoint: tcp/127.0.0.1:7447}

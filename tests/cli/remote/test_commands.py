@@ -16,6 +16,7 @@ from support.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRI
 from support.played_rig import RUN
 from support.served_rig import Served, free_port, serve
 
+from rigd.cli.remote.rigs import show_rigs
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import ClientUser, as_json
 from rigd.remote.protocol.status import Interrupted, TripView
@@ -56,6 +57,14 @@ def until(look: Callable[[], T], true: Callable[[T], bool]) -> None:
     while not true(seen := look()):
         assert time.monotonic() < deadline_s, seen
         time.sleep(0.02)
+
+
+def test_list_names_the_only_address_that_it_asks(capsys: pytest.CaptureFixture[str]) -> None:
+    """A rig of this computer that listens elsewhere is found by its entry alone."""
+    show_rigs([])
+    told = " ".join(capsys.readouterr().out.split())
+    assert told.startswith("no rig at tcp/127.0.0.1:7447, and no entry in ")
+    assert "a rig that listens at another address needs an entry" in told
 
 
 def test_status_shows_state_prompt_and_holder(ask: Asking) -> None:
