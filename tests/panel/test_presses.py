@@ -166,6 +166,13 @@ def test_a_start_is_confirmed_with_all_parameters(panel: ServedPanel, watched: W
     facts = page.get_by_role("dialog").locator(".facts")
     for text in ("stone", "all of the sweep", "1.1\u202fm", "4\u202fs", "10", "1 min 33 s"):
         expect(facts).to_contain_text(text)
+    closing = page.get_by_role("group", name="If you close this page, or it loses its connection")
+    expect(closing.get_by_role("radio")).to_have_count(3)
+    closing.get_by_label("the trial is finished, then the run stops").check()
+    press(page, "Start now")
+    wait_until(
+        lambda: [item["on_client_loss"] for item in given(panel, "start")] == ["finish_trial"]
+    )
 
 
 def test_one_enter_held_answers_one_question(panel: ServedPanel, watched: Watched) -> None:
