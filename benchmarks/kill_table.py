@@ -5,7 +5,7 @@ from the recording. The rig is the shipped one at the wire.
 
     python benchmarks/kill_table.py --kills 50 --table kills.jsonl --holding
                         continues the table: stop it and start it as you like; with --holding, a
-                        controller moves the wheel
+                        controller moves the wheel, with --held it does so in a step that is held
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.killing import (
+    HELD,
     HOLDING,
     PATIENT,
     RIM_HOLD,
@@ -51,6 +52,8 @@ def one_kill(
     state = own_state(place)
     run = Victim(rig, place, state, movement)
     try:
+        if movement is HELD:
+            run.hold()
         time.sleep(draw.uniform(0.0, 1.0))
         killed = run.hit(victim, SIGNALS[number])
     finally:
@@ -88,6 +91,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=2, help="of each victim by each signal")
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     parser.add_argument("--holding", action="store_true", help="while a controller acts")
+    parser.add_argument("--held", action="store_true", help="the same in a step that is held")
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     draw = random.Random(args.seed)
@@ -104,7 +108,9 @@ def main() -> int:
         for _ in range(args.kills - done[victim, SIGNALS[number].name])
     ]
     draw.shuffle(missing)
-    movement, changes = (HOLDING, PATIENT | RIM_HOLD) if args.holding else (SHAKING, PATIENT)
+    movement, changes = (SHAKING, PATIENT)
+    if args.holding or args.held:
+        movement, changes = (HELD if args.held else HOLDING), PATIENT | RIM_HOLD
     with (
         tempfile.TemporaryDirectory() as folder,
         wire_rig(Path(folder), "wire-table", changes) as rig,

@@ -1,16 +1,18 @@
 """Plays a compiled procedure on the simulated plant; returns duration and margins to limits.
 
 The dry run uses the same engine, the same interlocks and the same plant as the run itself. Only the
-recording is left out.
+recording is left out. A procedure with steps that can be held is played once more, and each of them
+is held: what happens then refuses it too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from rigd.config.rig import RigConfig
+from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, step_rows
 from rigd.dry_run.swings import PASSAGES, Swings
@@ -73,33 +75,55 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
             "nothing is played",
         )
     rig = procedure.on(rig)
+    sink, clock, result = _play(procedure, rig, seed)
+    refusals = _refusals(sink, result, rig)
+    if not refusals and can_be_held(procedure):
+        spans_ns = spans_of(sink.steps, clock.now())
+        held, _, ending = _play(with_holds(procedure), rig, seed, spans_ns)
+        refusals = [
+            f"with each step held once: {reason}" for reason in _refusals(held, ending, rig)
+        ]
+    peaks = tuple(_peaks(procedure, rig, sink))
+    steps = step_rows(procedure, rig, sink.steps, clock.now())
+    return DryRunResult(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
+
+
+def _play(
+    procedure: CompiledProcedure,
+    rig: RigConfig,
+    seed: int,
+    spans_ns: Mapping[tuple[int, str], int] | None = None,
+) -> tuple[PeakSink, VirtualClock, RunResult]:
+    """Play ``procedure``; with ``spans_ns``, how long its steps take, hold those that can be."""
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)
-    held = {name.partition(".")[0]: name for name in rig.loops}
-    swings = {name: Swings(f"{goal.partition('.')[2]}_setpoint") for name, goal in held.items()}
+    held = [name.partition(".") for name in rig.loops]
+    swings = {name: Swings(f"{channel}_setpoint") for name, _, channel in held}
     sink = PeakSink(swings=swings)
-    everything = {
-        s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name
-    }
-    host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=everything)
+    record = {s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name}
+    host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=record)
+    if spans_ns is not None:
+        host = HoldingHost(wiring.cycle, clock, sink=sink, record=record, spans_ns=spans_ns)
     change = None if wiring.plant is None else wiring.plant.change
-    answering = replace(procedure, record=everything)
-    result = Run(answering, host, control, OwnAnswers(), change).execute()
-    peaks = tuple(_peaks(procedure, rig, sink))
+    answering = replace(procedure, record=record)
+    return sink, clock, Run(answering, host, control, OwnAnswers(), change).execute()
+
+
+def _refusals(sink: PeakSink, result: RunResult, rig: RigConfig) -> list[str]:
+    """Return why the procedure must not run, from what it did."""
     refusals = list(sink.trips)
     refusals += [f"a setpoint of {name} exceeds its limit" for name in sorted(sink.cut)]
+    loops = {name.partition(".")[0]: goal for name, goal in rig.loops.items()}
     refusals += [
-        f"controller {name}: {rig.loops[held[name]]} swings from one limit to the other, "
+        f"controller {name}: {loops[name]} swings from one limit to the other, "
         f"{found.most} times while the setpoint is constant: lower the gains"
-        for name, found in swings.items()
+        for name, found in sink.swings.items()
         if found.most >= PASSAGES
     ]
     if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
-    refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]
-    steps = step_rows(procedure, rig, sink.steps, clock.now())
-    return DryRunResult(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
+    return refusals + [f"trial {n} would end early: {why}" for n, why in result.incomplete]
 
 
 def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iterator[PredictedPeak]:

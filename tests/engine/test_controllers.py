@@ -14,6 +14,7 @@ from support.bench import ListSink
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
 from rigd.dry_run import dry_run
+from rigd.dry_run.holding import HoldingHost
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
@@ -115,6 +116,15 @@ class Played:
             return change(len(calls), read(t_ns) or ())
 
         driver.read = spoilt  # type: ignore[method-assign, assignment]
+
+    def play_held(self, step: str) -> tuple[Severity, str]:
+        """Play the program, and hold ``step`` after 1.5 s of it as a person would."""
+        record = {stream.name: Recorded() for stream in self.cycle.rig.streams}
+        self.host = HoldingHost(
+            self.cycle, self.cycle.clock, sink=self.sink, record=record,
+            spans_ns={(self.host.trial, step): 3_000_000_000},
+        )  # fmt: skip
+        return self.play()
 
     def play(self) -> tuple[Severity, str]:
         outcome = self.host.play(self.program)
@@ -270,3 +280,42 @@ def test_end_at_friction_acts_in_cycle_seeing_it(count: int) -> None:
         assert found[end] > limit
         assert current[end - 1] > 0.0
         assert current[end] == 0.0  # written in the cycle that read it
+
+
+@pytest.mark.parametrize("held", ["0.4 A", "rest"])
+def test_hold_hands_over_without_bump_on_plant(held: str) -> None:
+    """The hold sets the current itself, 0.4 or 0.8 A from where the controller had it."""
+    hold = f"      hold: {{set: {{wheel_servo.current: {held}}}, timeout: 2 s}}\n"
+    played = Played(rig_with(), PROCEDURE.replace("for: 1 s\n", f"for: 3 s\n{hold}"))
+    assert played.play_held("hold") == (Severity.DONE, "")
+    rows, current = played.sink.of("rim_hold"), played.sink.of("wheel_servo")["current_setpoint"]
+    active, speed = rows["active"], rows["speed"]
+    ends = np.flatnonzero(np.diff(active) == -1)[0] + 1
+    begins = np.flatnonzero(np.diff(active) == 1)[1] + 1
+    asked = 0.4 if held == "0.4 A" else 0.0
+    assert np.all(current[ends + 1 : begins] == asked)
+    # What the setpoint (1 m/s^2) and the noise of the speed change in a cycle, by kp and ki.
+    noise = float(np.abs(np.diff(speed[ends - 500 : ends])).max())
+    change = 5 * (1e-3 + noise) + 300 * 1e-3 * 1e-3
+    assert abs(current[begins] - asked) < change
+    assert np.abs(np.diff(current[begins - 1 : begins + 3])).max() < 3 * change
+    # The speed goes to where it was, and beyond it no farther than its noise, twice.
+    spread = float(np.abs(speed[ends - 500 : ends] - 0.12).max())
+    after = speed[begins : begins + 1500]
+    assert speed[begins] - 2 * spread < after.min()
+    assert after.max() < 0.12 + 2 * spread
+    assert np.abs(after[500:] - 0.12).max() < 2 * spread
+
+
+def test_dry_run_refuses_what_a_hold_does() -> None:
+    hold = "      hold: {set: {wheel_servo.current: 1.1 A}, timeout: 2 s}\n"
+    limits = "trial:\n  limits:\n    rim.speed: {low: -0.1 m/s, high: 0.13 m/s}\n"
+    rig, text = rig_with(), PROCEDURE.replace("trial:\n", limits)
+    assert dry_run(compiled(rig, text), rig, seed=1).refusals == ()
+    held = compiled(rig, text.replace("for: 1 s\n", f"for: 1 s\n{hold}"))
+    (refusal,) = dry_run(held, rig, seed=1).refusals
+    assert refusal.startswith("with each step held once: trial 1 would end early: rim.speed = 0.13")
+    mild = text.replace("for: 1 s\n", f"for: 1 s\n{hold.replace('1.1', '0.4')}")
+    found = dry_run(compiled(rig, mild), rig, seed=1)
+    assert found.refusals == ()
+    assert found.duration_s == dry_run(compiled(rig, text), rig, seed=1).duration_s

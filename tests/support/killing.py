@@ -125,6 +125,14 @@ trial:
 record: all
 """,
 )
+#: The same, in a step that is held: the controller then lets the wheel turn at one speed.
+HELD = replace(
+    HOLDING,
+    procedure=HOLDING.procedure.replace(
+        "      for: 7200 s\n",
+        "      for: 7200 s\n      hold: {set: {rim_hold: 0.08 m/s}, timeout: 1 h}\n",
+    ),
+)
 DRIVING = Movement(
     """\
 procedure: drive
@@ -194,6 +202,16 @@ class Victim:
         told = self.told()
         self.end()
         raise AssertionError(f"the run did not begin to move: {told}")
+
+    def hold(self) -> None:
+        """Hold the step that plays, as its operator would; return when it is held and moves."""
+        deadline = time.monotonic() + START_S
+        self.process.send_signal(signal.SIGUSR1)
+        while time.monotonic() < deadline:
+            if self.folder.board()[Word.HELD] and self._movement.moves(self.rig.parts()):
+                return
+            time.sleep(0.02)
+        raise AssertionError(f"the step was not held: {self.told()}")
 
     def pids(self) -> dict[str, int]:
         """The processes of the run by their job."""

@@ -17,12 +17,14 @@ import numpy as np
 import pytest
 from support.killing import (
     CAPTURING,
+    HELD,
     HELD_S,
     HOLDING,
     PATIENT,
     QUARTER,
     RIM_HOLD,
     Killed,
+    Movement,
     Victim,
     bound_s,
     captured,
@@ -96,13 +98,19 @@ def holding_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]
         yield rig.without("accelerometer")
 
 
-@pytest.mark.parametrize("victim", ["cycle", "all"])
+@pytest.mark.parametrize(
+    ("victim", "movement"),
+    [("cycle", HOLDING), ("all", HOLDING), ("cycle", HELD), ("daemon", HELD)],
+    ids=["cycle", "all", "cycle, held", "daemon, held"],
+)
 def test_kill_while_controller_acts_leaves_safe_rig(
-    holding_bench: WireRig, tmp_path: Path, victim: str
+    holding_bench: WireRig, tmp_path: Path, victim: str, movement: Movement
 ) -> None:
     state = own_state(tmp_path)
-    run = Victim(holding_bench, tmp_path, state, HOLDING)
+    run = Victim(holding_bench, tmp_path, state, movement)
     try:
+        if movement is HELD:
+            run.hold()
         with witnessed() as lost_s:
             killed = run.hit(victim, signal.SIGKILL)
             stalled_s = lost_s()
@@ -110,6 +118,8 @@ def test_kill_while_controller_acts_leaves_safe_rig(
         run.end()
     assert killed.safe_after_s < bound_s(holding_bench, victim, signal.SIGKILL) + stalled_s
     assert killed.gaps == 0
-    recorded = Recording.open(run.recording).read("rim_hold")
-    assert np.any(recorded["active"] == 1.0)
+    recording = Recording.open(run.recording)
+    assert np.any(recording.read("rim_hold")["active"] == 1.0)
+    phases = [event.data["phase"] for event in recording.events() if event.kind == "hold"]
+    assert phases == (["held"] if movement is HELD else [])
     shutil.rmtree(state)
