@@ -29,6 +29,7 @@ BENCHES = (
     "simulated_run",
     "derived",
     "controllers",
+    "held_speed",
     "computing_wire",
     "model_in_loop",
     "simulated_bus",
