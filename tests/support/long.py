@@ -387,6 +387,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "system/test_kills.py": (
             "test_kill_while_controller_acts_leaves_safe_rig[all]",
             "test_kill_while_controller_acts_leaves_safe_rig[cycle]",
+            "test_kill_while_controller_acts_leaves_safe_rig[cycle held]",
+            "test_kill_while_controller_acts_leaves_safe_rig[daemon held]",
             "test_kill_leaves_safe_rig_and_every_sample[all-SIGHUP-None]",
             "test_kill_leaves_safe_rig_and_every_sample[all-SIGSTOP-None]",
             "test_kill_leaves_safe_rig_and_every_sample[cycle-SIGSTOP-None]",

@@ -101,7 +101,7 @@ def holding_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]
 @pytest.mark.parametrize(
     ("victim", "movement"),
     [("cycle", HOLDING), ("all", HOLDING), ("cycle", HELD), ("daemon", HELD)],
-    ids=["cycle", "all", "cycle, held", "daemon, held"],
+    ids=["cycle", "all", "cycle held", "daemon held"],
 )
 def test_kill_while_controller_acts_leaves_safe_rig(
     holding_bench: WireRig, tmp_path: Path, victim: str, movement: Movement
