@@ -72,6 +72,20 @@ def test_preset_becomes_count_without_a_movement(connect: Connect) -> None:
     assert driver.acted() is None  # told once
 
 
+def test_preset_forgets_turns_beyond_range(connect: Connect) -> None:
+    node = made(at=0)
+    node.objects[0x6502, 0] = number(1, 2)  # 4096 counts, then from 0 again
+    bus, port = connect(node)
+    driver = encoder(bus, preset=1000, zero="0 count")
+    driver.open()
+    for count in (1500, 3000, 400, 1900, 3400, 800):  # twice past the end
+        cycled(driver, port, count)
+    node.objects[POSITION] = number(800, 4)
+    driver.act("preset")
+    assert reply(driver) is not None
+    assert cycled(driver, port, 1000) == pytest.approx(1000 / 4096 * 2 * math.pi)
+
+
 def test_own_zero_begins_again_at_preset(connect: Connect) -> None:
     bus, port = connect(made())
     driver = encoder(bus, preset=1000)
