@@ -40,7 +40,9 @@ class RunDisplay:
     def __init__(self, *, quiet: bool, paused: str) -> None:
         self._quiet = quiet
         self._paused = paused
-        self._console = Console(stderr=True, highlight=False)
+        self._console = Console(  # in a pipe each line stays one line
+            stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty()
+        )
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),

@@ -38,8 +38,9 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[str, str]:
 def test_run_names_its_files_first_and_records_them(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, err = told(capsys, "run", "quick", "--rig", "lugre-1", "--output", "run.mcap")
-    assert err.startswith(f"{TITLE}, 2 trials, recording to run.mcap")
+    assert main(["run", "quick", "--rig", "lugre-1", "--output", "run.mcap"]) == 0
+    first = capsys.readouterr().err.splitlines()[0]  # whole: this is no terminal
+    assert first == f"{TITLE}, 2 trials, recording to run.mcap"
     run = Recording.open(folder / "run.mcap").metadata["run"]
     assert (
         f"{run['procedure']} ({run['procedure_file']}) on {run['rig']} ({run['rig_file']})" == TITLE
