@@ -63,13 +63,20 @@ async function byLine(verb) {
 }
 
 /**
- * Request `stop`, `abort` or `estop`; the answer contains whether the request was new.
+ * Request `stop`, `abort` or `estop`; the answer contains whether the request was new. If both ways
+ * were taken, it counts as new: that the second is not may be because the first was carried out.
  * @param {Stop} verb
  */
 export async function stop(verb) {
+  const isOnLine = line?.readyState === WebSocket.OPEN;
   const answered = byLine(verb);
   const silence = new Promise((done) => setTimeout(done, SILENT_MS, null));
-  const request = Promise.race([answered.catch(() => null), silence]).then((answer) => answer ?? postStop(verb));
+  const first = Promise.race([answered.catch(() => null), silence]);
+  const request = first.then(async (answer) => {
+    if (answer !== null) return answer;
+    const second = await postStop(verb);
+    return isOnLine ? { ...second, acted: true } : second;
+  });
   try {
     return await Promise.any([answered, request]);
   } catch (error) {

@@ -166,6 +166,7 @@ export function mountStops(root) {
       // At the press, not at the release: only for this button that difference matters.
       onpointerdown: (event) => event.button === 0 && send(verb),
       onclick: (event) => event.detail === 0 && send(verb), // by keyboard or a screen reader
+      onkeydown: (event) => event.repeat && event.preventDefault(), // a key held is one press
     }, name);
   });
   const hint = el("span", { class: "stop-hint", "aria-hidden": "true" });
