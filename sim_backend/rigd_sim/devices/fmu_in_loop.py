@@ -336,6 +336,7 @@ class FmuInLoop(Driver[FmuInLoopConfig, None]):
             config.fmu,
             config.start_values(),
             step_ns=config.step_ns,
+            setup_s=config.set_up,
             deadline_s=config.deadline,
             priority=0 if self.lockstep else PRIORITY,
         )

@@ -103,7 +103,7 @@ def test_wrong_entry_is_named_with_its_place(
 def test_set_up_that_never_returns_is_refused(flywheel: Path, tmp_path: Path) -> None:
     told = refusal(
         flywheel, tmp_path, "  deadline: 1 s\n  start: {inertia: 0.1 kg m^2}",
-        "  deadline: 50 ms\n  start: {fault: setup-hang}",
+        "  set_up: 0.5 s\n  start: {fault: setup-hang}",
     )  # fmt: skip
     assert "set-up did not return within 0.5 s" in told
 

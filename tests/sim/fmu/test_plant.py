@@ -167,4 +167,4 @@ def test_file_changed_since_its_check_is_refused(flywheel: Path, tmp_path: Path)
     checked = config_of(path).fmu
     path.write_bytes(flywheel.read_bytes() + bytes(1))
     with pytest.raises(DeviceError, match="the file has changed since it was checked"):
-        FmuProcess(checked, (), step_ns=MS, deadline_s=5.0)
+        FmuProcess(checked, (), step_ns=MS, setup_s=60.0, deadline_s=5.0)

@@ -28,7 +28,9 @@ class UnitOptions(Documented):
     start: dict[str, str] = Field(default_factory=dict)
     """Values of parameters and inputs at the start, each in a unit: `{mass: 2 kg}`."""
     deadline: Annotated[float, In("s"), Gt(0), Le(600)] = 5.0
-    """Longest time for one step, of the wall; set-up may take ten times as long."""
+    """Longest time for one step, of the wall."""
+    set_up: Annotated[float, In("s"), Gt(0), Le(600)] = 60.0
+    """Longest time for loading the FMU and initialising it, of the wall."""
 
     @field_validator("file")
     @classmethod
@@ -45,7 +47,7 @@ class UnitOptions(Documented):
         """Set the FMU up once, in a process of its own, before anything moves."""
         start = self.start_values()
         try:
-            _tried(self.file, self.fmu.sha256, start, self.deadline)
+            _tried(self.file, self.fmu.sha256, start, self.set_up, self.deadline)
         except DeviceError as error:
             raise WrongEntries([(("file",), str(error))]) from error
         return self
@@ -184,6 +186,10 @@ def _with_unit(fmu: FmuFile, name: str, value: Any) -> str:
 
 
 @lru_cache(maxsize=16)
-def _tried(file: str, sha256: str, start: tuple[Start, ...], deadline_s: float) -> None:
+def _tried(
+    file: str, sha256: str, start: tuple[Start, ...], setup_s: float, deadline_s: float
+) -> None:
     """Set an FMU up and end it; one that could be set up is not tried again."""
-    FmuProcess(read_fmu(Path(file)), start, step_ns=1, deadline_s=deadline_s, logging=True).close()
+    FmuProcess(
+        read_fmu(Path(file)), start, step_ns=1, setup_s=setup_s, deadline_s=deadline_s, logging=True
+    ).close()

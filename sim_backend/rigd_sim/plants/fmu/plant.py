@@ -60,7 +60,11 @@ class FmuPlant(Plant):
         self._wired = False
         try:
             self._process = FmuProcess(
-                self.fmu, config.start_values(), step_ns=self.grid_ns, deadline_s=config.deadline
+                self.fmu,
+                config.start_values(),
+                step_ns=self.grid_ns,
+                setup_s=config.set_up,
+                deadline_s=config.deadline,
             )
         except DeviceError as error:
             raise ConfigError(str(error)) from error

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Final
 
 from rigd.model.errors import DeviceError
 from rigd_sim.plants.fmu.description import FmuFile
@@ -23,8 +22,6 @@ from rigd_sim.plants.fmu.messages import FAILED, LARGEST, REQUEST, STEP, Setup, 
 
 #: A value that an FMU takes before it is initialised: its name and the number or text.
 Start = tuple[str, float | int | bool | str]
-#: Set-up loads Python, libraries and tables: it may take so many deadlines.
-SETUP_DEADLINES: Final = 10
 
 
 class FmuProcess:
@@ -34,7 +31,8 @@ class FmuProcess:
         fmu: the file.
         start: values in the FMU's own units.
         step_ns: its communication step.
-        deadline_s: the longest time for an answer.
+        setup_s: the longest time for loading and initialising it.
+        deadline_s: the longest time for every other answer.
         logging: whether it is asked for all that it can report.
         priority: of SCHED_FIFO at which it takes its steps, 0 for an ordinary program.
 
@@ -50,6 +48,7 @@ class FmuProcess:
         start: Sequence[Start],
         *,
         step_ns: int,
+        setup_s: float,
         deadline_s: float,
         logging: bool = False,
         priority: int = 0,
@@ -87,7 +86,7 @@ class FmuProcess:
                 for name, value in start
             ],
         )
-        self._ask(json.dumps(asdict(setup)).encode(), "set-up", SETUP_DEADLINES * deadline_s)
+        self._ask(json.dumps(asdict(setup)).encode(), "set-up", setup_s)
 
     def wire(self, wires: Wires) -> None:
         """Choose what steps set and return.
