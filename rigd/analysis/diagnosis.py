@@ -83,12 +83,6 @@ class _End:
     chosen: list[Tested]
     gone: list[Tested]
 
-    @property
-    def deviance(self) -> float:
-        """Return -2 ln L but for a constant: each end has noise of its own."""
-        noise = sum(whitener.log_scale for whitener in self.fit.model.noise)
-        return 2.0 * (self.fit.fit.cost - noise)
-
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -186,6 +180,12 @@ def diagnose(
         state.jump,
         tuple(doubts),
     )
+
+
+def _deviance(found: OutputErrorFit) -> float:
+    """Return -2 ln L but for a constant: each fit has noise of its own."""
+    noise = sum(whitener.log_scale for whitener in found.model.noise)
+    return 2.0 * (found.fit.cost - noise)
 
 
 def _mean_square(found: OutputErrorFit) -> float:
@@ -301,8 +301,8 @@ def _variants(item: Tested) -> Callable[[], Iterable[Suspect]] | None:
 def _preferred(ends: Sequence[_End]) -> _End:
     """Return the end that fits best; of those that the data do not tell apart, a constant's."""
     able = [end for end in ends if end.fit.converged] or list(ends)
-    least = min(end.deviance for end in able)
-    near = [end for end in able if end.deviance - least < TOLD_APART]
+    least = min(_deviance(end.fit) for end in able)
+    near = [end for end in able if _deviance(end.fit) - least < TOLD_APART]
     return next((end for end in near if end.last.candidate is None), near[0])
 
 
@@ -343,6 +343,9 @@ def _refitted(
 ) -> OutputErrorFit:  # fmt: skip
     """Return the fit with all that was chosen, from ``sizes`` (c,); effects are taken twice.
 
+    A fit from there may end beside the optimum, where slip turns its sign: the better of the two
+    is returned.
+
     Raises:
         DataError: with the fitted motion one of them has more or fewer values than before.
     """
@@ -350,6 +353,7 @@ def _refitted(
     base = own_parameters(found)
     released = frozenset(item.place for item in chosen if item.candidate is None)
     own = len(system.shared)
+    ends: list[OutputErrorFit] = []
     for _ in range(2):
         columns = _side_by_side(_again(chosen, candidates, base), system)
         if columns[0].shape[2] != sizes.size:
@@ -357,9 +361,11 @@ def _refitted(
         extended = Extended(system, _unknowns(chosen, sizes), columns, released)
         points = [np.concatenate([start, sizes]) for start in (base[:own], *others)]
         fitted = refit(extended, points, block)
+        ends.append(fitted)
         base, others = extended.theta_of_system(fitted.fit.theta), []
         sizes = fitted.fit.theta[own : own + sizes.size]
-    return fitted
+    able = [end for end in ends if end.converged] or ends[-1:]
+    return min(able, key=_deviance)
 
 
 def _sizes(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> FloatArray:

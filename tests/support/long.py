@@ -184,6 +184,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_measuring_wheel_out_of_centre_is_named",
             "test_constant_is_named_not_a_law_without_size",
             "test_rig_with_correct_constants_fits",
+            "test_scale_of_an_encoder_is_named_beside_radius",
         ),
         "analyses/lugre/test_hidden_rigs.py": ("test_intervals_hold_truth_of_hidden_rig",),
         "analyses/lugre/test_identify.py": (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
-from support.lugre_wrong import Program, World, control, right
+from support.lugre_wrong import CONSTANT, Program, World, control, right
 
 from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.model import to_natural
@@ -108,3 +108,15 @@ def test_constant_is_named_not_a_law_without_size() -> None:
     (first, *_) = result.gate.explanations
     assert first.name in ("rolling resistance", "guide friction"), result.gate.sentence
     assert first.stated is not None
+
+
+def test_scale_of_an_encoder_is_named_beside_radius() -> None:
+    """A longer measured way is a larger wheel, but for what the motion of the wheel shows."""
+    world = right("stone")
+    world = replace(world, guide=replace(world.guide, gain=1.01))
+    result = found(world, CONSTANT)
+    assert result.gate is not None
+    (first,) = result.gate.explanations
+    assert first.name == "another scale of the carriage encoder"
+    assert first.size == pytest.approx(0.01, abs=3.0 * first.sd)
+    assert first.others == ("wheel radius",)
