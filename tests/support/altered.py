@@ -133,7 +133,8 @@ def _times(name: str, change: Callable[[NDArray[np.uint64], Random], Any]) -> Sp
 def _rows(name: str, change: Callable[[Rows, Random], Rows]) -> Spoil:
     def spoil(content: Content, random: Random) -> str:
         stream, _ = _channel(content, random)
-        content.rows[stream] = change(content.rows[stream], random)
+        if len(rows := content.rows[stream]):  # another way may have emptied it
+            content.rows[stream] = change(rows, random)
         return f"{name}: {stream}"
 
     return spoil
