@@ -40,6 +40,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_marker_off_its_place_is_named",
             "test_wrong_constant_is_named",
         ),
+        "analyses/articulated/test_random_robots.py": (),
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),

@@ -60,7 +60,7 @@ def _check_seen(item: RobotTrial) -> None:
         else:
             continue
         raise DataError(f"{item.label}: {problem}", hint="`rigd report FILE` draws the recording")
-    moving = np.abs(np.mean(item.speeds[: item.sub], axis=0)) > MOVING_RAD_S
+    moving = np.abs(np.mean(item.speeds[: item.at[1]], axis=0)) > MOVING_RAD_S
     if np.any(moving):
         raise DataError(
             f"{item.label}: the motors turn when the camera's first frames come",
@@ -82,7 +82,7 @@ def _check_sense(trials: Sequence[RobotTrial]) -> None:
     signs = []
     for item in trials:
         turned = item.poses[-1, 2] - item.standing[2]
-        driven = float(np.mean(item.speeds[:, 0] - item.speeds[:, 1]))
+        driven = float(np.mean(item.speeds[item.at, 0] - item.speeds[item.at, 1]))
         if abs(turned) > TURNED and abs(driven) > MOVING_RAD_S:
             signs.append(np.sign(turned * driven))
     if signs and np.mean(signs) < 0.0:

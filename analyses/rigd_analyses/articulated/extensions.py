@@ -135,7 +135,7 @@ class Moved:
         wheels(7, lon * shifted, lat * shifted, none_behind)
         since = item.t_s[:, None]
         wheels(8, lon * since, lat * since, rear * since)
-        nodes = np.arange(len(item.speeds)) / item.sub
+        nodes = item.grid / item.period_s
         at = np.arange(count)
         flat = frames.reshape(count, -1)
         used = np.flatnonzero(np.any(flat != 0.0, axis=0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -27,15 +28,15 @@ from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
 
 SCORES: Final = 10  #: frames, 0.4 s: longest correlation of the scores that is accounted for
 ROUNDS: Final = 2  #: of choosing trials without sliding and fitting them roughly
-ITERATIONS: Final = 10  #: of a fit
+ITERATIONS: Final = 30  #: of a fit; 10 end one in five before its optimum
 DECREASE: Final = 1e-2  #: of the cost, below which it ends
 ENOUGH: Final = 3e-6  #: and below which the fit of all trials does: 0.1 of 3e4
 FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
+WRONG: Final = 1.2  #: mean square from which mu_s and mu_d are sought in all of these trials
 KINETIC: Final = (0.1, 0.15, 0.22, 0.33, 0.45, 0.55, 0.65, 0.8, 1.0, 1.4)  #: sought mu_d
 RATIOS: Final = (1.05, 1.2, 1.35, 1.5, 1.7, 2.0, 2.5)  #: and mu_s over it
-FIRST_RATIO: Final = 1.4
 #: Shares of the mu_s that a fit has found, which are tried besides.
 AGAIN: Final = tuple(
     1.0 + sign * off
@@ -78,7 +79,7 @@ class RobotFound:
         return _widened(conclude(*_fitted(system, theta), SCORES), self.sd)
 
 
-def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFound:
+def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFound:
     """Return the fit of all trials, in two stages; ``grip`` is the share that certainly grips.
 
     The first takes the trials in which no contact slides; the second all, with all parameters.
@@ -86,18 +87,20 @@ def find(rough: RobotSystem, grip: float, notify: Callable[[str], None]) -> Robo
     Raises:
         DataError: every trial slides, or the data cannot answer.
     """
-    check_way(rough)
-    point, sliding = _first_stage(rough, grip, notify)
-    system = replace(
-        rough,
-        trials=tuple(
-            item.finer if k in sliding else item for k, item in enumerate(rough.trials)
-        ),
-    )  # fmt: skip
+    check_way(system)
+    point, sliding = _first_stage(system, grip, notify)
     if sliding:
         notify(f"contacts slide in {len(sliding)} of {len(system.trials)} trials")
-        point = _begin_sliding(system, sliding, point)
+        gripping = point
+        point = _begin_sliding(system, sliding, gripping, SLIDING_S)
     branch = _fitted(system, _theta(system, point))
+    counted = sum(
+        2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
+        for k, item in enumerate(system.trials)
+    )
+    if sliding and 2.0 * branch[1].cost > WRONG * counted:
+        point = _begin_sliding(system, sliding, gripping, math.inf)
+        branch = min(branch, _fitted(system, _theta(system, point)), key=lambda item: item[1].cost)
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
     model, ended, sd = _rescanned(system, sliding, branch)
@@ -190,8 +193,8 @@ def _with_lengths(gate: Gate, off: float) -> Gate:
 def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:
     """Return which torque is off; empty if none is. Most frames hold none, and hide a misfit."""
     squares = []
-    for item, noise, error in zip(system.trials, found.model.noise, found.errors, strict=True):
-        squares.append(noise.whiten_errors(error)[item.torque_seen, :2] ** 2)
+    for k, (noise, error) in enumerate(zip(found.model.noise, found.errors, strict=True)):
+        squares.append(noise.whiten_errors(error)[system.torque_counts(k), :2] ** 2)
     together = np.mean(np.concatenate(squares), axis=0)
     by_trial = np.array([np.mean(part, axis=0) for part in squares])
     for index, side in enumerate(("right", "left")):
@@ -215,7 +218,7 @@ def check_way(system: RobotSystem) -> None:
     """
     radius, ratios, least = system.constants["wheel_radius"][0], [], np.inf
     for item in system.trials:
-        ways = np.sum(np.abs(item.speeds), axis=0) * item.period_s / item.sub
+        ways = np.sum(np.abs(item.speeds[item.at]), axis=0) * item.period_s
         turned = radius / system.gear_ratio * float(np.mean(ways))
         steps = np.hypot(*np.diff(item.poses[::TORQUE_FRAMES, :2], axis=0).T)
         if turned > 0.0:
@@ -278,21 +281,19 @@ def _theta(system: RobotSystem, point: FloatArray) -> FloatArray:
     return np.concatenate([point, np.tile(local, len(system.trials))])
 
 
-def _begin_sliding(system: RobotSystem, sliding: Sequence[int], point: FloatArray) -> FloatArray:
-    """Return ``point`` with the best of a few mu_d and mu_s; where it slides too late is flat."""
-    part = replace(system, trials=tuple(system.trials[k].first(SLIDING_S) for k in sliding))
+def _begin_sliding(
+    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float
+) -> FloatArray:
+    """Return ``point`` with the best of some mu_d and mu_s for the begin of the sliding trials."""
+    part = replace(system, trials=tuple(system.trials[k].first(seconds) for k in sliding))
     model = OutputErrorModel(part, noise_at(part, _theta(part, point)))
-
-    def cost(kinetic: float, ratio: float) -> float:
+    best, least = point, math.inf
+    for kinetic, ratio in itertools.product(KINETIC, RATIOS):
         other = point.copy()
         other[list(FRICTION)] = kinetic, ratio
-        return model.cost(_theta(part, other))
-
-    kinetic = min(KINETIC, key=lambda value: cost(value, FIRST_RATIO))
-    ratio = min(RATIOS, key=lambda value: cost(kinetic, value))
-    began = point.copy()
-    began[list(FRICTION)] = kinetic, ratio
-    return began
+        if (cost := _cost(model, _theta(part, other), least)) < least:
+            best, least = other, cost
+    return best
 
 
 def _rescanned(
@@ -336,30 +337,39 @@ def _by_other_laws(system: RobotSystem, sliding: Sequence[int], branch: Branch) 
     """
     model, theta, place = branch[0], branch[1].theta, FRICTION[1]
     count, farthest = len(SHARED), 0.0
-    columns = np.delete(model.jacobian(theta) * slopes(model.parameters, theta), place, axis=1)
-    sizes = np.linalg.norm(columns, axis=0)
-    basis, _ = np.linalg.qr(columns[:, sizes > 0.0] / sizes[sizes > 0.0])
+    scale = slopes(model.parameters, theta)
+    known = model.known.rows
+    pulls = model.prior_residuals(to_scaled(model.parameters, theta))
+    information, gradient = known.T @ known, known.T @ pulls
+    white, moved = {}, {}
+    for k in range(model.trials):
+        here = model.columns(k)
+        white[k], slope = model.linearise(k, theta)
+        moved[k] = slope * scale[here]
+        information[np.ix_(here, here)] += moved[k].T @ moved[k]
+        gradient[here] += moved[k].T @ white[k]
+    others = np.delete(np.arange(len(gradient)), place)
+    inverse = scaled_pinv(information[np.ix_(others, others)])
 
-    def cost(white: FloatArray) -> float:
-        return 0.5 * float(white @ white - np.sum((basis.T @ white) ** 2))
+    def gained(gradient: FloatArray) -> float:
+        return 0.5 * float(gradient[others] @ inverse @ gradient[others])
 
-    before = model.residuals(theta)
-    most = cost(before) + RULED_OUT_ROUGHLY
+    most = RULED_OUT_ROUGHLY - gained(gradient)
     order = sorted(sliding, key=lambda k: len(system.trials[k].poses))  # short ones rule out soon
     for width in WIDTHS:
         other, allowed = replace(system, width=width), 0.0
         for up in UP:
-            rows, white, worse = theta[:count].copy(), before.copy(), 0.0
+            rows, slope, worse = theta[:count].copy(), gradient.copy(), 0.0
             rows[place] *= 1.0 + up * width
             for k in order:
-                shown = other.simulate(k, rows, theta[model.columns(k)[count:]])
+                here = model.columns(k)
+                shown = other.simulate(k, rows, theta[here[count:]])
                 part = model.noise[k].whiten_errors(shown - system.measured[k]).ravel()
-                here = model.trial_slices[k]
-                worse += 0.5 * float(part @ part - white[here] @ white[here])
-                white[here] = part
+                worse += 0.5 * float(part @ part - white[k] @ white[k])
+                slope[here] += moved[k].T @ (part - white[k])
                 if not worse < HOPELESS:
                     break
-            if worse < HOPELESS and cost(white) < most:
+            if worse < HOPELESS and worse - gained(slope) < most:
                 allowed = 1.0 + up * width
         if not allowed:
             break

@@ -24,6 +24,7 @@ from rigd.analysis.kernel import kernel
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Integers = NDArray[np.int64]
 #: Parameters of a simulation, in this order.
 NAMES: Final = (
     *("k_lon", "k_lat", "k_roll", "wheel_radius", "half_track", "half_wheelbase"),
@@ -39,8 +40,7 @@ TIME: Final = LANES - 1
 #: of the front centre along and across the rear module, yaw rates, integrals of contact torques.
 X, Y, TH2, G, VU, VV, W1, W2, QR, QL = range(10)
 STATES: Final = 10
-#: Contacts: the front wheels in the paper's order, then the rear axles, whose wheels are alike.
-CONTACTS: Final = 6
+CONTACTS: Final = 6  #: front wheels in the paper's order, then rear axles, whose wheels are alike
 #: What may disturb a robot: speeds of the wheels, forces along and across and a moment on the front
 #: module, a force across and a moment on the rear one.
 DISTURBED: Final = 7
@@ -48,7 +48,7 @@ EVENTS: Final = 32  #: cuts of a step; contacts that still alternate then keep t
 LOCATED: Final = 1e-12  #: share of a step to which a cut is located
 BEYOND: Final = 1e-9  #: squared force over squared limit, less 1, beyond which a branch is left
 STOPPED: Final = 1e-9  #: rate of that in 1/s below which the instant of a cut has no derivative
-#: Intermediate results of `rates` for `tangents`; those of front contact k are at FRONT + 8 k.
+#: Results of `rates` for `tangents`; those of front contact k are at FRONT + 8 k.
 CG, SG, C2, S2, U1, V1, U2, V2, ALONG, ACROSS, TURN, DR, DL, F2V, GU, AU, AV, A1, A2 = range(19)
 A2U, LOAD, HR, HL, M11, M12, M22, FU, FV, HB, LAT_F, LAT_R = range(19, 31)
 FRONT: Final = 32  #: slip, eta, f_lon, f_lat, P, Pc, Gaa, Gac
@@ -386,22 +386,23 @@ def leap(p: Floats, dp: Floats, speeds: Floats, slope: Floats, push: Floats, y: 
 
 
 @kernel
-def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late: float,
+def simulate(p: Floats, dp: Floats, speeds: Floats, grid: Floats, frames_at: Integers, late: float,
              disturbed: Floats, moving: bool) -> tuple[Floats, ...]:  # fmt: skip
-    """Return what a camera sees, and the motors feel, with one frame each ``sub`` steps.
+    """Return what a camera sees, and the motors feel, at the frames in ``frames_at`` (f,).
 
     ``p`` (16,) are the parameters (NAMES) and WIDTH, ``dp`` (15, LANES) which of them a lane is the
-    derivative to; ``speeds`` (n, 2) those of the wheels in rad/s, right and left, ``step`` s apart,
-    straight lines in between; ``late`` the latency in steps. ``disturbed`` (n, DISTURBED, LANES),
-    or none, is what moves the robot besides, for a unit of each lane. The front centre starts at
-    rest in the origin, heading along x less the hinge's angle of the rear one.
+    derivative to; ``speeds`` (n, 2) those of the wheels in rad/s, right and left, at the times
+    ``grid`` (n,) in s, straight in between: a frame is at one of these, the last at the last;
+    ``late`` is the latency in s. ``disturbed`` (n, DISTURBED, LANES), or none, is what moves the
+    robot besides, for a unit of each lane. The front centre starts at rest in the origin, heading
+    along x less the hinge's angle of the rear one.
 
     For the f frames: poses (f, 6) and their rates (f, 6), integrals of the contact torques (f, 2)
     in N m s, the derivatives of poses and integrals (f, 6, LANES), (f, 2, LANES); contact forces
     (f, CONTACTS, 3): along and across in N (rear: of a wheel, across alone), and whether it slides;
     and the largest force of each contact over its load without sliding (CONTACTS,).
     """
-    n, frames = speeds.shape[0], (speeds.shape[0] - 1) // sub + 1
+    n, frames, now = speeds.shape[0], frames_at.size, 0
     pose, rate, torque = np.zeros((frames, 6)), np.zeros((frames, 6)), np.zeros((frames, 2))
     lanes = LANES if moving else 0
     by_pose, by_torque = np.zeros((frames, 6, lanes)), np.zeros((frames, 2, lanes))
@@ -422,8 +423,9 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
     rates(p, speeds[0, 0], speeds[0, 1], y, slides, k[4], w, excess)
     shown = 0
     for i in range(n):
-        if i % sub == 0:
-            frame = i // sub
+        if i == frames_at[now]:
+            frame = now
+            now = min(now + 1, frames - 1)
             torque[frame, 0], torque[frame, 1] = y[QR], y[QL]
             if moving:
                 by_torque[frame] = rows[QR:]
@@ -434,7 +436,8 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
                 forces[frame, j, 2] = 1.0 if slides[j] else 0.0
         if i == n - 1:
             break
-        seen = shown < frames and (shown * sub - late < i + 1 or i >= n - 2)
+        step = grid[i + 1] - grid[i]
+        seen = shown < frames and (grid[frames_at[shown]] - late < grid[i + 1] or i >= n - 2)
         if seen:
             place(p, dp, y, k[4], rows, moving, at[0], at[1], at_moved)
         done, events = 0.0, 0
@@ -481,17 +484,17 @@ def simulate(p: Floats, dp: Floats, speeds: Floats, step: float, sub: int, late:
         if seen:
             place(p, dp, y, k[4], rows, moving, after[0], after[1], after_moved)
         while seen and shown < frames:
-            due = shown * sub - late
-            if due >= i + 1 and i < n - 2:
+            due = grid[frames_at[shown]] - late
+            if due >= grid[i + 1] and i < n - 2:
                 break
-            s = 0.0 if due < 0.0 else due - i
+            s = 0.0 if due < grid[0] else (due - grid[i]) / step
             for j in range(6):
                 p0, p1, v0, v1 = at[0, j], after[0, j], step * at[1, j], step * after[1, j]
                 rest = p1 - p0
                 bend, twist = 3.0 * rest - 2.0 * v0 - v1, v0 + v1 - 2.0 * rest
                 pose[shown, j] = p0 + s * (v0 + s * (bend + s * twist))
                 pace = (v0 + s * (2.0 * bend + 3.0 * s * twist)) / step
-                rate[shown, j] = 0.0 if due < 0.0 else pace
+                rate[shown, j] = 0.0 if due < grid[0] else pace
                 if moving:
                     for lane in range(LANES):
                         m0, m1 = at_moved[j, lane], after_moved[j, lane]

@@ -17,11 +17,19 @@ from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.articulated.analysis import MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle
-#: Step for a trial in which contacts may slide: 0.1 mm off 0.5 ms, where 4 ms are 0.3 mm. Speeds
-#: are means over 4 ms all the same: noise would move the instants at which contacts change.
-FINE_STEP_S = 0.002
+#: Step in a frame in which a speed is not straight: the wheels give way as a contact grips again,
+#: and a speed that is smoothed over 4 ms there lets it grip 0.5 ms early: 0.4 mm of way.
+FINE_STEP_S = 0.0005
+#: A speed is smoothed over as long as it is straight: by the widest mean, up to this half width in
+#: s, that agrees with all narrower ones within AGREE of their standard deviations.
+WIDEST_S = 0.128
+AGREE = 3.0
+SURE = 0.01  #: rad/s: no speed of a motor is known better
+EDGE_S = 0.002  #: half width below which a speed is taken as not straight
+EDGES = 2  #: samples like that in a frame that make it one of FINE_STEP_S
 EXCHANGED_M = 0.1  #: a marker does not jump so far off its neighbours within a frame
-AROUND = 2  #: frames to either side that show where a marker is
+#: Frames to either side that show where a marker is; at an end the five that are there.
+AROUND = 2
 LATEST_S = 0.2  #: no frame comes later: those that come earlier in a trial may be of before it
 #: Frames that a torque is the mean of. The robot follows its wheels within a frame: noise of the
 #: measured speeds, which would pull k_lon down by 1 % at one frame, is out of a longer mean.
@@ -33,10 +41,10 @@ NS = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class RobotTrial:
-    """A trial on n frames, ``period_s`` apart, and ``sub`` steps of simulation in each.
+    """A trial on n frames, ``period_s`` apart, and the steps of its simulation.
 
-    ``speeds`` (m, 2) are those of the motors at the steps in rad/s, right and left, made of
-    ``samples`` (times in s after the first frame, and values, of each); ``torques`` (n, 2) means in
+    ``speeds`` (m, 2) are those of the motors in rad/s, right and left, at the times ``grid`` (m,)
+    in s after the first frame; frames are ``at`` (n,) of them. ``torques`` (n, 2) are means in
     N m over TORQUE_FRAMES before a frame; ``poses`` (n, 6) as in POSES, headings unwrapped, and
     ``seen`` (n, 6) which of them the camera has. ``speed_noise`` is the standard deviation in rad/s
     of a mean of the speed between frames, ``torque_noise`` in N m that of a mean of the torque.
@@ -46,29 +54,22 @@ class RobotTrial:
     recording: str
     number: int
     period_s: float
-    sub: int
+    grid: FloatArray
+    at: NDArray[np.int64]
     speeds: FloatArray
     torques: FloatArray
     poses: FloatArray
     seen: NDArray[np.bool_]
     speed_noise: float
     torque_noise: float
-    samples: tuple[tuple[FloatArray, FloatArray], ...]
-
-    @property
-    def finer(self) -> RobotTrial:
-        """Return the trial with the steps that sliding contacts need."""
-        sub = math.ceil(self.period_s / FINE_STEP_S - 1e-6)
-        return replace(
-            self, sub=sub, speeds=_speeds(self.samples, self.period_s, len(self.poses), sub)
-        )
 
     def first(self, seconds: float) -> RobotTrial:
         """Return the begin of the trial."""
-        count = min(len(self.poses), 1 + math.ceil(seconds / self.period_s))
+        count = min(len(self.poses), 1 + math.ceil(min(seconds, 1e6) / self.period_s))
+        end = int(self.at[count - 1]) + 1
         return replace(
-            self, speeds=self.speeds[: (count - 1) * self.sub + 1], torques=self.torques[:count],
-            poses=self.poses[:count], seen=self.seen[:count],
+            self, grid=self.grid[:end], at=self.at[:count], speeds=self.speeds[:end],
+            torques=self.torques[:count], poses=self.poses[:count], seen=self.seen[:count],
         )  # fmt: skip
 
     @property
@@ -113,10 +114,10 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
         seen[at, column] = True
         poses[at, column] = values
     for module in (slice(0, 3), slice(3, 6)):
-        _clean(poses[:, module], seen[:, module], times)
-    sub = math.ceil(period / STEP_S - 1e-6)
-    samples = tuple((read[name][0] - times[0], read[name][1]) for name in MOTORS)
-    speeds = _speeds(samples, period, count, sub)
+        clean(poses[:, module], seen[:, module], times)
+    grid, at, speeds = steps(
+        [(read[name][0] - times[0], read[name][1]) for name in MOTORS], period, count
+    )
     torques = np.stack(
         [_mean(*read[name], times - TORQUE_FRAMES * period, times) for name in TORQUES]
     )
@@ -127,19 +128,58 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
     words = [f"{sweep.parameter(info, name)}" for name in info.parameters]
     return RobotTrial(
         f"{sweep.info.procedure} {info.number} ({', '.join(words)})", str(sweep.path), info.number,
-        period, sub, speeds, np.ascontiguousarray(torques.T), poses, seen,
-        speed / math.sqrt(per_frame), torque / math.sqrt(TORQUE_FRAMES * per_frame), samples,
+        period, grid, at, speeds, np.ascontiguousarray(torques.T), poses, seen,
+        speed / math.sqrt(per_frame), torque / math.sqrt(TORQUE_FRAMES * per_frame),
     )  # fmt: skip
 
 
-def _speeds(
-    samples: Sequence[tuple[FloatArray, FloatArray]], period_s: float, count: int, sub: int
-) -> FloatArray:
-    """Return the means (n, 2) of both speeds around the steps of ``count`` frames."""
-    nodes: FloatArray = period_s / sub * np.arange((count - 1) * sub + 1, dtype=np.float64)
-    half = 0.5 * max(period_s / sub, STEP_S)
-    means = [_mean(t, values, nodes - half, nodes + half) for t, values in samples]
-    return np.ascontiguousarray(np.stack(means, axis=1))
+def steps(
+    motors: Sequence[tuple[FloatArray, FloatArray]], period_s: float, count: int
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """Return the steps (m,) in s of ``count`` frames, which of them these are, and speeds (m, 2).
+
+    ``motors`` are times in s after the first frame, and values.
+    """
+    narrow, speeds = np.zeros(count, np.int64), []
+    for t, values in motors:
+        smooth, half = smoothed(t, values)
+        speeds.append((t, smooth))
+        edges = np.floor(t[half < EDGE_S] / period_s).astype(np.int64)
+        np.add.at(narrow, edges[(edges >= 0) & (edges < count)], 1)
+    few, many = (math.ceil(period_s / step - 1e-6) for step in (STEP_S, FINE_STEP_S))
+    each = np.where(narrow >= EDGES, many, few)[:-1]
+    at = np.append(0, np.cumsum(each))
+    frame = np.repeat(np.arange(count - 1), each)
+    grid = period_s * np.append(frame + (np.arange(at[-1]) - at[frame]) / each[frame], count - 1.0)
+    columns = [np.interp(grid, t, smooth) for t, smooth in speeds]
+    return grid, at, np.ascontiguousarray(np.stack(columns, axis=1))
+
+
+def smoothed(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a signal (n,) with white noise, smooth but for its own edges, and half widths in s.
+
+    Each value is a mean around its time over as long as the signal is straight within its noise:
+    the intersection of confidence intervals (Goldenshluger and Nemirovski, Math. Methods of
+    Statistics 6, 1997). The noise itself would let contacts slide that do not, and would be in the
+    torques; a mean of one width would round off the edges that sliding contacts leave.
+    """
+    count, sd, dt = len(t), max(white_noise(values), SURE), float(np.median(np.diff(t)))
+    total = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)))
+    index, room = np.arange(count), np.minimum(np.arange(count), np.arange(count)[::-1])
+    best, widths, agree = values.copy(), np.zeros(count), np.ones(count, np.bool_)
+    low, high = values - AGREE * sd, values + AGREE * sd
+    half = 1
+    while half * dt <= WIDEST_S:
+        inside = np.minimum(half, room)
+        first, last = index - inside, index + inside
+        span = np.where(inside > 0, t[last] - t[first], 1.0)
+        mean = np.where(inside > 0, (total[last] - total[first]) / span, values)
+        reach = AGREE * sd / np.sqrt(np.maximum(2.0 * inside, 1.0))
+        low, high = np.maximum(low, mean - reach), np.minimum(high, mean + reach)
+        agree &= low <= high
+        best, widths = np.where(agree, mean, best), np.where(agree, half * dt, widths)
+        half *= 2
+    return best, widths
 
 
 def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArray, FloatArray]:
@@ -162,13 +202,15 @@ def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArra
     return t_s[kept], values[kept]
 
 
-def _clean(poses: FloatArray, seen: NDArray[np.bool_], times: FloatArray) -> None:
+def clean(poses: FloatArray, seen: NDArray[np.bool_], times: FloatArray) -> None:
     """Drop frames in which a marker was taken for another; bridge what is missing; unwrap."""
     known = np.flatnonzero(seen[:, 0])
+    last = len(known) - 1
+    begin = np.clip(np.arange(len(known)) - AROUND, 0, max(last - 2 * AROUND, 0))
+    windows = np.minimum(begin[:, None] + np.arange(2 * AROUND + 1), last)
     for axis in (0, 1):
-        padded = np.pad(poses[known, axis], AROUND, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-        off = np.abs(poses[known, axis] - np.median(windows, axis=1)) > EXCHANGED_M
+        places = poses[known, axis]
+        off = np.abs(places - np.median(places[windows], axis=1)) > EXCHANGED_M
         seen[known[off]] = False
     known = np.flatnonzero(seen[:, 0])
     poses[known, 2] = np.unwrap(poses[known, 2])

@@ -92,7 +92,11 @@ def driven(
     t_s = np.arange(0.0, seconds, 0.004)
     motors = np.minimum(t_s / 0.3, 1.0)[:, None] * np.array([right, left])
     lanes = np.eye(len(NAMES), LANES)
-    return simulate(point, lanes, motors / 25.0, 0.004, 10, 0.0, UNDISTURBED, moving)
+    frames = np.arange(0, len(t_s), 10)
+    end = frames[-1] + 1
+    return simulate(
+        point, lanes, motors[:end] / 25.0, t_s[:end], frames, 0.0, UNDISTURBED, moving
+    )  # fmt: skip
 
 
 def test_circle_has_the_documented_figures() -> None:
@@ -147,8 +151,10 @@ def test_sliding_robot_moves_as_the_plant() -> None:
         poses.append(np.column_stack([robot.centres, robot.headings]).ravel())
         share = min((index + 1) / 150.0, 1.0)
         robot.play(0.002, share * 500.0, share * 250.0, ramp_s=0.002)
+    grid: NDArray[np.float64] = 0.002 * np.arange(len(speeds), dtype=np.float64)
+    frames = np.arange(0, len(grid), 20)
     found = simulate(
-        POINT, np.eye(len(NAMES), LANES), np.array(speeds), 0.002, 20, 0.0, UNDISTURBED, False
+        POINT, np.eye(len(NAMES), LANES), np.array(speeds), grid, frames, 0.0, UNDISTURBED, False
     )
     apart = (found[0] - found[0][0]) - (np.array(poses)[::20] - poses[0])
     assert np.max(np.abs(apart)) < 3e-4
@@ -179,10 +185,9 @@ def recorded(
         count = round(seconds / period)
         t_s: NDArray[np.float64] = period / sub * np.arange(count * sub - sub + 1, dtype=np.float64)
         motors = np.clip((t_s - 0.1) / 0.3, 0.0, 1.0)[:, None] * np.array(pair)
-        samples = ((t_s, motors[:, 0].copy()), (t_s, motors[:, 1].copy()))
         empty = RobotTrial(
-            f"trial {number}", "case", number, period, sub, motors, np.zeros((count, 2)),
-            np.zeros((count, 6)), np.ones((count, 6), np.bool_), 0.1, 1e-4, samples,
+            f"trial {number}", "case", number, period, t_s, sub * np.arange(count), motors,
+            np.zeros((count, 2)), np.zeros((count, 6)), np.ones((count, 6), np.bool_), 0.1, 1e-4,
         )  # fmt: skip
         alone = RobotSystem((empty,), {name: (CONSTANTS[name], u) for name, u in U.items()}, 25.0)
         local = np.zeros(5)
@@ -341,7 +346,8 @@ def unseen_at_rest(trial: RobotTrial) -> RobotTrial:
 def cut_at_begin(trial: RobotTrial) -> RobotTrial:
     """Return ``trial`` from 1 s on."""
     return replace(trial, poses=trial.poses[25:], seen=trial.seen[25:],
-                   torques=trial.torques[25:], speeds=trial.speeds[250:])  # fmt: skip
+                   torques=trial.torques[25:], speeds=trial.speeds[250:],
+                   grid=trial.grid[250:] - trial.grid[250], at=trial.at[25:] - 250)  # fmt: skip
 
 
 @pytest.mark.parametrize(
