@@ -16,9 +16,6 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
 
-#: What a seed chooses beside the noise, for a procedure with such a parameter.
-FLOORS = ("stone", "pvc", "paperboard")
-
 
 @dataclass(frozen=True)
 class Pair:
@@ -44,13 +41,14 @@ def pairs() -> Iterator[Pair]:
 
 
 def play(pair: Pair, seed: int, output: Path, trials: int | None = None) -> RunResult:
-    """Run and record ``pair`` in virtual time, a procedure with a floor on one of three.
+    """Run and record ``pair`` in virtual time, a procedure with a floor on one of its floors.
 
     ``trials`` is how many of them to play, from the first one; None for all.
     """
     source = load_procedure(pair.procedure)
-    floor = {"floor": FLOORS[seed % len(FLOORS)]}
-    chosen = floor if "floor" in source.source.parameters else {}
+    floor = source.source.parameters.get("floor")
+    choices = (floor and floor.choices) or []
+    chosen = {"floor": choices[seed % len(choices)]} if choices else {}
     whole = compile_procedure(source, pair.rig, chosen)
     procedure = replace(whole, trials=whole.trials[:trials])
     request = RunRequest(procedure, source.file.text, pair.rig, seed, output=output)

@@ -16,6 +16,9 @@ from rigd.config.loader import channel_names, load_rig
 from rigd.engine.shared import state_folder
 from rigd.model.errors import Exit
 
+#: Of the simulated scale: its noise may show as the last digit.
+DIVISION_KG = 0.001
+
 
 @pytest.fixture(scope="module")
 def wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
@@ -118,7 +121,8 @@ def test_a_device_that_falls_silent_ends_a_read(wire: WireRig, tmp_path: Path) -
 def test_tare_works_for_slow_and_cycle_devices(wire: WireRig, tmp_path: Path) -> None:
     done = rigd("tare", "scale", "--rig", wire.rig, cwd=tmp_path)
     assert done.code == 0, done.err
-    assert "scale.mass is now 0 kg" in done.out
+    _, _, left = done.out.partition("scale.mass is now ")
+    assert abs(float(left.removesuffix(" kg\n"))) <= DIVISION_KG
     assert wire.parts()["scale"]["tare_kg"] == pytest.approx(3.959, abs=0.01)
     done = rigd("tare", "traction", "--rig", wire.rig, "--json", cwd=tmp_path)
     assert done.code == 0, done.err
