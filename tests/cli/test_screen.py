@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from rich.table import Table
+from support.command import rigd
 from support.terminal import Terminal
 
 from rigd.cli.main import main
@@ -56,7 +57,7 @@ def test_recordings_fit_eighty_columns(folder: Path) -> None:
 
 
 def test_column_that_no_recording_fills_is_absent(folder: Path) -> None:
-    heading = shown(folder, 300, "runs")[0].split()
+    heading = rigd("runs", cwd=folder).out.splitlines()[0].split()
     assert heading[:2] == ["recording", "recorded"]
     assert not {"set", "meta"} & set(heading)
 
