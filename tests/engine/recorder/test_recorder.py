@@ -285,7 +285,6 @@ def files_end_at(size: int) -> Iterator[None]:
 def test_full_disk_is_reported_and_no_row_released(bench: Bench) -> None:
     with files_end_at(150_000):
         bench.recorder.start()
-    bench.recorder.wait_until_recording()
     wait_until(lambda: bench.recorder.poll() is Health.FAILED)
     beat = bench.board[Word.BEAT_RECORDER]
     wait_until(lambda: bench.board[Word.BEAT_RECORDER] > beat)  # it is alive to report
