@@ -18,7 +18,7 @@ from rigd.analysis.result import FloatArray
 
 SMOOTH_M_S = 1e-3  #: speed over which dry friction turns its sign
 #: Loop gain 2 |s| c / j of Eqs. 22, 25 and 26 beyond which they are not followed: at 1 they lock.
-MOST_GAIN = 0.9
+MOST_GAIN = 0.98
 #: Parameters of the coupling, in this order; SI. `lever` is |d - e|.
 NAMES = (
     "mu_R_dry", "mu_R_vis", "guide_lever", "guide_height", "guide_half_span", "row_distance",

@@ -20,19 +20,36 @@ from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.extended import same_with
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import judge_fit, settled_gate, strained_gate
-from rigd.analysis.kinks import along_kinks
 from rigd.analysis.left_out import without_each_trial
-from rigd.analysis.output_error import ENOUGH, NEAR, ROUGH, Branch, OutputErrorFit, retried, settled
+from rigd.analysis.output_error import ROUGH, Branch, OutputErrorFit, retried, settled
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
-from rigd.analysis.strained import strained
+from rigd.analysis.system import System
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.lateral.coupling import DRY, LEVER, NAMES, VISCOUS, LiftedRows
+from rigd_analyses.lugre.lateral.coupled import (
+    MOST_ENDS,
+    Coupled,
+    couple,
+    coupled,
+    fitted,
+    plain,
+    reduced,
+)
+from rigd_analyses.lugre.lateral.coupling import LiftedRows
 from rigd_analyses.lugre.lateral.extensions import candidates
+from rigd_analyses.lugre.lateral.intervals import Intervals, intervals
+from rigd_analyses.lugre.lateral.loads import (
+    FreeLoads,
+    Loads,
+    loads_at,
+    loads_of,
+    with_free_loads,
+)
+from rigd_analyses.lugre.lateral.reduced import RESTS_ON, optima, strained
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
-from rigd_analyses.lugre.lateral.starts import starts, with_rollers
+from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
@@ -40,7 +57,7 @@ from rigd_analyses.lugre.rig.found import WINDOW_S
 from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import along_ridge
-from rigd_analyses.lugre.rig.system import GUIDE, LEAD
+from rigd_analyses.lugre.rig.system import GUIDE, LEAD, RigSystem
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the choice moves a value
@@ -52,7 +69,8 @@ UNSTEADY = 0.25  #: share of its mean by which the lateral speed may differ duri
 CLEAR_GAIN = 5.0
 SCORES_S = 0.05  #: longest correlation of the scores that is accounted for
 ITERATIONS = 40  #: of one fit
-OTHER_LEVERS = (0.5, 2.0)  #: of the fitted one, from which the data may find another
+FAR_OFF = 30.0  #: in ln L: another choice, or optimum, that is so much worse is not fitted
+ONE_SPEED = 1.1  #: fastest over slowest lateral speed below which both are one
 BLOCK_S = 0.02  #: means over this time are what the lateral speed is taken from
 TURNED = (
     "The lateral speed's sign would have to be turned: encoder or belt direction. The same data "
@@ -68,13 +86,13 @@ class LateralFound:
     """The fit that the data support most, and what other choices make of it.
 
     ``gains`` is by how much ln L of each choice of the coupling lies below that of the fit.
-    ``shifts`` (p,), scaled, are of what is left unexplained, and of what explains as much as that
+    ``others`` (8,) are guide friction and coupling with other filters of the current, ``ends`` what
+    the data allow of the rollers' friction; none if no number is given. ``shifts`` (p,), scaled, are of what is left unexplained, and of what explains as much as that
     which was added; ``without`` (trials, p) are the steps without each trial, if something was.
     """
 
     system: LateralSystem
     whole: OutputErrorFit
-    others: tuple[FloatArray, ...]
     gains: dict[tuple[LiftedRows, bool], float]
     gate: Gate
     trials: tuple[LateralTrial, ...]
@@ -84,12 +102,22 @@ class LateralFound:
     cells: tuple[Cell, ...]
     friction: Carried | None = None
     shifts: tuple[FloatArray, ...] = ()
+    others: tuple[FloatArray, ...] = ()
+    ends: Intervals | None = None
     without: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def shared(self) -> FloatArray:
         """Return the fitted parameters that all trials share, (p,)."""
         return self.whole.fit.theta[: len(self.system.shared)]
+
+    @property
+    def range_m_s(self) -> tuple[float, ...]:
+        """Return the slowest and the fastest lateral speed; one, if both are the same."""
+        means = [abs(float(np.mean(speed))) for speed in self.system.speeds]
+        slow = min(value for value in means if value >= 0.5 * min(max(means), 0.1))
+        fast = max(means)
+        return (slow, fast) if fast > ONE_SPEED * slow else (fast,)
 
     @property
     def forces_n(self) -> FloatArray:
@@ -130,8 +158,12 @@ def find_lateral(
     block = max(1, round(SCORES_S / period))
     smooth = np.array([parameter.start for parameter in PARAMETERS])
 
-    def system(rows: LiftedRows, *, turned: bool, window_s: float = WINDOW_S) -> LateralSystem:
-        straight = rig_system(parts, rig, smooth, window_s)
+    def rig_with(window_s: float) -> RigSystem:
+        return rig_system(parts, rig, smooth, window_s)
+
+    straight = rig_with(WINDOW_S)
+
+    def system(rows: LiftedRows, *, turned: bool, straight: RigSystem = straight) -> LateralSystem:
         speeds = tuple(
             _block_means(item.speed_m_s[part][LEAD:], round(BLOCK_S / period))
             for item, (_, part) in zip(used, parts, strict=True)
@@ -141,77 +173,83 @@ def find_lateral(
             friction.unknowns if friction else (),
         )  # fmt: skip
 
-    # The friction along the guide first: far from it, a fit would take the rollers elsewhere. With
-    # both signs: held at the wrong one, the friction along the guide would take up the difference.
-    branches = []
-    for turned in (False, True):
-        candidate = system(LiftedRows.PRINTED, turned=turned)
-        point = with_rollers(
-            candidate, np.array([item.parameter.start for item in candidate.shared])
-        )
-        branches += [
-            (candidate, *_branch(candidate.held(point), start))
-            for start in starts(point, known=friction is not None)
-        ]
-    first, model, begun = min(branches, key=lambda branch: _likelihood(*branch[1:]))
-    shared = len(first.shared)
-    begin = begun.theta.copy()
-    begin[:shared] = with_rollers(first, begin[:shared])
-    model = OutputErrorModel(first, model.noise)
-    whole = settled(model, _damped(model, begin), block)
-    model, begun = whole.model, whole.fit
-    fits = {(LiftedRows.PRINTED, first.turned): begun}
-    for choice in product(LiftedRows, (False, True)):
-        if choice not in fits:
-            other = system(choice[0], turned=choice[1])
-            begin = begun.theta.copy()
-            begin[:shared] = with_rollers(other, begin[:shared])
-            fits[choice] = _damped(OutputErrorModel(other, model.noise), begin)
-    best = min(fits, key=lambda choice: fits[choice].cost)
-    as_recorded = min(((rows, False) for rows in LiftedRows), key=lambda choice: fits[choice].cost)
-    if fits[as_recorded].cost - fits[best].cost < CLEAR_GAIN:
+    loads = _free_loads(system(LiftedRows.PRINTED, turned=False), block)
+    coarse = {
+        choice: optima(reduced(loads, part, part))
+        for choice in product(LiftedRows, (False, True))
+        for part in [system(choice[0], turned=choice[1])]
+    }
+    least = min(ends[0].cost for ends in coarse.values())
+    fits: dict[tuple[LiftedRows, bool], Coupled] = {}
+    for choice, ends in coarse.items():
+        if ends[0].cost < least + FAR_OFF:
+            part = system(choice[0], turned=choice[1])
+            near = [end.theta for end in ends if end.cost < ends[0].cost + FAR_OFF][:MOST_ENDS]
+            fits[choice] = couple(part, part, loads, near, block)
+    best = min(fits, key=lambda choice: fits[choice].whole.fit.cost)
+    lowest = fits[best].whole.fit.cost
+    # A choice that is far off needs no fit: the frictions of the trials alone refuse it.
+    gains = {
+        choice: fits[choice].whole.fit.cost - lowest if choice in fits else ends[0].cost - least
+        for choice, ends in coarse.items()
+    }
+    as_recorded = min(((rows, False) for rows in LiftedRows), key=lambda choice: gains[choice])
+    if gains[as_recorded] < CLEAR_GAIN:
         best = as_recorded
     chosen = system(best[0], turned=best[1])
-    if best != (LiftedRows.PRINTED, first.turned):
-        whole = settled(OutputErrorModel(chosen, model.noise), fits[best], block)
     whole, gate, shifts = (
-        (whole, TURNED_GATE, ())
+        (fits[best].whole, TURNED_GATE, ())
         if chosen.turned
-        else _judged(chosen, whole, block, [item.trial.label for item in used])
+        else _judged(chosen, fits[best], block, [item.trial.label for item in used])
     )
-    others = [
-        fit(
-            replace(
-                whole.model,
-                system=same_with(whole, system(best[0], turned=best[1], window_s=window)),
-            ),
-            whole.fit.theta, relative_decrease=ENOUGH, damping=NEAR,
-        ).theta
-        for window in OTHER_WINDOWS_S
-    ]  # fmt: skip
     speeds = tuple(all_speeds(chosen, whole))
     cells = tuple(
         cell(item, float(np.mean(lateral_speed)), speed)
         for item, lateral_speed, speed in zip(used, chosen.speeds, speeds, strict=True)
     )
     found = LateralFound(
-        chosen, whole, tuple(others),
-        {choice: item.cost - fits[best].cost for choice, item in fits.items()},
-        gate, tuple(used), tuple(rejected), block, speeds, cells, friction, shifts,
+        chosen, whole, gains, gate, tuple(used), tuple(rejected), block, speeds, cells, friction,
+        shifts,
     )  # fmt: skip
-    if not found.rows_known:
-        found = replace(found, others=(*others, fits[found.rival].theta))
+    if gate.outcome is FitOutcome.MISFIT:
+        return found
+    end = coupled(whole, block)
+    laws = [end]
+    if gains[found.rival] < FAR_OFF:
+        other = system(found.rival[0], turned=chosen.turned)
+        extended = same_with(whole, other)
+        near = [item.theta for item in optima(reduced(end.loads, other, extended))[:MOST_ENDS]]
+        if found.rival in fits:
+            near.append(fits[found.rival].coupling)
+        laws.append(couple(other, extended, end.loads, near, block))
+    others = []
+    for window in OTHER_WINDOWS_S:
+        filtered = same_with(
+            whole, system(best[0], turned=chosen.turned, straight=rig_with(window))
+        )
+        model = replace(whole.model, system=filtered)
+        problem = reduced(loads_at(model, whole.fit.theta, block), chosen, filtered)
+        others.append(fitted(problem, end.coupling).theta)
+    found = replace(found, others=tuple(others), ends=intervals(laws, found.range_m_s))
     if gate.outcome is FitOutcome.CORRECTED:
         found = replace(found, without=without_each_trial(whole))
     return found
 
 
-def _branch(system: LateralSystem, start: FloatArray) -> Branch:
-    """Return the fit from the shared parameters ``start`` (p,), with the noise as at its start."""
-    local = [item.parameter.start for _ in system.measured for item in system.local]
-    theta = np.concatenate([start, local])
+def _free_loads(system: LateralSystem, block: int) -> Loads:
+    """Return what the data know of the friction of the guide in each trial."""
+    free = FreeLoads.of(system)
+    branches = [_branch(free, start) for start in starts(system)]
+    model, begun = min(branches, key=lambda branch: _likelihood(*branch))
+    whole = settled(model, begun, block)
+    with np.errstate(over="ignore", invalid="ignore"):  # a start may be far from any motion
+        return loads_of(retried(whole, along_ridge(whole), block))
+
+
+def _branch(system: System, theta: FloatArray) -> Branch:
+    """Return the fit from ``theta`` (p,), natural, with the noise as at this start."""
     model = OutputErrorModel(system, noise_at(system, theta))
-    return model, _damped(model, theta)
+    return model, fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
 
 
 def _likelihood(model: OutputErrorModel, found: Fit) -> float:
@@ -219,50 +257,44 @@ def _likelihood(model: OutputErrorModel, found: Fit) -> float:
     return found.cost - sum(noise.log_scale for noise in model.noise)
 
 
-def _damped(model: OutputErrorModel, theta: FloatArray) -> Fit:
-    return fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+def _refit(whole: System, points: Sequence[FloatArray], block: int) -> OutputErrorFit:
+    """Return the fit of a system with something added, from the best of ``points`` (p + c,)."""
+    system, ends = plain(whole), []
+    local = np.array([item.parameter.start for item in system.local])
+    free = with_free_loads(whole, FreeLoads.of(system))
+    own, count = len(system.shared), len(system.rig.shared)
+    for point in points:
+        forces = [system.mean_force(k, point[:own]) for k in range(len(system.speeds))]
+        of_trials = np.column_stack([np.tile(local, (len(forces), 1)), forces])
+        theta = np.concatenate([point[:count], point[own:], of_trials.ravel()])
+        ends.append(_branch(free, theta))
+    model, begun = min(ends, key=lambda branch: _likelihood(*branch))
+    loads = loads_of(settled(model, begun, block))
+    coupling = np.concatenate([points[0][[GUIDE]], points[0][count:own]])
+    near = [end.theta for end in optima(reduced(loads, system, whole))[:MOST_ENDS]]
+    return couple(system, whole, loads, [*near, coupling], block).whole
 
 
 def _judged(
-    system: LateralSystem, whole: OutputErrorFit, block: int, labels: Sequence[str]
+    system: LateralSystem, found: Coupled, block: int, labels: Sequence[str]
 ) -> tuple[OutputErrorFit, Gate, tuple[FloatArray, ...]]:
     """Return the fit with what explains a misfit, whether numbers may be given, and shifts.
 
     The shifts (p,), scaled, are as in :class:`LateralFound`.
     """
-    period = system.rig.period_s
-    with np.errstate(over="ignore", invalid="ignore"):  # a start may be far from any motion
-        whole = along_kinks(retried(whole, along_ridge(whole), block), block)  # of |M_D| and |F_r|
+    period, whole = system.rig.period_s, found.whole
     begun = [whole.fit.theta[: len(system.shared)]]
-    diagnosis = diagnose(whole, partial(candidates, system), begun, block, period)
     with np.errstate(over="ignore", invalid="ignore"):
-        whole = along_kinks(diagnosis.fit, block)
+        diagnosis = diagnose(whole, partial(candidates, system), begun, block, period, _refit)
+    whole = diagnosis.fit
     gate = settled_gate(judge_fit(diagnosis, labels, period), whole)
     if gate.outcome is not FitOutcome.MISFIT:
-        places, levers = _rests_on(system, whole)
-        rests = {system.shared[place].wording for place in places}
+        end = coupled(whole, block)
+        problem = end.reduced(system)
+        rests = {problem.unknowns[place].wording for place in RESTS_ON}
         named = next((item for item in gate.explanations if item.name in rests), None)
-        gate = strained_gate(gate, named or strained(whole, places, levers, block))
+        gate = strained_gate(gate, named or strained(problem, end.coupling))
     return whole, gate, (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
-
-
-def _rests_on(
-    system: LateralSystem, whole: OutputErrorFit
-) -> tuple[list[int], dict[int, list[FloatArray]]]:
-    """Return the places of the constants that the rollers' friction rests on, and more starts.
-
-    Lever and friction of the rollers stand in for one another: another lever begins with as much
-    more of it.
-    """
-    first = len(system.rig.shared)
-    lever, rollers = first + LEVER, [first + DRY, first + VISCOUS]
-    begun = []
-    for factor in OTHER_LEVERS:
-        theta = whole.fit.theta.copy()
-        theta[lever] *= factor
-        theta[rollers] *= factor
-        begun.append(theta)
-    return [GUIDE, *range(lever, first + len(NAMES))], {lever: begun}
 
 
 def _block_means(values: FloatArray, block: int) -> FloatArray:

@@ -25,12 +25,13 @@ from rigd.analysis.result import (
 from rigd.analysis.uncertainty import correlation
 from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
 from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
+from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
 from rigd_analyses.lugre.rig.found import WINDOW_S
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25
-ONE_SPEED = 1.1  #: fastest over slowest lateral speed below which both are one
+BEYOND = "kinks of the load, law of a lifted row"
 HIGH_GAIN = 0.9  #: of the loop of Eqs. 22, 25 and 26; at 1 the rollers lock
 
 
@@ -105,14 +106,13 @@ def result(found: LateralFound) -> LateralResult:
     """Return the result for a report."""
     whole, gate, system = found.whole, found.gate, found.system
     fits = gate.outcome is not FitOutcome.MISFIT
-    means = [abs(float(np.mean(speed))) for speed in system.speeds]
-    slow, fast = min(value for value in means if value >= 0.5 * min(max(means), 0.1)), max(means)
+    slow, fast = found.range_m_s[0], found.range_m_s[-1]
     at = [
         _Quantity(
             f"mu_R({speed:.2f} m/s)", f"μ_R at {speed:.2f} m/s", "1",
             "friction of the rollers at this lateral speed", 1.0, speed,
         )
-        for speed in ((slow, fast) if fast > ONE_SPEED * slow else (fast,))
+        for speed in found.range_m_s
     ]  # fmt: skip
     speeds, cells = found.speeds, found.cells
     first = len(system.rig.shared)
@@ -126,8 +126,12 @@ def result(found: LateralFound) -> LateralResult:
         model="lugre-lateral",
         method=METHOD,
         title="Lateral friction of omni-wheel rollers",
-        parameters=tuple(_estimate(found, item, fits) for item in (DRY, VISCOUS)),
-        derived=tuple(_estimate(found, item, fits) for item in at) if fits else (),
+        parameters=(_estimate(found, DRY, ends.dry), _estimate(found, VISCOUS, ends.viscous))
+        if (ends := found.ends)
+        else tuple(_refused(found, item) for item in (DRY, VISCOUS)),
+        derived=tuple(_estimate(found, *item) for item in zip(at, ends.at, strict=True))
+        if ends
+        else (),
         confidence=0.95,
         correlation_names=(DRY.name, VISCOUS.name),
         correlation=correlation(pair),
@@ -167,72 +171,111 @@ def _guide(found: LateralFound, fast: float) -> GuideFriction:
     )  # fmt: skip
 
 
-def _error(found: LateralFound, quantity: _Quantity) -> float:
-    """Return the standard error of the logarithm: noise, constants, filter and coupling.
+def _reaches(
+    found: LateralFound, quantity: _Quantity, ends: Ends
+) -> tuple[float | None, float | None]:
+    """Return how far the logarithm's interval reaches down and up; None if it is open.
 
-    With it what is not explained, and if something was added, what single trials make of it.
+    That is the profile under every law that the data allow: noise and constants. With it go the
+    filter of the current, what is not explained, and if something was added, single trials.
     """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
-    gradient = quantity.log_gradient(theta, first)
-    chance = math.sqrt(max(float(gradient @ found.whole.covariance @ gradient), 0.0))
-    if len(found.without):
-        chance = max(chance, jackknife_sd(found.without @ gradient))
+    value, gradient = quantity.value(theta, first), quantity.log_gradient(theta, first)
     moved = (abs(float(gradient[: len(shift)] @ shift)) for shift in found.shifts)
-    return math.hypot(chance, _method(found, quantity), max(moved, default=0.0))
+    besides = Z_95 * math.hypot(_method(found, quantity), max(moved, default=0.0))
+    trials = Z_95 * jackknife_sd(found.without @ gradient) if len(found.without) else 0.0
+
+    def reach(ratio: float) -> float:
+        return math.hypot(max(math.log(ratio), trials), besides)
+
+    return (
+        None if ends.low is None else reach(max(value / ends.low, 1.0)),
+        None if ends.high is None else reach(max(ends.high / value, 1.0)),
+    )
 
 
 def _method(found: LateralFound, quantity: _Quantity) -> float:
-    """Return the root mean square change of the logarithm with other choices of the method."""
-    first = len(found.system.rig.shared)
-    value = quantity.value(found.whole.fit.theta, first)
-    moved = [math.log(quantity.value(other, first) / value) for other in found.others]
-    return float(np.sqrt(np.mean(np.square(moved))))
+    """Return the root mean square change of the logarithm with other filters of the current."""
+    value = quantity.value(found.whole.fit.theta, len(found.system.rig.shared))
+    moved = [math.log(quantity.value(other, 1) / value) for other in found.others]
+    return float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
 
 
-def _budget(found: LateralFound, quantity: _Quantity) -> list[tuple[str, float]]:
-    """Return the sources of the standard uncertainty of the logarithm, the largest first."""
+def _budget(
+    found: LateralFound, quantity: _Quantity, reach: float = 0.0
+) -> list[tuple[str, float]]:
+    """Return the sources of the standard uncertainty of the logarithm, the largest first.
+
+    What makes the interval reach further than they all is owed to kinks and laws.
+    """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     parts = found.whole.budget(quantity.log_gradient(theta, first))
     shares = {name: math.sqrt(share) for name, share in parts.items()}
-    shares["filter of the current, coupling"] = _method(found, quantity)
+    shares["filter of the current"] = _method(found, quantity)
+    beyond = (reach / Z_95) ** 2 - sum(share**2 for share in shares.values())
+    shares[BEYOND] = math.sqrt(max(beyond, 0.0))
     return sorted(shares.items(), key=lambda item: -item[1])
 
 
-def _estimate(found: LateralFound, quantity: _Quantity, fits: bool) -> ParameterEstimate:
-    first = len(found.system.rig.shared)
-    value = quantity.value(found.whole.fit.theta, first)
-    labels = (quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value)
-    if not fits:
-        return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, found.gate.sentence)
-    error = _error(found, quantity)
-    reach = math.exp(min(Z_95 * error, 50.0))
+def _labels(found: LateralFound, quantity: _Quantity) -> tuple[str, str, str, str, float]:
+    value = quantity.value(found.whole.fit.theta, len(found.system.rig.shared))
+    return quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value
+
+
+def _refused(found: LateralFound, quantity: _Quantity) -> ParameterEstimate:
+    labels = _labels(found, quantity)
+    return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, found.gate.sentence)
+
+
+def _estimate(found: LateralFound, quantity: _Quantity, ends: Ends) -> ParameterEstimate:
+    labels, first = _labels(found, quantity), len(found.system.rig.shared)
+    value = labels[-1]
+    down, up = _reaches(found, quantity, ends)
     bounds = [k for k, on in enumerate(found.whole.on_bound[first : first + 2]) if on]
     alone = {DRY.name: [0], VISCOUS.name: [1]}.get(quantity.name)
     bound = value if alone is not None and alone[0] in bounds else None
-    evidence = Evidence(value, value / reach, value * reach, quantity.unit, bound)
+    evidence = Evidence(
+        value,
+        None if down is None else value * math.exp(-down),
+        None if up is None else value * math.exp(up),
+        quantity.unit,
+        bound,
+    )
     verdict, sentence = judge(evidence)
     known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
-    source, most = _budget(found, quantity)[0]
-    if known:
-        sentence += f" Most of it ({100.0 * Z_95 * most:.2g} %) comes from: {source}."
     low, high = evidence.ends
-    return ParameterEstimate(
-        *labels, low if known else None, high if known else None,
-        error * value if known else None, verdict, sentence,
-        advice="" if known else "Record more lateral speeds, in both directions.",
-    )  # fmt: skip
+    if not known or down is None or up is None:
+        return ParameterEstimate(
+            *labels, None, None, None, verdict, sentence,
+            advice="Record more lateral speeds, in both directions.",
+        )  # fmt: skip
+    source, most = _budget(found, quantity, max(down, up))[0]
+    sentence += f" Most of it ({100.0 * Z_95 * most:.2g} %) comes from: {source}."
+    sd = 0.5 * (down + up) / Z_95 * value
+    return ParameterEstimate(*labels, low, high, sd, verdict, sentence)
 
 
 def _curve(found: LateralFound, low: float, high: float) -> Curve:
-    """Return mu_R over the lateral speed; no point if ``low`` is ``high``."""
-    speed = np.linspace(low, high, POINTS if high > low else 0)
+    """Return mu_R over the lateral speed; no point if ``low`` is ``high``.
+
+    Between the slowest and the fastest speed the reach of the band is as at both.
+    """
+    at = () if found.ends is None else found.ends.at
+    speed = np.linspace(low, high, POINTS if high > low and len(at) == 2 else 0)
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     each = [_Quantity("", "", "1", "", 1.0, float(x)) for x in speed]
     centre = np.array([item.value(theta, first) for item in each])
-    reach = np.array([Z_95 * _error(found, item) for item in each])
+    reaches = [
+        [math.inf if x is None else x for x in _reaches(found, item, ends)]
+        for item, ends in zip(each[:: len(each) - 1] if each else (), at, strict=False)
+    ]
+    down, up = (
+        np.interp(speed, [low, high], [item[side] for item in reaches]) if each else np.zeros(0)
+        for side in (0, 1)
+    )
     return Curve(
         name="roller_friction", x_name="v_z", x_unit="m/s", y_name="mu_R", y_unit="1",
-        x=speed, y=centre, low=centre * np.exp(-reach), high=centre * np.exp(reach),
+        x=speed, y=centre, low=centre * np.exp(-down), high=centre * np.exp(up),
         note=f"Lateral speeds from {low:.2f} to {high:.2f} m/s. Band: 95 %, pointwise.",
     )  # fmt: skip
 

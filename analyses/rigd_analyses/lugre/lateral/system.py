@@ -9,9 +9,8 @@ m_T + I / r^2. The contact force changes by a twelfth of the difference; the sli
 
 from __future__ import annotations
 
-import copy
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from rigd_analyses.lugre.rig.system import GUIDE, LEAD, NO_LOAD, RigSystem
 REACH = 8.0  #: a length may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor
 LEAST_U = 1e-4  #: relative: no length is known better than this
-HELD_U = 1e-9  #: in the coordinate of the fit
 #: Of the load; Sensors 2025 25(16) 5026 has 0.009 to 0.048 at one speed.
 DRY_BOX = (1e-3, 0.3)
 VISCOUS_BOX = (1e-4, 1.0)  #: s/m
@@ -56,21 +54,10 @@ class LateralSystem:
     shared: tuple[Unknown, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shared", (*self._straight, *_unknowns(self.lateral)))
-
-    def held(self, point: FloatArray) -> LateralSystem:
-        """Return the system whose coupling stays as in ``point``, shared parameters (p,)."""
-        other = copy.copy(self)
-        count = len(self.rig.shared)
-        fixed = [
-            replace(item, parameter=replace(item.parameter, start=float(value)), u=HELD_U)
-            for item, value in zip(self.shared[count:], point[count:], strict=True)
-        ]
-        object.__setattr__(other, "shared", (*self._straight, *fixed))
-        return other
+        object.__setattr__(self, "shared", (*self.straight, *_unknowns(self.lateral)))
 
     @property
-    def _straight(self) -> tuple[Unknown, ...]:
+    def straight(self) -> tuple[Unknown, ...]:
         """Return the shared unknowns without those of the coupling."""
         return (*self.friction, *self.rig.shared[len(self.friction) :])
 
@@ -130,12 +117,25 @@ class LateralSystem:
     def guide_friction(self, shared: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return the friction of the guide in N at lateral speeds (n,)."""
         speed = -speed_m_s if self.turned else speed_m_s
-        found = load(speed, self.coupling(shared), self._shape)
+        found = load(speed, self.coupling(shared), self.shape)
         return np.asarray(shared[GUIDE] * found.guide)
 
     def effective(self, trial: int, shared: FloatArray) -> FloatArray:
         """Return the parameters of the straight rig under the mean load of one trial."""
         return self._under(self._load(trial, shared), shared)
+
+    def mean_force(self, trial: int, shared: FloatArray) -> float:
+        """Return the mean friction of the guide in N during one trial, at a load of 1."""
+        return float(shared[GUIDE] * np.mean(self._load(trial, shared).guide))
+
+    def besides(self, trial: int, shared: FloatArray) -> tuple[FloatArray, float]:
+        """Return what the coupling adds to the mean force in one trial.
+
+        That is the outputs (n, 3) of what varies, and in N m the torque of the bearings.
+        """
+        found = self._load(trial, shared)
+        drift = self._drift(trial, shared[GUIDE] * found.guide[:, None])[:, :, 0]
+        return drift, self.bearing_torque * (float(np.mean(found.bearing)) - 1.0)
 
     def _under(self, found: Load, shared: FloatArray) -> FloatArray:
         """Return the parameters of the straight rig under a mean load."""
@@ -150,7 +150,7 @@ class LateralSystem:
         if abs(float(np.mean(speed))) < STRAIGHT_M_S:
             ones, blank = np.ones(len(speed)), np.zeros((len(speed), len(NAMES)))
             return Load(ones, ones, blank, blank)
-        return load(-speed if self.turned else speed, self.coupling(shared), self._shape)
+        return load(-speed if self.turned else speed, self.coupling(shared), self.shape)
 
     def _drift(self, trial: int, forces_n: FloatArray) -> FloatArray:
         """Return the outputs (n, 3, k) that forces along the guide (speeds, k) add to their mean's.
@@ -169,7 +169,8 @@ class LateralSystem:
         return out
 
     @property
-    def _shape(self) -> Shape:
+    def shape(self) -> Shape:
+        """Return what the coupling depends on and the data do not determine."""
         lateral = self.lateral
         return Shape(
             math.copysign(1.0, lateral.lever.value), self.rig.constants.wheel_radius.value,

@@ -1,0 +1,139 @@
+"""Fits the coupled rig across the kinks of its loads.
+
+Where |M_D| meets |G| h, or a row of rollers lifts, the cost has kinks: a Newton step points across,
+and a fit may stop on either side. The outputs depend on the coupling through the friction of the
+guide in each trial alone, and on that smoothly. So the outputs are linearised in these frictions, and
+the coupling is fitted to them with all of its kinks (composite optimisation: Fletcher, Practical
+Methods of Optimization, 2nd ed. 1987, ch. 14), until nothing is gained.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rigd.analysis.extended import Extended
+from rigd.analysis.fit import Fit, fit
+from rigd.analysis.model import to_scaled
+from rigd.analysis.output_error import OutputErrorFit, conclude
+from rigd.analysis.result import FloatArray
+from rigd.analysis.system import System, Unknown
+from rigd.analysis.whitened import OutputErrorModel
+from rigd_analyses.lugre.lateral.loads import Loads, loads_at
+from rigd_analyses.lugre.lateral.reduced import Reduced, optima
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.rig.system import GUIDE
+
+MOST_ROUNDS = 12
+GAINED = 0.02  #: in ln L: less than that ends the rounds
+#: Of the way to the optimum of the linearised outputs; 0 moves all but the coupling.
+SHARES = (1.0, 0.3, 0.1, 0.0)
+MOST_ENDS = 6  #: optima of the frictions of the trials that are tried
+WORTH = 1e-3  #: in ln L: what ends a fit of the coupling
+
+
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """The fit of the coupled rig, and what the data know of the frictions at its end."""
+
+    whole: OutputErrorFit
+    loads: Loads
+    coupling: FloatArray  #: (8,): guide friction, then the parameters of the coupling
+
+    def reduced(self, system: LateralSystem, at_m_s: float | None = None) -> Reduced:
+        """Return the problem of the coupling of ``system`` alone."""
+        return reduced(self.loads, system, self.whole.model.system, at_m_s)
+
+
+def reduced(
+    loads: Loads, system: LateralSystem, whole: System, at_m_s: float | None = None
+) -> Reduced:
+    """Return the problem of the coupling of ``system`` alone; ``whole`` may have more in it."""
+    return Reduced(loads, system, known(whole, system), len(loads.model.mask), at_m_s)
+
+
+def known(whole: System, system: LateralSystem) -> tuple[Unknown, ...]:
+    """Return the unknowns (8,) of the coupling in ``whole``: guide friction first."""
+    first, own = len(system.rig.shared), len(system.shared)
+    return (whole.shared[GUIDE], *whole.shared[first:own])
+
+
+def couple(
+    system: LateralSystem, whole: System, loads: Loads, starts: Sequence[FloatArray], block: int
+) -> Coupled:
+    """Return the fit of ``whole`` from the best of ``starts``, each a coupling (8,), natural.
+
+    ``whole`` is ``system``, perhaps with something added. The noise is that of ``loads``.
+    """
+    model = OutputErrorModel(whole, loads.model.noise)
+    problem = reduced(loads, system, whole)
+    coupling = np.asarray(min(starts, key=problem.cost))
+    theta = _point(problem, coupling)
+    cost = model.cost(theta)
+    for count in range(MOST_ROUNDS):
+        loads = loads_at(model, theta, block)
+        problem = reduced(loads, system, whole)
+        if count == 0:  # far from the first loads there may be other optima
+            starts = [*starts, *(end.theta for end in optima(problem)[:MOST_ENDS])]
+        ends = [fitted(problem, start) for start in (coupling, *starts)]
+        target = min(ends, key=lambda end: end.cost)
+        step = target.scaled - to_scaled(problem.parameters, coupling)
+        gained = 0.0
+        for share in SHARES:
+            near = problem.natural(target.scaled - (1.0 - share) * step)
+            point = _point(problem, near)
+            if (found := model.cost(point)) < cost:
+                gained, cost, theta, coupling = cost - found, found, point, near
+                break
+        if gained < GAINED:
+            break
+    return Coupled(_concluded(model, theta, cost, gained, block), loads, coupling)
+
+
+def fitted(problem: Reduced, start: FloatArray) -> Fit:
+    """Return the fit of a coupling from ``start`` (8,), natural."""
+    return fit(problem, start, thorough=True, relative_decrease=WORTH / problem.samples)
+
+
+def _point(problem: Reduced, coupling: FloatArray) -> FloatArray:
+    """Return all parameters (p,), natural, that go with a coupling (8,)."""
+    shared, added, local = problem.loads.under(problem.forces(coupling)[0])
+    shared[GUIDE] = coupling[0]
+    return np.concatenate([shared, coupling[1:], added, local.ravel()])
+
+
+def _concluded(
+    model: OutputErrorModel, theta: FloatArray, cost: float, gained: float, block: int
+) -> OutputErrorFit:
+    """Return the fit that ends at ``theta`` (p,), natural; the last round gained so much ln L.
+
+    Within kinks a Newton step says nothing: what is left counts by what a round gains.
+    """
+    scaled, count = to_scaled(model.parameters, theta), len(theta)
+    end = Fit(
+        theta, scaled, theta, cost, MOST_ROUNDS, MOST_ROUNDS, gained < GAINED,
+        np.zeros((count, count)),
+    )  # fmt: skip
+    whole = conclude(model, end, block)
+    most = math.sqrt(2.0 * max(gained, 0.0))
+    whole = replace(whole, left=np.clip(whole.left, -most, most))
+    return replace(whole, fit=replace(end, information=whole.information))
+
+
+def coupled(whole: OutputErrorFit, block: int) -> Coupled:
+    """Return what the data know of the frictions at the end of a fit of the coupled rig."""
+    system, theta = plain(whole.model.system), whole.fit.theta
+    first, own = len(system.rig.shared), len(system.shared)
+    coupling = np.concatenate([theta[[GUIDE]], theta[first:own]])
+    return Coupled(whole, loads_at(whole.model, theta, block), coupling)
+
+
+def plain(system: System) -> LateralSystem:
+    """Return the rig's own system of what was fitted."""
+    inner = system.system if isinstance(system, Extended) else system
+    if not isinstance(inner, LateralSystem):
+        raise TypeError(f"{type(inner).__name__} is no lateral system")
+    return inner

@@ -1,0 +1,115 @@
+"""Finds what the data allow of the rollers' friction: profiles under every law that they allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from rigd.analysis.model import slopes
+from rigd.analysis.profile import axis, scan
+from rigd.analysis.result import FloatArray
+from rigd.analysis.uncertainty import scaled_pinv
+from rigd_analyses.lugre.lateral.coupled import Coupled, fitted, plain
+from rigd_analyses.lugre.lateral.coupling import DRY, VISCOUS
+from rigd_analyses.lugre.lateral.reduced import Reduced, optima
+
+POINTS = 25  #: of a profile
+FAR = 4.0  #: times the threshold: optima up to there are followed
+REACH_SD = 4.0  #: to each side of the optima that it is to hold
+WIDER = 2.0  #: and how much further if an end is not reached
+MOST_WIDER = 3
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The ends of a 95 % interval of a friction of the rollers; None if the data leave it open."""
+
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """The intervals of mu_R_dry, of mu_R_vis, and of mu_R at some lateral speeds."""
+
+    dry: Ends
+    viscous: Ends
+    at: tuple[Ends, ...]
+
+
+def intervals(laws: Sequence[Coupled], speeds_m_s: Sequence[float]) -> Intervals:
+    """Return what the data allow of mu_R_dry, of mu_R_vis, and of mu_R at lateral speeds.
+
+    ``laws`` are fits under each law of a lifted row, under one noise.
+    """
+    least = min(law.whole.fit.cost for law in laws)
+    allowed = 0.5 * float(chi2.ppf(CONFIDENCE, 1))
+    near = [law for law in laws if law.whole.fit.cost - least < allowed]
+    found = []
+    for law in near:
+        problem = law.reduced(plain(law.whole.model.system))
+        ends = [fitted(problem, law.coupling), *optima(problem)]
+        couplings = [end.theta for end in sorted(ends, key=lambda end: end.cost)]
+        worse = law.whole.fit.cost - least
+        each = [_profile(problem, couplings, worse, 1 + place) for place in (DRY, VISCOUS)]
+        for speed in speeds_m_s:
+            other = law.reduced(plain(law.whole.model.system), speed)
+            each.append(_profile(other, couplings, worse, 1 + DRY))
+        found.append(each)
+    dry, viscous, *at = (_joined(ends) for ends in zip(*found, strict=True))
+    return Intervals(dry, viscous, tuple(at))
+
+
+def _joined(ends: Sequence[Ends]) -> Ends:
+    """Return what holds every one of ``ends``."""
+    low = [item.low for item in ends]
+    high = [item.high for item in ends]
+    return Ends(
+        None if None in low else min(x for x in low if x is not None),
+        None if None in high else max(x for x in high if x is not None),
+    )
+
+
+def _profile(problem: Reduced, couplings: Sequence[FloatArray], worse: float, place: int) -> Ends:
+    """Return the ends of one parameter under a law that is ``worse`` than the best, in ln L.
+
+    ``couplings`` (8,) are the optima under this law, the best first.
+    """
+    starts = [problem.of_coupling(item) for item in couplings]
+    best = fitted(problem, starts[0])
+    allowed = 0.5 * float(chi2.ppf(CONFIDENCE, 1))
+    held = [item for item in starts if problem.cost(item) < best.cost + FAR * allowed]
+    parameter = problem.parameters[place]
+    values = [
+        parameter.scaled(float(item[place]))
+        for item in (best.theta, *held)
+        if problem.cost(item) <= best.cost + allowed - worse
+    ]
+    scale = slopes(problem.parameters, best.theta)
+    information = problem.normal_equations(best.theta).information * np.outer(scale, scale)
+    reach = REACH_SD * math.sqrt(float(scaled_pinv(information)[place, place]))
+    box = parameter.scaled(parameter.low), parameter.scaled(parameter.high)
+    low, high = min(values), max(values)
+    best = replace(best, cost=best.cost - worse)
+    for _ in range(MOST_WIDER):
+        first, last = max(low - reach, box[0]), min(high + reach, box[1])
+        grid = np.linspace(first, last, POINTS)
+        found = scan(
+            problem, best, axis(len(problem.parameters), place), grid, inflation=1.0,
+            others=held,
+        )  # fmt: skip
+        open_low = found.low is None and first > box[0]
+        open_high = found.high is None and last < box[1]
+        if not (open_low or open_high):
+            break
+        low = low - WIDER * reach if open_low else low
+        high = high + WIDER * reach if open_high else high
+    return Ends(
+        None if found.low is None else parameter.natural(found.low),
+        None if found.high is None else parameter.natural(found.high),
+    )

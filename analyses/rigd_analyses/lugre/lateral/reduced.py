@@ -1,0 +1,294 @@
+"""Finds the coupling from the friction of the guide in each trial, and what the data allow of it.
+
+:mod:`.loads` gives these frictions with their covariance. What is sought is then a problem of eight
+parameters whose cost takes no simulation: all of its optima are found, on both sides of each kink,
+and profiles of it give intervals that hold beyond a kink, or under another law of a lifted row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from rigd.analysis.fit import Fit, fit
+from rigd.analysis.model import (
+    FitParameter,
+    NormalEquations,
+    Scaling,
+    scaled_bounds,
+    slopes,
+    stacked_normal_equations,
+    to_natural,
+    to_scaled,
+)
+from rigd.analysis.result import Explanation, FloatArray
+from rigd.analysis.score import holm
+from rigd.analysis.system import Unknown
+from rigd.analysis.uncertainty import scaled_pinv
+from rigd_analyses.lugre.lateral.coupling import DRY, LEVER, NAMES, VISCOUS, load
+from rigd_analyses.lugre.lateral.loads import Loads
+from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
+
+DRY_GRID = np.geomspace(2e-3, 0.15, 31)
+VISCOUS_GRID = np.geomspace(5e-4, 0.3, 31)  #: s/m
+#: Relative: by how much the lengths may move each friction, for the choice of starts alone.
+LOOSE = 0.05
+MOST_STARTS = 6  #: minima on the grid
+DRAWS = 6  #: starts around each optimum, beyond kinks that lengths move
+NEAR = 10.0  #: in ln L: optima that are worse by no more have such starts
+SEED = 13
+WORTH = 1e-2  #: gain in ln L that ends a fit
+ROLLERS_SD = 0.1  #: of such starts, in the logarithm of the rollers' friction
+#: Places of the constants that the rollers' friction rests on: guide friction and the lengths.
+RESTS_ON = (0, *range(1 + LEVER, 1 + len(NAMES)))
+LEVEL = 0.02  #: chance of one false alarm in all of these; that of all else is 0.5 %
+TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
+OTHER_VALUES = (0.5, 2.0)  #: times the fitted one, from which the data may find another
+SAME = 0.2  #: of an uncertainty, or of this: two ends are one optimum
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Guide friction and coupling (8,) against the forces of trials, as a model of a fit.
+
+    ``unknowns`` (8,) are what is known of them. ``samples`` is the number of residuals behind ``loads``: half of it is added to the cost, so
+    that :mod:`rigd.analysis.profile` compares it as that of all data. With ``at_m_s`` the two
+    parameters of the rollers are mu_R at this lateral speed, and the share of it that is dry.
+    """
+
+    loads: Loads
+    system: LateralSystem
+    unknowns: tuple[Unknown, ...]
+    samples: int
+    at_m_s: float | None = None
+    parameters: tuple[FitParameter, ...] = field(init=False)
+    prior: FloatArray = field(init=False, repr=False)
+    sds: FloatArray = field(init=False, repr=False)
+    mask: FloatArray = field(init=False, repr=False)
+    trial_slices: tuple[slice, ...] = ()
+    _root: FloatArray = field(init=False, repr=False)  #: root'root is the precision of the forces
+    _speeds: FloatArray = field(init=False, repr=False)
+    _begins: NDArray[np.intp] = field(init=False, repr=False)
+    _counts: NDArray[np.intp] = field(init=False, repr=False)
+    _moving: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        system = self.system
+        unknowns = list(self.unknowns)
+        if self.at_m_s is not None:
+            unknowns[1 + DRY], unknowns[1 + VISCOUS] = _at(unknowns, self.at_m_s)
+        parameters = tuple(item.parameter for item in unknowns)
+        values, vectors = np.linalg.eigh(self.loads.covariance)
+        least = 1e-12 * float(values[-1])
+        means = np.array([abs(float(np.mean(speed))) for speed in system.speeds])
+        counts = [len(speed) for speed in system.speeds]
+        for name, value in (
+            ("parameters", parameters),
+            ("prior", to_scaled(parameters, np.array([item.start for item in parameters]))),
+            ("sds", np.array([item.u for item in unknowns])),
+            ("mask", np.ones(self.samples)),
+            ("_root", (vectors / np.sqrt(np.maximum(values, least))).T),
+            ("_speeds", np.concatenate(system.speeds) * (-1.0 if system.turned else 1.0)),
+            ("_counts", np.array(counts)),
+            ("_begins", np.cumsum([0, *counts[:-1]])),
+            ("_moving", means >= STRAIGHT_M_S),
+        ):
+            object.__setattr__(self, name, value)
+
+    def natural(self, scaled: FloatArray) -> FloatArray:
+        """Return scaled parameters (8,) in natural units, within their bounds."""
+        low, high = scaled_bounds(self.parameters)
+        return to_natural(self.parameters, np.clip(scaled, low, high))
+
+    def coupling(self, theta: FloatArray) -> FloatArray:
+        """Return the parameters (7,) of :mod:`.coupling`."""
+        out = theta[1:].copy()
+        if self.at_m_s is not None:
+            whole, share = theta[1], theta[2]
+            out[DRY], out[VISCOUS] = share * whole, (1.0 - share) * whole / self.at_m_s
+        return out
+
+    def of_coupling(self, coupling: FloatArray) -> FloatArray:
+        """Return the parameters (8,) for guide friction and coupling as in :mod:`.coupling`."""
+        out = coupling.copy()
+        if self.at_m_s is not None:
+            dry, viscous = coupling[1 + DRY], coupling[1 + VISCOUS]
+            whole = dry + self.at_m_s * viscous
+            out[1 + DRY], out[1 + VISCOUS] = whole, dry / whole
+        return out
+
+    def forces(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the friction of the guide in each trial in N (t,), and derivatives (t, 8)."""
+        system = self.system
+        found = load(self._speeds, self.coupling(theta), system.shape)
+        radius = system.rig.constants.wheel_radius.value
+        torque, moving = system.bearing_torque / radius, self._moving
+        guide = np.where(moving, self._means(found.guide), 1.0)
+        bearing = np.where(moving, self._means(found.bearing) - 1.0, 0.0)
+        shift = torque * bearing - self.loads.free.bearing_nm / radius
+        by = theta[0] * self._means(found.guide_by) + torque * self._means(found.bearing_by)
+        by *= moving[:, None]
+        if self.at_m_s is not None:
+            whole, share, v = theta[1], theta[2], self.at_m_s
+            dry, viscous = by[:, DRY].copy(), by[:, VISCOUS].copy()
+            by[:, 0] = share * dry + (1.0 - share) / v * viscous
+            by[:, 1] = whole * (dry - viscous / v)
+        return theta[0] * guide + shift, np.column_stack([guide, by])
+
+    def _means(self, values: FloatArray) -> FloatArray:
+        """Return the means of each trial, (t,) of ``values`` (n,), or (t, k)."""
+        sums = np.add.reduceat(values, self._begins, axis=0)
+        return np.asarray(sums / self._counts.reshape(-1, *[1] * (values.ndim - 1)))
+
+    def residuals(self, theta: FloatArray) -> FloatArray:
+        """Return the residuals of the forces and of what is known, (r,)."""
+        return self._both(theta)[0]
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        """Return d(residuals)/d(theta), (r, 8)."""
+        return self._both(theta)[1]
+
+    def cost(self, theta: FloatArray, weights: FloatArray | None = None) -> float:
+        """Return half the sum of squares, and half the number of samples."""
+        return 0.5 * (float(np.sum(self.residuals(theta) ** 2)) + self.samples)
+
+    def normal_equations(
+        self, theta: FloatArray, weights: FloatArray | None = None
+    ) -> NormalEquations:
+        """Return cost, gradient and information."""
+        residuals, jacobian = self._both(theta)
+        found = stacked_normal_equations(residuals, jacobian, np.ones(len(residuals)))
+        return replace(found, cost=found.cost + 0.5 * self.samples)
+
+    def _both(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        forces, by = self.forces(theta)
+        known = np.flatnonzero(np.isfinite(self.sds))
+        pulls = (to_scaled(self.parameters, theta) - self.prior)[known] / self.sds[known]
+        rows = np.zeros((len(known), len(theta)))
+        rows[np.arange(len(known)), known] = (
+            1.0 / (self.sds * slopes(self.parameters, theta))[known]
+        )
+        return (
+            np.concatenate([self._root @ (forces - self.loads.forces_n), pulls]),
+            np.vstack([self._root @ by, rows]),
+        )
+
+
+def optima(model: Reduced) -> list[Fit]:
+    """Return the optima of ``model``, the best first."""
+    rng = np.random.default_rng(SEED)
+    spread = np.where(np.isfinite(model.sds), model.sds, ROLLERS_SD)
+    enough = WORTH / model.samples
+    ends = [fit(model, start, thorough=True, relative_decrease=enough) for start in _starts(model)]
+    least = min(end.cost for end in ends)
+    for end in [end for end in ends if end.cost < least + NEAR]:
+        for draw in rng.standard_normal((DRAWS, len(spread))):
+            theta = model.natural(end.scaled + spread * draw)
+            ends.append(fit(model, theta, thorough=True, relative_decrease=enough))
+    ends.sort(key=lambda end: end.cost)
+    distinct: list[Fit] = []
+    for end in ends:
+        moved = [np.max(np.abs(end.scaled - other.scaled) / spread) for other in distinct]
+        if min(moved, default=math.inf) > SAME:
+            distinct.append(end)
+    return distinct
+
+
+def strained(model: Reduced, coupling: FloatArray) -> Explanation | None:
+    """Return which constant explains why one of :data:`RESTS_ON` has moved too far, if one has.
+
+    Residuals as small as noise may hide a wrong constant: if it and the rollers' friction stand in
+    for one another, another constant moves, to where chance hardly brings it. So each is left to
+    the data in turn. Under the model -2 ln L then gains as chi-square of one degree of freedom, across
+    kinks too; Holm's rule holds the chance of a false alarm of all. The one that gains most is
+    returned, with those that the data do not tell apart from it. ``coupling`` (8,) is the fitted.
+    """
+    held = fit(model, coupling, thorough=True, relative_decrease=WORTH / model.samples)
+    freed = [_freed(model, held, place) for place in RESTS_ON]
+    if not any(holm([float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LEVEL)):
+        return None
+    first, *others = sorted(freed, key=lambda item: -item.gain)
+    as_good = tuple(item.name for item in others if item.gain > first.gain - TOLD_APART)
+    return replace(first, others=as_good)
+
+
+def _freed(model: Reduced, held: Fit, place: int) -> Explanation:
+    """Return what the data alone make of a constant.
+
+    Lever and friction of the rollers stand in for one another: another lever begins with as much
+    more of it.
+    """
+    unknowns = list(model.unknowns)
+    unknown = unknowns[place]
+    unknowns[place] = replace(unknown, u=math.inf)
+    free = replace(model, unknowns=tuple(unknowns))
+    begun = [held.theta]
+    for factor in OTHER_VALUES:
+        theta = held.theta.copy()
+        theta[place] *= factor
+        if place == 1 + LEVER:
+            theta[[1 + DRY, 1 + VISCOUS]] *= factor
+        begun.append(free.natural(to_scaled(free.parameters, theta)))
+    enough = WORTH / model.samples
+    ended = min(
+        (fit(free, start, thorough=True, relative_decrease=enough) for start in begun),
+        key=lambda end: end.cost,
+    )
+    scale = slopes(free.parameters, ended.theta)
+    inverse = scaled_pinv(free.normal_equations(ended.theta).information * np.outer(scale, scale))
+    parameter, value = unknown.parameter, float(ended.theta[place])
+    moved = float(ended.scaled[place]) - parameter.scaled(parameter.start)
+    return Explanation(
+        unknown.wording, parameter.unit, value,
+        math.sqrt(float(inverse[place, place])) * parameter.slope(value),
+        2.0 * (held.cost - ended.cost), "", parameter.start, moved / unknown.u,
+    )  # fmt: skip
+
+
+def _starts(model: Reduced) -> list[FloatArray]:
+    """Return parameters (8,) at the minima of the cost on a grid of the rollers' friction."""
+    start = np.array([item.start for item in model.parameters])
+    if np.all(np.isfinite(model.sds)):
+        return [start]
+    system, at = model.system, model.coupling(start)
+    means = np.array([float(np.mean(speed)) for speed in system.speeds])
+    means = -means if system.turned else means
+    moving = np.abs(means) >= STRAIGHT_M_S
+    expected = model.loads.forces_n
+    loose = np.outer(expected, expected) * LOOSE**2 + np.diag((LOOSE * expected) ** 2)
+    precision = np.linalg.inv(model.loads.covariance + loose)
+    cost = np.zeros((len(DRY_GRID), len(VISCOUS_GRID)))
+    for i, dry in enumerate(DRY_GRID):
+        for j, viscous in enumerate(VISCOUS_GRID):
+            at[DRY], at[VISCOUS] = dry, viscous
+            guide = np.where(moving, load(means, at, system.shape).guide, 1.0)
+            error = start[0] * guide - expected
+            cost[i, j] = error @ precision @ error
+    around = np.pad(cost, 1, constant_values=np.inf)
+    shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]
+    n, m = cost.shape
+    least = np.min([around[i : i + n, j : j + m] for i, j in shifts], axis=0)
+    places = np.argwhere(cost <= least)
+    places = places[np.argsort(cost[tuple(places.T)])][:MOST_STARTS]
+    found = []
+    for i, j in places:
+        point = np.array([item.parameter.start for item in model.unknowns])
+        point[1 + DRY], point[1 + VISCOUS] = DRY_GRID[i], VISCOUS_GRID[j]
+        found.append(model.of_coupling(point))
+    return found
+
+
+def _at(unknowns: Sequence[Unknown], speed_m_s: float) -> tuple[Unknown, Unknown]:
+    """Return mu_R at a lateral speed and the share of it that is dry, as unknowns."""
+    dry, viscous = (unknowns[1 + place].parameter for place in (DRY, VISCOUS))
+    whole = FitParameter(
+        "mu_R", "1", dry.low + speed_m_s * viscous.low, dry.high + speed_m_s * viscous.high,
+        dry.start + speed_m_s * viscous.start,
+    )  # fmt: skip
+    share = FitParameter("share", "1", 1e-3, 1.0 - 1e-3, dry.start / whole.start, Scaling.LINEAR)
+    return Unknown(whole), Unknown(share)
