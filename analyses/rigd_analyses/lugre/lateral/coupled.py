@@ -1,10 +1,10 @@
 """Fits the coupled rig across the kinks of its loads.
 
-Where |M_D| meets |G| h, or a row of rollers lifts, the cost has kinks: a Newton step points across,
-and a fit may stop on either side. The outputs depend on the coupling through the friction of the
-guide in each trial alone, and on that smoothly. So the outputs are linearised in these frictions, and
-the coupling is fitted to them with all of its kinks (composite optimisation: Fletcher, Practical
-Methods of Optimization, 2nd ed. 1987, ch. 14), until nothing is gained.
+Where |M_D| meets |G| h, or a row of rollers lifts, the cost has kinks: a Newton step points across
+them, and a fit may stop there. The outputs depend on the coupling through the friction of the guide
+in each trial, and on that smoothly. So the outputs are linearised in these frictions, and the
+coupling is fitted to them with all of its kinks (composite optimisation: Fletcher, Practical
+Methods of Optimization, 2nd ed. 1987, ch. 14). This is repeated until nothing is gained.
 """
 
 from __future__ import annotations
@@ -15,22 +15,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigd.analysis.extended import Extended
-from rigd.analysis.fit import Fit, fit
+from rigd.analysis.fit import Affine, Fit, fit
 from rigd.analysis.model import to_scaled
-from rigd.analysis.output_error import OutputErrorFit, conclude
+from rigd.analysis.output_error import NEAR, OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import System, Unknown
 from rigd.analysis.whitened import OutputErrorModel
-from rigd_analyses.lugre.lateral.loads import Loads, loads_at
+from rigd_analyses.lugre.lateral.loads import Loads, loads_at, plain
 from rigd_analyses.lugre.lateral.reduced import Reduced, optima
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.system import GUIDE
 
 MOST_ROUNDS = 12
 GAINED = 0.02  #: in ln L: less than that ends the rounds
-#: Of the way to the optimum of the linearised outputs; 0 moves all but the coupling.
-SHARES = (1.0, 0.3, 0.1, 0.0)
+POLISHING = 20  #: iterations of a fit that holds the coupling
 MOST_ENDS = 6  #: optima of the frictions of the trials that are tried
 WORTH = 1e-3  #: in ln L: what ends a fit of the coupling
 
@@ -71,31 +69,45 @@ def couple(
     model = OutputErrorModel(whole, loads.model.noise)
     problem = reduced(loads, system, whole)
     coupling = np.asarray(min(starts, key=problem.cost))
-    theta = _point(problem, coupling)
-    cost = model.cost(theta)
+    cost, theta = _polished(system, model, _point(problem, coupling))
     for count in range(MOST_ROUNDS):
         loads = loads_at(model, theta, block)
         problem = reduced(loads, system, whole)
         if count == 0:  # far from the first loads there may be other optima
             starts = [*starts, *(end.theta for end in optima(problem)[:MOST_ENDS])]
         ends = [fitted(problem, start) for start in (coupling, *starts)]
-        target = min(ends, key=lambda end: end.cost)
-        step = target.scaled - to_scaled(problem.parameters, coupling)
-        gained = 0.0
-        for share in SHARES:
-            near = problem.natural(target.scaled - (1.0 - share) * step)
-            point = _point(problem, near)
-            if (found := model.cost(point)) < cost:
-                gained, cost, theta, coupling = cost - found, found, point, near
-                break
+        target = min(ends, key=lambda end: end.cost).theta
+        point = _point(problem, target)
+        found = model.cost(point)
+        if not found < cost - GAINED:  # the step of all else may be too long
+            found, point = _polished(system, model, point)
+        gained = cost - found
+        if gained > 0.0:
+            cost, theta, coupling = found, point, target
         if gained < GAINED:
             break
-    return Coupled(_concluded(model, theta, cost, gained, block), loads, coupling)
+    return Coupled(_concluded(model, theta, cost, max(gained, 0.0), block), loads, coupling)
 
 
 def fitted(problem: Reduced, start: FloatArray) -> Fit:
     """Return the fit of a coupling from ``start`` (8,), natural."""
     return fit(problem, start, thorough=True, relative_decrease=WORTH / problem.samples)
+
+
+def _polished(
+    system: LateralSystem, model: OutputErrorModel, theta: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return the lowest cost with the coupling of ``theta`` (p,), natural, and where it is."""
+    held = np.zeros(len(theta), dtype=np.bool_)
+    held[GUIDE] = held[len(system.rig.shared) : len(system.shared)] = True
+    free = np.flatnonzero(~held)
+    offset = np.where(held, to_scaled(model.parameters, theta), 0.0)
+    affine = Affine(offset, np.eye(len(theta))[:, free], tuple(int(k) for k in free))
+    end = fit(
+        model, theta, affine=affine, relative_decrease=WORTH / len(model.mask), damping=NEAR,
+        max_iterations=POLISHING, thorough=True, ridges=True,
+    )  # fmt: skip
+    return end.cost, end.theta
 
 
 def _point(problem: Reduced, coupling: FloatArray) -> FloatArray:
@@ -129,11 +141,3 @@ def coupled(whole: OutputErrorFit, block: int) -> Coupled:
     first, own = len(system.rig.shared), len(system.shared)
     coupling = np.concatenate([theta[[GUIDE]], theta[first:own]])
     return Coupled(whole, loads_at(whole.model, theta, block), coupling)
-
-
-def plain(system: System) -> LateralSystem:
-    """Return the rig's own system of what was fitted."""
-    inner = system.system if isinstance(system, Extended) else system
-    if not isinstance(inner, LateralSystem):
-        raise TypeError(f"{type(inner).__name__} is no lateral system")
-    return inner

@@ -34,7 +34,6 @@ from rigd_analyses.lugre.lateral.coupled import (
     couple,
     coupled,
     fitted,
-    plain,
     reduced,
 )
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
@@ -45,6 +44,7 @@ from rigd_analyses.lugre.lateral.loads import (
     Loads,
     loads_at,
     loads_of,
+    plain,
     with_free_loads,
 )
 from rigd_analyses.lugre.lateral.reduced import RESTS_ON, optima, strained
@@ -87,8 +87,9 @@ class LateralFound:
 
     ``gains`` is by how much ln L of each choice of the coupling lies below that of the fit.
     ``others`` (8,) are guide friction and coupling with other filters of the current, ``ends`` what
-    the data allow of the rollers' friction; none if no number is given. ``shifts`` (p,), scaled, are of what is left unexplained, and of what explains as much as that
-    which was added; ``without`` (trials, p) are the steps without each trial, if something was.
+    the data allow of the rollers' friction; none if no number is given. ``shifts`` (p,), scaled,
+    are of what is left unexplained, and of what explains as much as that which was added;
+    ``without`` (trials, p) are the steps without each trial, if something was.
     """
 
     system: LateralSystem
@@ -290,10 +291,11 @@ def _judged(
     gate = settled_gate(judge_fit(diagnosis, labels, period), whole)
     if gate.outcome is not FitOutcome.MISFIT:
         end = coupled(whole, block)
-        problem = end.reduced(system)
-        rests = {problem.unknowns[place].wording for place in RESTS_ON}
+        other = LiftedRows.PHYSICAL if system.rows is LiftedRows.PRINTED else LiftedRows.PRINTED
+        laws = [end.reduced(part) for part in (system, replace(system, rows=other))]
+        rests = {laws[0].unknowns[place].wording for place in RESTS_ON}
         named = next((item for item in gate.explanations if item.name in rests), None)
-        gate = strained_gate(gate, named or strained(problem, end.coupling))
+        gate = strained_gate(gate, named or strained(laws, end.coupling))
     return whole, gate, (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
 
 

@@ -13,8 +13,9 @@ from rigd.analysis.model import slopes
 from rigd.analysis.profile import axis, scan
 from rigd.analysis.result import FloatArray
 from rigd.analysis.uncertainty import scaled_pinv
-from rigd_analyses.lugre.lateral.coupled import Coupled, fitted, plain
+from rigd_analyses.lugre.lateral.coupled import Coupled, fitted
 from rigd_analyses.lugre.lateral.coupling import DRY, VISCOUS
+from rigd_analyses.lugre.lateral.loads import plain
 from rigd_analyses.lugre.lateral.reduced import Reduced, optima
 
 POINTS = 25  #: of a profile

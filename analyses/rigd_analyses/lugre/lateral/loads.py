@@ -156,14 +156,13 @@ def loads_of(found: OutputErrorFit) -> Loads:
 
 
 def loads_at(model: OutputErrorModel, theta: FloatArray, block: int) -> Loads:
-    """Return what the data know of the forces close to ``theta`` (p,) of ``model``; nothing is fitted.
+    """Return what the data know of the forces close to ``theta`` (p,) of ``model``, without a fit.
 
     ``model`` is that of a :class:`LateralSystem`, perhaps with something added. ``block`` is the
     longest correlation of the scores that is accounted for, in samples.
     """
     whole = model.system
-    system = whole.system if isinstance(whole, Extended) else whole
-    assert isinstance(system, LateralSystem)
+    system = plain(whole)
     own, shared, count = len(system.shared), len(whole.shared), len(system.rig.shared)
     coupled = theta[:own]
     free = OutputErrorModel(with_free_loads(whole, FreeLoads.of(system, coupled)), model.noise)
@@ -181,9 +180,23 @@ def with_free_loads(whole: System, free: FreeLoads) -> System:
     return replace(whole, system=free) if isinstance(whole, Extended) else free
 
 
-def _free(system: System) -> FreeLoads:
-    inner = system.system if isinstance(system, Extended) else system
-    assert isinstance(inner, FreeLoads)
+def plain(whole: System) -> LateralSystem:
+    """Return the rig's own system of what is fitted.
+
+    Raises:
+        TypeError: it is another one.
+    """
+    inner = whole.system if isinstance(whole, Extended) else whole
+    inner = inner.system if isinstance(inner, FreeLoads) else inner
+    if not isinstance(inner, LateralSystem):
+        raise TypeError(f"{type(inner).__name__} is no lateral system")
+    return inner
+
+
+def _free(whole: System) -> FreeLoads:
+    inner = whole.system if isinstance(whole, Extended) else whole
+    if not isinstance(inner, FreeLoads):
+        raise TypeError(f"{type(inner).__name__} has no friction of each trial")
     return inner
 
 

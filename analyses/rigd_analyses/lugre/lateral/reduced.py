@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ ROLLERS_SD = 0.1  #: of such starts, in the logarithm of the rollers' friction
 RESTS_ON = (0, *range(1 + LEVER, 1 + len(NAMES)))
 LEVEL = 0.02  #: chance of one false alarm in all of these; that of all else is 0.5 %
 TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
-OTHER_VALUES = (0.5, 2.0)  #: times the fitted one, from which the data may find another
+OTHER_VALUES = (0.5, 2.0)  #: times the stated one, from which the data may find another
 SAME = 0.2  #: of an uncertainty, or of this: two ends are one optimum
 
 
@@ -56,9 +57,10 @@ SAME = 0.2  #: of an uncertainty, or of this: two ends are one optimum
 class Reduced:
     """Guide friction and coupling (8,) against the forces of trials, as a model of a fit.
 
-    ``unknowns`` (8,) are what is known of them. ``samples`` is the number of residuals behind ``loads``: half of it is added to the cost, so
-    that :mod:`rigd.analysis.profile` compares it as that of all data. With ``at_m_s`` the two
-    parameters of the rollers are mu_R at this lateral speed, and the share of it that is dry.
+    ``unknowns`` (8,) are what is known of them. ``samples`` is the number of residuals behind
+    ``loads``: half of it is added to the cost, so that :mod:`rigd.analysis.profile` compares it as
+    that of all data. With ``at_m_s`` the two parameters of the rollers are mu_R at this lateral
+    speed, and the share of it that is dry.
     """
 
     loads: Loads
@@ -199,55 +201,62 @@ def optima(model: Reduced) -> list[Fit]:
     return distinct
 
 
-def strained(model: Reduced, coupling: FloatArray) -> Explanation | None:
+def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | None:
     """Return which constant explains why one of :data:`RESTS_ON` has moved too far, if one has.
 
     Residuals as small as noise may hide a wrong constant: if it and the rollers' friction stand in
     for one another, another constant moves, to where chance hardly brings it. So each is left to
-    the data in turn. Under the model -2 ln L then gains as chi-square of one degree of freedom, across
-    kinks too; Holm's rule holds the chance of a false alarm of all. The one that gains most is
-    returned, with those that the data do not tell apart from it. ``coupling`` (8,) is the fitted.
+    the data in turn. Under the model -2 ln L then gains as chi-square of one degree of freedom
+    does; Holm's rule holds the chance of a false alarm of all. The one that gains most is
+    returned, with those that the data do not tell apart from it. ``laws`` are the problem under each
+    law of a lifted row, the fitted first; ``coupling`` (8,) is the fitted.
     """
+    model = laws[0]
     held = fit(model, coupling, thorough=True, relative_decrease=WORTH / model.samples)
-    freed = [_freed(model, held, place) for place in RESTS_ON]
+    freed = [_freed([model], held, place) for place in RESTS_ON]
     if not any(holm([float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LEVEL)):
         return None
+    freed = [_freed(laws, held, place, everywhere=True) for place in RESTS_ON]
     first, *others = sorted(freed, key=lambda item: -item.gain)
     as_good = tuple(item.name for item in others if item.gain > first.gain - TOLD_APART)
     return replace(first, others=as_good)
 
 
-def _freed(model: Reduced, held: Fit, place: int) -> Explanation:
-    """Return what the data alone make of a constant.
-
-    Lever and friction of the rollers stand in for one another: another lever begins with as much
-    more of it.
-    """
-    unknowns = list(model.unknowns)
-    unknown = unknowns[place]
-    unknowns[place] = replace(unknown, u=math.inf)
-    free = replace(model, unknowns=tuple(unknowns))
-    begun = [held.theta]
-    for factor in OTHER_VALUES:
-        theta = held.theta.copy()
-        theta[place] *= factor
-        if place == 1 + LEVER:
-            theta[[1 + DRY, 1 + VISCOUS]] *= factor
-        begun.append(free.natural(to_scaled(free.parameters, theta)))
-    enough = WORTH / model.samples
-    ended = min(
-        (fit(free, start, thorough=True, relative_decrease=enough) for start in begun),
-        key=lambda end: end.cost,
-    )
+def _freed(
+    laws: Sequence[Reduced], held: Fit, place: int, *, everywhere: bool = False
+) -> Explanation:
+    """Return what the data alone make of a constant: near the fit, or ``everywhere``."""
+    unknown = laws[0].unknowns[place]
+    stated = unknown.parameter.start
+    free = _with(laws[0], place, stated)
+    enough = WORTH / free.samples
+    ended = fit(free, held.theta, thorough=True, relative_decrease=enough)
+    if everywhere:
+        for law, factor in product(laws, (1.0, *OTHER_VALUES)):
+            other = _with(law, place, factor * stated)
+            end = optima(other)[0]
+            if end.cost < ended.cost:
+                free, ended = other, end
     scale = slopes(free.parameters, ended.theta)
     inverse = scaled_pinv(free.normal_equations(ended.theta).information * np.outer(scale, scale))
     parameter, value = unknown.parameter, float(ended.theta[place])
-    moved = float(ended.scaled[place]) - parameter.scaled(parameter.start)
+    moved = float(ended.scaled[place]) - parameter.scaled(stated)
     return Explanation(
         unknown.wording, parameter.unit, value,
         math.sqrt(float(inverse[place, place])) * parameter.slope(value),
-        2.0 * (held.cost - ended.cost), "", parameter.start, moved / unknown.u,
+        2.0 * (held.cost - ended.cost), "", stated, moved / unknown.u,
     )  # fmt: skip
+
+
+def _with(model: Reduced, place: int, start: float) -> Reduced:
+    """Return ``model`` without what is stated of one unknown, which begins at ``start``."""
+    unknowns = list(model.unknowns)
+    parameter = unknowns[place].parameter
+    within = min(max(start, parameter.low), parameter.high)
+    unknowns[place] = replace(
+        unknowns[place], parameter=replace(parameter, start=within), u=math.inf
+    )
+    return replace(model, unknowns=tuple(unknowns))
 
 
 def _starts(model: Reduced) -> list[FloatArray]:
