@@ -56,14 +56,41 @@ def intervals(laws: Sequence[Coupled], speeds_m_s: Sequence[float]) -> Intervals
         problem = law.reduced(plain(law.whole.model.system))
         ends = [fitted(problem, law.coupling), *optima(problem)]
         couplings = [end.theta for end in sorted(ends, key=lambda end: end.cost)]
-        worse = law.whole.fit.cost - least
-        each = [_profile(problem, couplings, worse, 1 + place) for place in (DRY, VISCOUS)]
-        for speed in speeds_m_s:
-            other = law.reduced(plain(law.whole.model.system), speed)
-            each.append(_profile(other, couplings, worse, 1 + DRY))
-        found.append(each)
+        found.append(_of_law(law, couplings, law.whole.fit.cost - least, speeds_m_s))
     dry, viscous, *at = (_joined(ends) for ends in zip(*found, strict=True))
     return Intervals(dry, viscous, tuple(at))
+
+
+def _of_law(
+    law: Coupled, couplings: Sequence[FloatArray], worse: float, speeds_m_s: Sequence[float]
+) -> list[Ends]:
+    """Return the ends of each quantity under one law.
+
+    What one profile accepts, the data allow: the others begin there too, and hold its values. A
+    profile of its own may stop at a kink before.
+    """
+    system = plain(law.whole.model.system)
+    problem = law.reduced(system)
+    sought = [(problem, 1 + DRY), (problem, 1 + VISCOUS)]
+    sought += [(law.reduced(system, speed), 1 + DRY) for speed in speeds_m_s]
+    ends: list[Ends] = []
+    accepted: list[FloatArray] = []
+    for part, place in sought:
+        own, more = _profile(part, couplings, accepted, worse, place)
+        ends.append(own)
+        accepted += more
+    return [
+        _holding(own, [float(part.of_coupling(item)[place]) for item in accepted])
+        for own, (part, place) in zip(ends, sought, strict=True)
+    ]
+
+
+def _holding(ends: Ends, values: Sequence[float]) -> Ends:
+    """Return ``ends``, which hold ``values`` too."""
+    return Ends(
+        None if ends.low is None else min([ends.low, *values]),
+        None if ends.high is None else max([ends.high, *values]),
+    )
 
 
 def _joined(ends: Sequence[Ends]) -> Ends:
@@ -76,15 +103,23 @@ def _joined(ends: Sequence[Ends]) -> Ends:
     )
 
 
-def _profile(problem: Reduced, couplings: Sequence[FloatArray], worse: float, place: int) -> Ends:
+def _profile(
+    problem: Reduced,
+    couplings: Sequence[FloatArray],
+    accepted: Sequence[FloatArray],
+    worse: float,
+    place: int,
+) -> tuple[Ends, list[FloatArray]]:
     """Return the ends of one parameter under a law that is ``worse`` than the best, in ln L.
 
-    ``couplings`` (8,) are the optima under this law, the best first.
+    ``couplings`` (8,) are the optima under this law, the best first; ``accepted`` (8,) are what
+    other profiles accept. What this one accepts is returned too.
     """
     starts = [problem.of_coupling(item) for item in couplings]
     best = fitted(problem, starts[0])
     allowed = 0.5 * float(chi2.ppf(CONFIDENCE, 1))
     held = [item for item in starts if problem.cost(item) < best.cost + FAR * allowed]
+    held += [problem.of_coupling(item) for item in accepted]
     parameter = problem.parameters[place]
     values = [
         parameter.scaled(float(item[place]))
@@ -110,7 +145,8 @@ def _profile(problem: Reduced, couplings: Sequence[FloatArray], worse: float, pl
             break
         low = low - WIDER * reach if open_low else low
         high = high + WIDER * reach if open_high else high
-    return Ends(
+    ends = Ends(
         None if found.low is None else parameter.natural(found.low),
         None if found.high is None else parameter.natural(found.high),
     )
+    return ends, [problem.as_coupling(item) for item in found.accepted]

@@ -31,7 +31,7 @@ from rigd.analysis.result import Explanation, FloatArray
 from rigd.analysis.score import holm
 from rigd.analysis.system import Unknown
 from rigd.analysis.uncertainty import scaled_pinv
-from rigd_analyses.lugre.lateral.coupling import DRY, LEVER, NAMES, VISCOUS, load
+from rigd_analyses.lugre.lateral.coupling import DRY, HEIGHT, LEVER, NAMES, VISCOUS, load
 from rigd_analyses.lugre.lateral.loads import Loads
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 
@@ -47,6 +47,9 @@ WORTH = 1e-2  #: gain in ln L that ends a fit
 ROLLERS_SD = 0.1  #: of such starts, in the logarithm of the rollers' friction
 #: Places of the constants that the rollers' friction rests on: guide friction and the lengths.
 RESTS_ON = (0, *range(1 + LEVER, 1 + len(NAMES)))
+#: Those that are tested. The load of the guide depends on mu_R times height and on mu_R times half
+#: span: with mu_R free, to leave the one or the other to the data is one test.
+TESTED = tuple(place for place in RESTS_ON if place != 1 + HEIGHT)
 LEVEL = 0.02  #: chance of one false alarm in all of these; that of all else is 0.5 %
 TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
 OTHER_VALUES = (0.5, 2.0)  #: times the stated one, from which the data may find another
@@ -114,6 +117,10 @@ class Reduced:
             whole, share = theta[1], theta[2]
             out[DRY], out[VISCOUS] = share * whole, (1.0 - share) * whole / self.at_m_s
         return out
+
+    def as_coupling(self, theta: FloatArray) -> FloatArray:
+        """Return guide friction and coupling as in :mod:`.coupling`, (8,): undoes the next."""
+        return np.concatenate([theta[:1], self.coupling(theta)])
 
     def of_coupling(self, coupling: FloatArray) -> FloatArray:
         """Return the parameters (8,) for guide friction and coupling as in :mod:`.coupling`."""
@@ -208,14 +215,18 @@ def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | Non
     for one another, another constant moves, to where chance hardly brings it. So each is left to
     the data in turn. Under the model -2 ln L then gains as chi-square of one degree of freedom
     does; Holm's rule holds the chance of a false alarm of all. The one that gains most is
-    returned, with those that the data do not tell apart from it. ``laws`` are the problem under each
-    law, the fitted first; ``coupling`` (8,) is the fitted.
+    returned, with those that the data do not tell apart from it. ``laws`` are the problem under
+    each law, the fitted first; ``coupling`` (8,) is the fitted.
     """
     model = laws[0]
     held = fit(model, coupling, thorough=True, relative_decrease=WORTH / model.samples)
-    freed = [_freed([model], held, place) for place in RESTS_ON]
     # Half the lever is another optimum, and under another law: the one that is far from the fit.
-    freed[RESTS_ON.index(1 + LEVER)] = _freed(laws, held, 1 + LEVER, everywhere=True)
+    freed = [
+        _freed(laws, held, place, everywhere=True)
+        if place == 1 + LEVER
+        else _freed([model], held, place)
+        for place in TESTED
+    ]
     if not any(holm([float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LEVEL)):
         return None
     freed = [_freed(laws, held, place, everywhere=True) for place in RESTS_ON]

@@ -1,4 +1,4 @@
-"""The coupling from the friction of the guide in each trial: all optima, and what the data allow."""
+"""The coupling from the friction of the guide in each trial: all optima, what the data allow."""
 
 from __future__ import annotations
 
