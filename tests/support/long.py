@@ -170,6 +170,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_stated_friction_contradicts_a_wrong_lever",
             "test_turned_lateral_speed_is_named",
         ),
+        "analyses/lugre/lateral/test_reduced.py": ("test_either_law_is_held_by_intervals",),
         "analyses/lugre/test_by_law.py": ("test_a_floor_of_the_paper_supports_4_parameters",),
         "analyses/lugre/test_checked.py": (
             "test_another_law_leaves_no_number_of_method_a",
