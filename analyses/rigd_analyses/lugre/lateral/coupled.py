@@ -69,7 +69,7 @@ def couple(
     model = OutputErrorModel(whole, loads.model.noise)
     problem = reduced(loads, system, whole)
     coupling = np.asarray(min(starts, key=problem.cost))
-    cost, theta = _polished(system, model, _point(problem, coupling))
+    cost, theta = _polished(system, model, problem, coupling)
     for count in range(MOST_ROUNDS):
         loads = loads_at(model, theta, block)
         problem = reduced(loads, system, whole)
@@ -78,9 +78,10 @@ def couple(
         ends = [fitted(problem, start) for start in (coupling, *starts)]
         target = min(ends, key=lambda end: end.cost).theta
         point = _point(problem, target)
-        found = model.cost(point)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = model.cost(point)
         if not found < cost - GAINED:  # the step of all else may be too long
-            found, point = _polished(system, model, point)
+            found, point = _polished(system, model, problem, target)
         gained = cost - found
         if gained > 0.0:
             cost, theta, coupling = found, point, target
@@ -95,24 +96,39 @@ def fitted(problem: Reduced, start: FloatArray) -> Fit:
 
 
 def _polished(
-    system: LateralSystem, model: OutputErrorModel, theta: FloatArray
+    system: LateralSystem, model: OutputErrorModel, problem: Reduced, coupling: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Return the lowest cost with the coupling of ``theta`` (p,), natural, and where it is."""
+    """Return the lowest cost with a coupling (8,), and all parameters (p,) there; both natural.
+
+    All else begins where it goes with the coupling. That is linear: if the rig has no motion so far
+    off, as with few trials, all else begins where the frictions of the trials were found.
+    """
+    theta = _point(problem, coupling)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not math.isfinite(model.normal_equations(theta).cost):
+            theta = _point(problem, coupling, problem.loads.forces_n)
     held = np.zeros(len(theta), dtype=np.bool_)
     held[GUIDE] = held[len(system.rig.shared) : len(system.shared)] = True
     free = np.flatnonzero(~held)
     offset = np.where(held, to_scaled(model.parameters, theta), 0.0)
     affine = Affine(offset, np.eye(len(theta))[:, free], tuple(int(k) for k in free))
-    end = fit(
-        model, theta, affine=affine, relative_decrease=WORTH / len(model.mask), damping=NEAR,
-        max_iterations=POLISHING, thorough=True, ridges=True,
-    )  # fmt: skip
+    with np.errstate(over="ignore", invalid="ignore"):
+        end = fit(
+            model, theta, affine=affine, relative_decrease=WORTH / len(model.mask), damping=NEAR,
+            max_iterations=POLISHING, thorough=True, ridges=True,
+        )  # fmt: skip
     return end.cost, end.theta
 
 
-def _point(problem: Reduced, coupling: FloatArray) -> FloatArray:
-    """Return all parameters (p,), natural, that go with a coupling (8,)."""
-    shared, added, local = problem.loads.under(problem.forces(coupling)[0])
+def _point(
+    problem: Reduced, coupling: FloatArray, forces_n: FloatArray | None = None
+) -> FloatArray:
+    """Return all parameters (p,), natural, with a coupling (8,).
+
+    All else goes with its frictions of the trials, or with ``forces_n`` (trials,).
+    """
+    forces_n = problem.forces(coupling)[0] if forces_n is None else forces_n
+    shared, added, local = problem.loads.under(forces_n)
     shared[GUIDE] = coupling[0]
     return np.concatenate([shared, coupling[1:], added, local.ravel()])
 

@@ -113,7 +113,9 @@ def test_stated_friction_contradicts_a_wrong_lever(
     )  # fmt: skip
     found = find_lateral(trials, rig, constants)
     assert found.gate.outcome is FitOutcome.MISFIT
-    assert any("guide_lever" in finding for finding in found.gate.findings)
+    lever = found.gate.explanations[0]
+    assert lever.name == "another lever d - e of the guide"
+    assert lever.size == pytest.approx(0.012, abs=2.0 * lever.sd)
 
 
 def test_force_that_follows_the_lateral_speed_is_tried(found: LateralFound) -> None:
