@@ -114,7 +114,7 @@ def test_stated_friction_contradicts_a_wrong_lever(
     found = find_lateral(trials, rig, constants)
     assert found.gate.outcome is FitOutcome.MISFIT
     lever = found.gate.explanations[0]
-    assert lever.name == "another lever d - e of the guide"
+    assert lever.name == "lever d - e of the guide"
     assert lever.size == pytest.approx(0.012, abs=2.0 * lever.sd)
 
 
