@@ -224,7 +224,7 @@ def _damped_step(
         damped = matrix + damping * np.diag(np.maximum(diagonal, floor))
         step[free] = 0.0
         slope = (now.gradient + now.information @ step)[free]
-        step[free] = np.linalg.solve(damped + 1e-14 * floor * np.eye(free.size), -slope)
+        step[free] = _solved(damped + 1e-14 * floor * np.eye(free.size), -slope)
         if not again:
             return np.asarray(np.clip(step, -MAX_STEP, MAX_STEP))
         room = np.where(step > 0.0, most, -least)[free]
@@ -236,6 +236,14 @@ def _damped_step(
         step[stopped] = most[stopped] if step[stopped] > 0.0 else least[stopped]
         free = np.delete(free, first)
     return step
+
+
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solution; if several are, as of parameters of one effect, the shortest."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), float)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], float)
 
 
 def newton_step(now: NormalEquations, model: Model, found: Fit) -> FloatArray:

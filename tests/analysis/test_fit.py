@@ -167,3 +167,12 @@ def test_bent_ridge_is_followed_in_few_steps() -> None:
     found = fit(model, relative_decrease=1e-9, damping=1e-8, thorough=True, ridges=True)
     np.testing.assert_allclose(found.theta, [5.0, 25.0], atol=1e-3)
     assert found.converged
+
+
+def test_parameters_of_one_effect_are_fitted() -> None:
+    matrix = np.full((2, 2), 1024.0)
+    aim = np.full(2, 4096.0)
+    model = Residuals(lambda q: matrix @ q - aim, lambda _: matrix, 50.0, (0.0, 1.0))
+    found = fit(model, damping=0.0, thorough=True)
+    assert found.converged
+    assert float(np.sum(found.theta)) == pytest.approx(4.0, abs=1e-6)
