@@ -76,7 +76,7 @@ SIDE_BY_SIDE = places(
     "daemon/test_forms.py",
     "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py",
     "controllers", "derived",
-    "docs",
+    "docs", "dry_run",
     "drivers", "engine/recorder/test_exactly_once.py", "engine/shared",
     "engine/slow/test_latest.py", "engine/test_asking.py", "engine/test_cycle.py",
     "engine/test_derived.py", "engine/test_faults.py", "engine/test_interlocks.py",

@@ -147,6 +147,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         checked = load_rig(given)
         if checked.plant is not None:
             checked.plant.config.files()
+        sibling = _sibling_text(checked)
         channels = sum(len(device.channels) for device in checked.devices.values())
         parts = [f"rig {checked.name}", f"{len(checked.devices)} devices", f"{channels} channels"]
         if checked.calibration is not None:
@@ -155,14 +156,32 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
                 missing = (
                     f"right, but the calibration file {checked.calibration.path} does not exist yet"
                 )
-                return f"{', '.join(parts)}: {missing}"
+                return f"{', '.join(parts)}: {missing}{sibling}"
             parts.append(f"calibration {held.name}")
         free = "".join(
             f"\n  no interlock follows {name}: a drive that does not act on it is not noticed"
             for name in unsupervised(checked)
         )
-        return f"{', '.join(parts)}: right{free}"
+        return f"{', '.join(parts)}: right{sibling}{free}"
     return _check_procedure(given, rig)
+
+
+def _sibling_text(rig: RigConfig) -> str:
+    """Return a line on the simulated sibling of ``rig``; "" without one.
+
+    Raises:
+        ConfigError: the sibling is wrong, or has other names.
+    """
+    from rigd.config.sibling import read_sibling
+
+    sibling = read_sibling(rig)
+    if sibling is None:
+        return ""
+    count = len(sibling.differences)
+    differs = "differs in nothing" if not count else (
+        f"{count} {'difference' if count == 1 else 'differences'}, which a dry run lists"
+    )  # fmt: skip
+    return f"\n  sibling {sibling.rig.name} ({sibling.rig.source.path}): right, {differs}"
 
 
 def _check_procedure(given: str, rig: RigConfig | None) -> str:

@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from rigd.dry_run import PredictedPeak, StepRow
+from rigd.config.differences import Difference
+from rigd.dry_run import Physics, PredictedPeak, StepRow
 
 LEAST_WIDTH = 120
 
@@ -37,21 +38,76 @@ class DryRunFigures(Protocol):
     def refusals(self) -> Sequence[str]:
         """The reasons why the procedure must not run."""
 
+    @property
+    def physics(self) -> Physics:
+        """What the figures come from."""
+
+    @property
+    def sibling(self) -> str:
+        """The sibling that was played; "" without."""
+
+    @property
+    def differences(self) -> Sequence[Difference]:
+        """What differs between the files of rig and sibling."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a reader must know of this dry run, in sentences."""
+
+    @property
+    def known_s(self) -> float | None:
+        """Without physics, the time of the steps with a known duration, in s."""
+
 
 def print_dry_run(dry_run: DryRunFigures) -> None:
     """Print the step table, the duration, the peaks beside their limits, and the verdict."""
     # Names of channels must stay whole: below this width the terminal wraps, not the table.
     console = Console(highlight=False)
     console = Console(highlight=False, width=max(console.width, LEAST_WIDTH))
+    if dry_run.physics == "sibling":
+        console.print(f"played on the plant of the sibling {escape(dry_run.sibling)}\n")
+    elif dry_run.physics == "none":
+        console.print("[yellow]without physics[/]: no peak is known\n")
     console.print(_steps(dry_run))
-    console.print(f"estimated duration: [bold]{dry_run.duration_s:.1f} s[/] of rig time\n")
-    console.print(_peaks(dry_run))
+    if dry_run.known_s is None:
+        console.print(f"estimated duration: [bold]{dry_run.duration_s:.1f} s[/] of rig time\n")
+        console.print(_peaks(dry_run))
+    else:
+        console.print(
+            f"duration: [bold]{dry_run.known_s:.1f} s[/] known, and at most "
+            f"[bold]{dry_run.duration_s:.1f} s[/] if every end condition waits for its timeout\n"
+        )
+    if dry_run.differences:
+        console.print(_differences(dry_run))
+        console.print(
+            "plant, channels and ranges were those of the sibling; limits, rates, interlocks, "
+            "cycle and constants those of the rig file\n"
+        )
+    for note in dry_run.notes:
+        console.print(f"note: {escape(note)}", soft_wrap=True)
     if dry_run.refusals:
         console.print("[red]refused[/]: preflight would block this run, or the run would fail")
         for line in dry_run.refusals:
             console.print(f"  {escape(line)}", soft_wrap=True)
+    elif dry_run.physics == "none":
+        console.print(
+            "[yellow]not refused[/]: names, units and setpoints fit the rig; name a simulated "
+            "`sibling` in the rig file to predict peaks",
+            soft_wrap=True,
+        )
     else:
         console.print("[green]fit to run[/]: every predicted peak is inside its limit")
+
+
+def _differences(dry_run: DryRunFigures) -> Table:
+    title = "differences of the two files"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("what")
+    table.add_column("rig file")
+    table.add_column("sibling")
+    for item in dry_run.differences:
+        table.add_row(*map(escape, (item.what, item.here, item.there)))
+    return table
 
 
 def _steps(dry_run: DryRunFigures) -> Table:
@@ -64,7 +120,9 @@ def _steps(dry_run: DryRunFigures) -> Table:
     table.add_column("seconds", justify="right")
     for row in dry_run.steps:
         spread = f"{row.shortest_s:.2f}"
-        if row.longest_s - row.shortest_s >= 0.005:
+        if row.timing == "at_most":
+            spread = f"at most {row.longest_s:.2f}"
+        elif row.longest_s - row.shortest_s >= 0.005:
             spread += f" .. {row.longest_s:.2f}"
         texts = (
             row.block,
@@ -111,7 +169,10 @@ def dry_run_json(dry_run: DryRunFigures) -> dict[str, object]:
         return value if math.isfinite(value) else None
 
     return {
+        "physics": dry_run.physics,
+        "sibling": dry_run.sibling or None,
         "duration_s": dry_run.duration_s,
+        "known_s": dry_run.duration_s if dry_run.known_s is None else dry_run.known_s,
         "fit": not dry_run.refusals,
         "refusals": list(dry_run.refusals),
         "steps": [vars(row) for row in dry_run.steps],
@@ -128,4 +189,6 @@ def dry_run_json(dry_run: DryRunFigures) -> dict[str, object]:
             }
             for peak in dry_run.peaks
         ],
+        "differences": [vars(item) for item in dry_run.differences],
+        "notes": list(dry_run.notes),
     }

@@ -21,6 +21,8 @@ examples:
   rigd run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc
   rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run
                                     steps, duration and peaks, nothing moves, nothing is written
+  rigd run procedures/quick.yaml --rig wire-1 --dry-run
+                                    a real rig: on the plant of its simulated sibling
   rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml
                                     for continuous integration: a test case for each trial
   rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7
@@ -45,7 +47,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_rig(parser, "rig file, or the rig's name (lugre-1)", required=False)
     options.add_set(parser)
     parser.add_argument(
-        "--dry-run", action="store_true", help="play it on the simulated plant, record nothing"
+        "--dry-run",
+        action="store_true",
+        help="play it on the simulated plant of the rig or of its sibling, record nothing",
     )
     parser.add_argument(
         "--resume",

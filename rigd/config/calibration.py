@@ -24,10 +24,10 @@ from rigd.config.calibration_source import (
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.quantities import read_quantity
+from rigd.config.shipped import find_beside
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_quantity
 from rigd.sdk.analysis import Calibratable
-from rigd.sdk.shipped import shipped_folder
 
 #: No value of a rig is larger than this in SI, and no scale smaller than its inverse: such a number
 #: is a typing error.
@@ -129,16 +129,6 @@ def parse_calibration(text: str, name: str) -> Calibration:
     return _build(parse_document(text, Path(name)))
 
 
-def find_calibration(name: str, folder: Path) -> Path:
-    """Return the path of the calibration file of a rig file in ``folder``, also if it is missing.
-
-    A relative path starts at the folder; if the file is not there, a shipped file may be meant.
-    """
-    own_path = folder / name
-    shipped = shipped_folder("configs") / name
-    return shipped if shipped.is_file() and not own_path.exists() else own_path
-
-
 def read_setup(name: str | None, folder: Path, problems: Problems) -> CalibrationSetup | None:
     """Return the calibration that a rig file in ``folder`` names, or None with problems noted.
 
@@ -146,7 +136,7 @@ def read_setup(name: str | None, folder: Path, problems: Problems) -> Calibratio
     """
     if name is None:
         return None
-    path = find_calibration(name, folder)
+    path = find_beside(name, folder)
     if not path.is_file():
         return CalibrationSetup(path, None)
     try:

@@ -25,13 +25,14 @@ from rigd.config.rig import (
     LinkSetup,
     PlantSetup,
     RigConfig,
+    SiblingFile,
     SimulationSetup,
     SourceFile,
     Supervision,
     Waiver,
 )
 from rigd.config.sharing import check_shared
-from rigd.config.shipped import find_file, location
+from rigd.config.shipped import find_beside, find_file, location
 from rigd.config.source import ConstantSource, DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
 from rigd.model.constants import Constant
@@ -56,15 +57,16 @@ def load_rig(given: str | Path) -> RigConfig:
     return replace(rig, source=replace(rig.source, location=location(given, found, "configs")))
 
 
-def parse_rig(text: str, path: Path) -> RigConfig:
+def parse_rig(text: str, path: Path, *, period_ns: int | None = None) -> RigConfig:
     """Return the rig in ``text``, such as the text attached to a recording.
 
-    ``path`` is the name in error messages; its folder is the start of relative paths.
+    ``path`` is the name in error messages; its folder is the start of relative paths. With
+    ``period_ns`` its cycle takes this time in ns, and not what the text states.
 
     Raises:
         ConfigError: the text is wrong; the error names every problem with its place.
     """
-    return _build(parse_document(text, path))
+    return _build(parse_document(text, path), period_ns)
 
 
 def parse_constants(text: str, path: Path) -> dict[str, Constant]:
@@ -80,12 +82,14 @@ def parse_constants(text: str, path: Path) -> dict[str, Constant]:
     return constants
 
 
-def _build(document: Document) -> RigConfig:
+def _build(document: Document, period_ns: int | None = None) -> RigConfig:
     problems = Problems()
     source = bind(document, RigSource, problems)
     if source is None:
         problems.raise_any()
         raise ConfigError("the rig file cannot be used", place=document.place(()))
+    if period_ns is not None:
+        source = source.model_copy(update={"cycle": 1e9 / period_ns})
     _check_supervision(document, source, problems)
     links = read_links(document, source, problems)
     plant = _plant(document, source, problems)
@@ -112,6 +116,7 @@ def _build(document: Document) -> RigConfig:
         ),
         calibration=read_setup(source.calibration, document.path.parent, problems),
         remote=read_remote(document, source.remote, problems),
+        sibling=_sibling(document, source, problems),
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown
@@ -126,6 +131,20 @@ def _build(document: Document) -> RigConfig:
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
+
+
+def _sibling(document: Document, source: RigSource, problems: Problems) -> SiblingFile | None:
+    """Return where the sibling of the rig is; whether it is there is found when it is needed."""
+    if source.sibling is None:
+        return None
+    place = document.place(("sibling",))
+    if source.plant is not None:
+        problems.add(
+            place,
+            "this rig has a `plant`: its dry run plays on that, and needs no `sibling`",
+            "remove one of the two",
+        )
+    return SiblingFile(find_beside(source.sibling, document.path.parent), place)
 
 
 def _check_supervision(document: Document, source: RigSource, problems: Problems) -> None:

@@ -11,6 +11,7 @@ from rigd.config.remote import RemoteSetup
 from rigd.controllers.driver import Controller, ControllerConfig
 from rigd.model.channels import ECHO, Channel, Stream
 from rigd.model.constants import Constant
+from rigd.model.errors import Place
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.sdk import (
     AnyDriver,
@@ -132,6 +133,17 @@ class SimulationSetup:
 
 
 @dataclass(frozen=True)
+class SiblingFile:
+    """The simulated sibling that a rig file names; :mod:`rigd.config.sibling` reads it.
+
+    ``place`` is where it is named.
+    """
+
+    path: Path
+    place: Place
+
+
+@dataclass(frozen=True)
 class RigConfig:
     """A checked rig: the content of a rig file, with its drivers and valid options."""
 
@@ -148,6 +160,7 @@ class RigConfig:
     supervision: Supervision = Supervision()
     calibration: CalibrationSetup | None = None
     remote: RemoteSetup = field(default_factory=RemoteSetup)
+    sibling: SiblingFile | None = None
 
     @property
     def settings(self) -> Mapping[str, Setting] | None:

@@ -62,6 +62,16 @@ def find_file(given: str | Path, kind: Kind) -> Path:
     )
 
 
+def find_beside(name: str, folder: Path) -> Path:
+    """Return the path of the file ``name`` that a rig file in ``folder`` names, also if missing.
+
+    A relative path starts at the folder; if the file is not there, a shipped file may be meant.
+    """
+    own_path = folder / name
+    shipped = shipped_folder("configs") / name
+    return shipped if shipped.is_file() and not own_path.exists() else own_path
+
+
 def location(given: str | Path, found: Path, kind: Kind) -> str:
     """Return a description of the place where the file ``given`` was found.
 

@@ -336,6 +336,10 @@ class RigSource(Source):
     """Only for a rig simulated in process."""
     simulation: SimulationSource | None = None
     """Only for a rig whose devices `rigd sim` simulates at the wire."""
+    sibling: FilePath | None = None
+    """Only without `plant`: rig file of the same rig simulated in process, on whose plant a dry run
+    plays; relative to this file.
+    """
     supervision: SupervisionSource = SupervisionSource()
     """How the processes of rigd supervise one another."""
     links: Annotated[dict[Name, LinkSource], BeforeValidator(_nothing_is_empty)] = {}

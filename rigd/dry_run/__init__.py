@@ -1,6 +1,6 @@
-"""Plays a compiled procedure on the simulated plant and records nothing (a dry run)."""
+"""Plays a compiled procedure on a simulated plant and records nothing (a dry run)."""
 
-from rigd.dry_run.play import DryRunResult, PredictedPeak, dry_run
-from rigd.dry_run.steps import StepRow
+from rigd.dry_run.play import DryRunResult, Physics, PredictedPeak, dry_run
+from rigd.dry_run.steps import StepRow, Timing
 
-__all__ = ["DryRunResult", "PredictedPeak", "StepRow", "dry_run"]
+__all__ = ["DryRunResult", "Physics", "PredictedPeak", "StepRow", "Timing", "dry_run"]

@@ -3,18 +3,25 @@
 The dry run uses the same engine, the same interlocks and the same plant as the run itself. Only the
 recording is left out. A procedure with steps that can be held is played once more, and each of them
 is held: what happens then refuses it too.
+
+A real rig has no plant. Its procedure plays on the plant of the simulated sibling that its file
+names; without a sibling nothing is played, and the result has only what the procedure states.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
+from rigd.config.differences import Difference
 from rigd.config.rig import RigConfig
+from rigd.config.sibling import read_sibling
+from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
 from rigd.dry_run.peaks import PeakSink
-from rigd.dry_run.steps import StepRow, step_rows
+from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
@@ -24,9 +31,13 @@ from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.result import RunResult
 from rigd.engine.run import Run
 from rigd.engine.wiring import wire
-from rigd.model.errors import Blocked
 from rigd.model.severity import Severity
-from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
+from rigd.model.units import format_quantity
+from rigd.procedure.program import CompiledProcedure, CycleProgram, Fault, Prompt, Recorded
+
+#: What the figures of a dry run come from: the plant of the rig itself, that of its sibling, or the
+#: procedure alone.
+Physics = Literal["plant", "sibling", "none"]
 
 
 @dataclass(frozen=True)
@@ -55,26 +66,98 @@ class DryRunResult:
     steps: tuple[StepRow, ...]
     peaks: tuple[PredictedPeak, ...]
     refusals: tuple[str, ...]
-    result: RunResult
+    result: RunResult | None = None  #: of what was played
+    physics: Physics = "plant"
+    #: The sibling that was played: its name and file; "" without.
+    sibling: str = ""
+    #: What differs between the files of rig and sibling.
+    differences: tuple[Difference, ...] = ()
+    #: What a reader must know of this dry run, in sentences.
+    notes: tuple[str, ...] = ()
+    #: Without physics ``duration_s`` is the longest, and this the time of what is known.
+    known_s: float | None = None
 
 
 def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
-    """Play ``procedure`` on the simulated plant of ``rig`` in virtual time.
+    """Play ``procedure`` in virtual time on the plant of ``rig``, or on that of its sibling.
+
+    Without either nothing is played: devices are never opened. The result then has the steps with
+    the durations that the procedure states.
 
     Raises:
-        Blocked: the rig has no plant, or preflight refuses.
+        Blocked: preflight refuses, or the sibling lacks what the procedure uses.
+        ConfigError: the sibling is wrong.
     """
-    if rig.plant is None:
-        # Its devices would be opened, and moved as fast as they respond.
-        raise Blocked(
-            [
-                f"rig {rig.name} has no `plant`: a dry run plays on a plant simulated in "
-                "process, never on devices\n  give --rig the simulated version of this rig, "
-                "such as lugre-1"
-            ],
-            "nothing is played",
+    if rig.plant is not None:
+        return _played(procedure, procedure.on(rig), seed)
+    sibling = read_sibling(rig)
+    if sibling is None:
+        return _written(procedure, procedure.on(rig))
+    real = procedure.on(rig)
+    stand_in = sibling.stand_in(real)
+    fitted, faults = for_sibling(procedure, stand_in, real)
+    found = _played(replace(fitted, derived={}), stand_in, seed)
+    return replace(
+        found,
+        refusals=(*found.refusals, *_beyond(stand_in, found.peaks)),
+        physics="sibling",
+        sibling=f"{sibling.rig.name} ({sibling.rig.source.path})",
+        differences=sibling.differences,
+        notes=_faults_note(faults),
+    )
+
+
+def _written(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:
+    """Return what the procedure alone states."""
+    known_s, most_s = longest_of(procedure)
+    steps = list(procedure.steps())
+    prompts = sum(isinstance(step, Prompt) for step in steps)
+    notes = [
+        f"rig {rig.name} has no `plant`, and its file names no `sibling`: nothing was played",
+        "not known: peaks of measured channels, trips of interlocks, trials that end early, when "
+        "end conditions hold",
+    ]
+    if prompts:
+        notes.append(
+            f"{_count(prompts, 'prompt waits', 'prompts wait')} for an answer: not counted"
         )
-    rig = procedure.on(rig)
+    notes += _faults_note(sum(isinstance(step, Fault) for step in steps))
+    return DryRunResult(
+        most_s, written_rows(procedure, rig), (), (), physics="none", notes=tuple(notes),
+        known_s=known_s,
+    )  # fmt: skip
+
+
+def _faults_note(count: int) -> tuple[str, ...]:
+    if not count:
+        return ()
+    return (f"{_count(count, 'fault is', 'faults are')} not shown: only devices at the wire do",)
+
+
+def _count(count: int, one: str, several: str) -> str:
+    return f"{count} {one if count == 1 else several}"
+
+
+def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
+    """Yield setpoints that leave what the sibling's devices take: its physics is wrong there."""
+    for device in rig.devices.values():
+        for setpoint in device.setpoints:
+            name = f"{device.name}.{setpoint.name}"
+            for peak in peaks:
+                if peak.channel == f"{name} (setpoint)" and not (
+                    setpoint.low <= peak.lowest and peak.highest <= setpoint.high
+                ):
+                    low, high = (
+                        format_quantity(item, setpoint.unit)
+                        for item in (setpoint.low, setpoint.high)
+                    )
+                    yield (
+                        f"{name} leaves {low} to {high}, which the device of the sibling takes: "
+                        "its physics is not that of the rig there"
+                    )
+
+
+def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     sink, clock, result = _play(procedure, rig, seed)
     refusals = _refusals(sink, result, rig)
     if not refusals and can_be_held(procedure):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+from rigd.config.quantities import rate_unit
 from rigd.config.rig import RigConfig
 from rigd.model.units import format_quantity
 from rigd.procedure.agreement import check_of
@@ -18,6 +21,10 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
+
+#: How the duration of a step is known: it was `played` on physics; or without physics, it is
+#: `known` from the procedure, or only that it ends `at_most` at its timeout.
+Timing = Literal["played", "known", "at_most"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,7 @@ class StepRow:
     played: int
     shortest_s: float
     longest_s: float
+    timing: Timing = "played"
 
 
 def step_rows(
@@ -46,11 +54,7 @@ def step_rows(
 
     ``played`` has (time in ns, trial number, step name) at the start of each step.
     """
-    variants: dict[str, list[Segment]] = {}
-    blocks: dict[str, str] = {}
-    for block, segment in _segments(procedure):
-        variants.setdefault(segment.name, []).append(segment)
-        blocks[segment.name] = block
+    variants, blocks = _by_name(procedure)
     durations: dict[str, list[float]] = {}
     ends = [t_ns for t_ns, _, _ in played[1:]] + [end_ns]
     for (t_ns, _, name), until in zip(played, ends, strict=True):
@@ -69,6 +73,57 @@ def step_rows(
     )
 
 
+def written_rows(procedure: CompiledProcedure, rig: RigConfig) -> tuple[StepRow, ...]:
+    """Return one row per step, in the order of the procedure, without any physics.
+
+    The duration of a step without end conditions is known; any other lasts from 0 s to its timeout.
+    Each setpoint has the fastest change that the rig file permits.
+    """
+    variants, blocks = _by_name(procedure)
+    rows = []
+    for name, segments in variants.items():
+        waits = any(segment.until for segment in segments)
+        longest = [_longest_s(segment) for segment in segments]
+        rows.append(
+            StepRow(
+                blocks[name],
+                name,
+                tuple(f"{text}{rate}" for text, rate in _rated(segments, rig)),
+                tuple(_ends(segments)),
+                len(segments),
+                0.0 if waits else min(longest),
+                max(longest),
+                "at_most" if waits else "known",
+            )
+        )
+    return tuple(rows)
+
+
+def longest_of(procedure: CompiledProcedure) -> tuple[float, float]:
+    """Return the time of all steps in s: of those with a known duration, and of all at most."""
+    known = most = 0.0
+    for _, segment in _segments(procedure):
+        longest_s = _longest_s(segment)
+        most += longest_s
+        known += 0.0 if segment.until else longest_s
+    return known, most
+
+
+def _longest_s(segment: Segment) -> float:
+    times = (segment.duration_s, segment.timeout_s)
+    return min(time_s for time_s in times if time_s is not None)
+
+
+def _by_name(procedure: CompiledProcedure) -> tuple[dict[str, list[Segment]], dict[str, str]]:
+    """Return the variants of each step, one for each time it plays, and its block."""
+    variants: dict[str, list[Segment]] = {}
+    blocks: dict[str, str] = {}
+    for block, segment in _segments(procedure):
+        variants.setdefault(segment.name, []).append(segment)
+        blocks[segment.name] = block
+    return variants, blocks
+
+
 def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, Segment]]:
     blocks = [("prepare", procedure.prepare)]
     for trial in procedure.trials:
@@ -81,6 +136,18 @@ def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, Segment]]:
                 played = check_of(step, step.answer)
             for segment in () if played is None else played.segments:
                 yield block, segment
+
+
+def _rated(variants: Sequence[Segment], rig: RigConfig) -> Iterator[tuple[str, str]]:
+    """Yield each setpoint as text, with the rate that its limit permits."""
+    names = dict.fromkeys(name for variant in variants for name in variant.setpoints)
+    for name, text in zip(names, _setpoints(variants, rig), strict=True):
+        device, _, short = name.partition(".")
+        channel, rate = rig.setpoint(name), rig.devices[device].limits[short].rate
+        if channel is None or math.isinf(rate):
+            yield text, ""
+        else:
+            yield text, f", at most {format_quantity(rate, rate_unit(channel.unit))}"
 
 
 def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:

@@ -52,13 +52,23 @@ declare namespace Api {
     unauthenticated_ended: number;
     accept_pauses: number;
   }
+  interface DifferenceView {
+    what: string;
+    here: string;
+    there: string;
+  }
   interface DryRun {
     ok: boolean;
+    physics: "plant" | "sibling" | "none";
+    sibling: string;
     duration_s: number;
+    known_s: number | null;
     trials: number;
     steps: StepView[];
     peaks: PeakView[];
     refusals: string[];
+    differences: DifferenceView[];
+    notes: string[];
   }
   interface Events {
     events: RigEvent[];
@@ -377,6 +387,7 @@ declare namespace Api {
     played: number;
     shortest_s: number;
     longest_s: number;
+    timing: "played" | "known" | "at_most";
   }
   interface Stopped {
     acted: boolean;

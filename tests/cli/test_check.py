@@ -155,3 +155,14 @@ def test_folder_as_rig_is_reported_as_folder(
     assert f"{tmp_path} is a folder" in said
     assert f"{tmp_path}/*.yaml" in said
     assert "did you mean" not in said
+
+
+def test_check_of_real_rig_checks_its_sibling(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", "wire-1"]) == 0
+    assert "sibling lugre-1 (" in capsys.readouterr().out
+    text = (shipped_folder("configs") / "wire_lugre.yaml").read_text()
+    (tmp_path / "real.yaml").write_text(text.replace("sim_lugre.yaml", "sim.yaml"))
+    assert main(["check", str(tmp_path / "real.yaml")]) == 2
+    assert "real.yaml:17:10: the sibling" in capsys.readouterr().err

@@ -83,6 +83,9 @@ SHOWN: dict[str, Shows] = {
     'rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7': Shows(
         "1 of 1 trials"
     ),
+    "rigd run procedures/quick.yaml --rig wire-1 --dry-run": Shows(
+        "played on the plant of the sibling lugre-1"
+    ),
     "rigd run … --dry-run": Shows(
         "every predicted peak is inside its limit", {"…": "procedures/quick.yaml --rig lugre-1"}
     ),

@@ -15,13 +15,13 @@ from ruamel.yaml import YAML
 
 from rigd.config.calibration import (
     CalibratedValue,
-    find_calibration,
     load_calibration,
     parse_calibration,
 )
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.schema import calibration_schema
+from rigd.config.shipped import find_beside
 from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_folder
 
@@ -140,11 +140,11 @@ def test_a_missing_file_keeps_no_rig_from_loading(tmp_path: Path) -> None:
 
 def test_file_beside_rig_file_precedes_shipped_file(tmp_path: Path) -> None:
     name = "calibrations/approach_angle.yaml"
-    assert find_calibration(name, tmp_path) == SHIPPED
+    assert find_beside(name, tmp_path) == SHIPPED
     own = tmp_path / name
     own.parent.mkdir()
     own.write_text(TEXT)
-    assert find_calibration(name, tmp_path) == own
+    assert find_beside(name, tmp_path) == own
 
 
 def test_shipped_schema_is_current_and_fits_shipped_file() -> None:

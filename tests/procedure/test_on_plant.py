@@ -24,6 +24,7 @@ def test_plays_to_the_end(rig: RigConfig, name: str, overrides: dict[str, str]) 
     compiled = compile_procedure(load_procedure(name), rig, overrides)
     found = dry_run(compiled, rig, seed=1)
     assert found.refusals == ()
+    assert found.result is not None
     assert found.result.exit_code == 0
     assert found.result.trials_done == len(compiled.trials)
     outside = [

@@ -13,10 +13,27 @@ from rigd.record import Recording
 
 
 def test_a_dry_run_never_opens_devices(tmp_path: Path) -> None:
-    rig = write_rig(tmp_path, "wire-dry").rig
+    rig = write_rig(tmp_path, "wire-dry").rig  # its devices are not there
     done = rigd("run", "quick", "--rig", rig, "--dry-run", cwd=tmp_path)
-    assert done.code == 3
-    assert "never on devices" in done.err
+    assert done.code == 0, done.err
+    assert "played on the plant of the sibling lugre-1" in done.out
+    assert "interlock overrun_far, stale after" in done.out
+    assert "fit to run" in done.out
+    assert not (tmp_path / "runs").exists()
+
+
+def test_dry_run_without_sibling_states_no_peaks(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "wire-alone").rig
+    rig.write_text(rig.read_text().replace("sibling: sim_lugre.yaml", ""))
+    done = rigd("run", "quick", "--rig", rig, "--dry-run", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert "without physics: no peak is known" in done.out
+    assert "predicted peaks" not in done.out
+    assert "at most 10.00" in done.out
+    assert "fit to run" not in done.out
+    found = rigd("run", "quick", "--rig", rig, "--dry-run", "--json", cwd=tmp_path).json
+    assert (found["physics"], found["peaks"], found["fit"]) == ("none", [], True)
+    assert found["known_s"] < found["duration_s"]
 
 
 @pytest.mark.parametrize("option", [("--pace", "2"), ("--start", "2026-11-21T08:00:00")])

@@ -11,7 +11,8 @@ from rigd.cli.options import add_json, add_set, read_assignments
 from rigd.cli.remote.command import RemoteCommand, connect, print_json
 
 if TYPE_CHECKING:
-    from rigd.dry_run import PredictedPeak, StepRow
+    from rigd.config.differences import Difference
+    from rigd.dry_run import Physics, PredictedPeak, StepRow
     from rigd.remote.protocol.results import DryRun
 
 
@@ -72,9 +73,15 @@ class _PlayedElsewhere:
     steps: tuple[StepRow, ...]
     peaks: tuple[PredictedPeak, ...]
     refusals: tuple[str, ...]
+    physics: Physics
+    sibling: str
+    differences: tuple[Difference, ...]
+    notes: tuple[str, ...]
+    known_s: float | None
 
 
 def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
+    from rigd.config.differences import Difference
     from rigd.dry_run import PredictedPeak, StepRow
 
     def bound(value: float | None, missing: float) -> float:
@@ -96,13 +103,18 @@ def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
             for peak in dry_run.peaks
         ),
         dry_run.refusals,
+        dry_run.physics,
+        dry_run.sibling,
+        tuple(Difference(**dict(item)) for item in dry_run.differences),
+        dry_run.notes,
+        dry_run.known_s,
     )
 
 
 COMMANDS = {
     "procedures": RemoteCommand("list the procedures that a daemon has", _procedures, add_json),
     "dry-run": RemoteCommand(
-        "play a procedure on the daemon's simulated plant; nothing moves",
+        "play a procedure on a simulated plant: of the rig, or of its sibling; nothing moves",
         _dry_run,
         _configure_dry_run,
         """\

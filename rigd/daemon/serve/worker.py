@@ -51,7 +51,7 @@ class CalculationWorker:
     def dry_run(
         self, rig: str, rig_path: Path, procedure: str, name: str, settings: Mapping[str, str]
     ) -> DryRun:
-        """Play a procedure on the plant of a rig, both given as texts; nothing moves.
+        """Play a procedure on the plant of a rig or of its sibling, both given as texts.
 
         ``name`` is the name of the procedure in errors.
 
@@ -194,7 +194,7 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from rigd.dry_run import dry_run
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
-    from rigd.remote.protocol.results import PeakView, StepView
+    from rigd.remote.protocol.results import DifferenceView, PeakView, StepView
 
     rig: RigConfig = job["rig"]
     source = parse_procedure(job["procedure"], Path(f"{job['name']}.yaml"))
@@ -219,6 +219,11 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
             for peak in found.peaks
         ),
         refusals=found.refusals,
+        physics=found.physics,
+        sibling=found.sibling,
+        known_s=found.known_s,
+        differences=tuple(DifferenceView(**asdict(item)) for item in found.differences),
+        notes=found.notes,
     )
 
 

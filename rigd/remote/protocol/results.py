@@ -198,6 +198,8 @@ class StepView(Message):
     played: Count
     shortest_s: float
     longest_s: float
+    timing: Literal["played", "known", "at_most"] = "played"
+    """Played on physics; or without physics known from the procedure, or only from a timeout."""
 
 
 class PeakView(Message):
@@ -213,15 +215,35 @@ class PeakView(Message):
     inside: bool
 
 
+class DifferenceView(Message):
+    """Something that the files of a rig and of its sibling state differently."""
+
+    what: DaemonText
+    here: DaemonText
+    """In the rig file."""
+    there: DaemonText
+    """In the file of the sibling."""
+
+
 class DryRun(Message):
     """`dry_run`."""
 
     ok: bool
+    physics: Literal["plant", "sibling", "none"] = "plant"
+    """What it was played on; with `none` nothing was, and there are no peaks."""
+    sibling: DaemonText = ""
+    """The simulated sibling that was played."""
     duration_s: float
+    """Without physics the longest that all steps can take."""
+    known_s: float | None = None
+    """Without physics, the time of the steps with a known duration."""
     trials: Count
     steps: tuple[StepView, ...] = ()
     peaks: tuple[PeakView, ...] = ()
     refusals: tuple[DaemonText, ...] = ()
+    differences: tuple[DifferenceView, ...] = ()
+    notes: tuple[DaemonText, ...] = ()
+    """What a reader must know of this dry run, in sentences."""
 
 
 class RunLine(Message):

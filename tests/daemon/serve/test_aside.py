@@ -41,6 +41,36 @@ def test_dry_run_returns_steps_time_and_peaks() -> None:
     assert current.highest == pytest.approx(1.2)
 
 
+def test_dry_run_of_real_rig_plays_its_sibling() -> None:
+    rig = load_rig("wire-1")
+    done = CalculationWorker().dry_run(rig.source.text, rig.source.path, QUICK, "quick", {})
+    assert done.ok
+    assert done.physics == "sibling"
+    assert done.sibling.startswith("lugre-1")
+    assert "device traction" in {item.what for item in done.differences}
+    assert done.peaks
+
+
+def test_dry_run_without_sibling_has_no_peaks() -> None:
+    rig = load_rig("wire-1")
+    text = rig.source.text.replace("sibling: sim_lugre.yaml", "")
+    done = CalculationWorker().dry_run(text, rig.source.path, QUICK, "quick", {})
+    assert (done.ok, done.physics, done.peaks) == (True, "none", ())
+    assert {step.timing for step in done.steps} == {"known", "at_most"}
+    assert done.known_s is not None
+    assert done.known_s < done.duration_s
+
+
+def test_wrong_sibling_is_refused_with_places(tmp_path: Path) -> None:
+    rig = load_rig("wire-1")
+    text = rig.source.text.replace("sim_lugre.yaml", "absent.yaml")
+    with pytest.raises(
+        Refusal, match=r"rig\.yaml:\d+:10: the sibling .* does not exist"
+    ) as refused:
+        CalculationWorker().dry_run(text, tmp_path / "rig.yaml", QUICK, "quick", {})
+    assert refused.value.code is Code.WRONG
+
+
 def test_refusals_of_a_dry_run_are_returned() -> None:
     rig = load_rig("lugre-1")
     with pytest.raises(Refusal, match="curent") as refused:

@@ -10,15 +10,22 @@ const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "A
  * @param {Api.DryRun} found
  */
 export function drawPreview(root, found) {
+  const isPlayed = found.physics !== "none";
+  const mood = !found.ok ? "bad" : isPlayed ? "calm" : "warn";
   fill(
     root,
-    el("p", { class: "verdict-line", data: { mood: found.ok ? "calm" : "bad" } },
-      icon(found.ok ? "check" : "warn"),
-      el("strong", {}, found.ok ? "Fit to run" : "The run would fail"),
-      el("span", {}, `${found.trials} ${found.trials === 1 ? "trial" : "trials"}, about ${duration(found.duration_s)} of rig time`)),
+    el("p", { class: "verdict-line", data: { mood } },
+      icon(mood === "calm" ? "check" : "warn"),
+      el("strong", {}, !found.ok ? "The run would fail" : isPlayed ? "Fit to run" : "Not refused, peaks not known"),
+      el("span", {}, `${found.trials} ${found.trials === 1 ? "trial" : "trials"}, ${expected(found)} of rig time`)),
     found.refusals.length ? el("ul", { class: "problems" }, found.refusals.map((item) => el("li", {}, item))) : null,
-    el("h3", {}, "Distance from the limits"),
-    el("div", { class: "peaks" }, heading(), found.peaks.map((item) => peak(item, found.ok))),
+    found.physics === "sibling" ? el("p", {}, `Played on the plant of the sibling ${found.sibling}.`) : null,
+    found.notes.length ? el("ul", { class: "notes" }, found.notes.map((item) => el("li", {}, item))) : null,
+    isPlayed ? [
+      el("h3", {}, "Distance from the limits"),
+      el("div", { class: "peaks" }, heading(), found.peaks.map((item) => peak(item, found.ok))),
+    ] : null,
+    found.differences.length ? differences(found.differences) : null,
     el("h3", {}, "Steps"),
     el("div", { class: "scroll" },
       el("table", { class: "steps" },
@@ -26,6 +33,23 @@ export function drawPreview(root, found) {
         Object.entries(BLOCKS).map(([block, title]) => steps(found.steps.filter((item) => item.block === block), title)))),
   );
 }
+
+/**
+ * The duration in words: predicted, or without physics at most.
+ * @param {Api.DryRun} found
+ */
+export function expected(found) {
+  return found.physics === "none" ? `at most ${duration(found.duration_s)}` : `about ${duration(found.duration_s)}`;
+}
+
+/** @param {Api.DifferenceView[]} rows */
+const differences = (rows) => el("details", { class: "more" },
+  el("summary", {}, `${rows.length} ${rows.length === 1 ? "difference" : "differences"} between rig file and sibling`),
+  el("div", { class: "scroll" },
+    el("table", { class: "steps" },
+      el("thead", {}, el("tr", {}, ...["What", "Rig file", "Sibling"].map((text) => el("th", { scope: "col" }, text)))),
+      el("tbody", {}, rows.map((item) => el("tr", {},
+        el("th", { scope: "row" }, item.what), el("td", {}, item.here), el("td", {}, item.there)))))));
 
 /**
  * @param {Api.StepView[]} rows
@@ -47,7 +71,8 @@ function steps(rows, title) {
 const lines = (texts) => texts.map((text) => el("div", {}, quantities(text)));
 
 /** @param {Api.StepView} step */
-function spread({ shortest_s: shortest, longest_s: longest }) {
+function spread({ shortest_s: shortest, longest_s: longest, timing }) {
+  if (timing === "at_most") return `at most ${longest.toFixed(2)}`;
   const low = shortest.toFixed(2);
   return longest - shortest < 0.005 ? low : `${low} … ${longest.toFixed(2)}`;
 }

@@ -3,9 +3,9 @@
 import { ask, asRefused, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
 import { el, fill, flag, icon, setText } from "./dom.js";
-import { duration, words } from "./format.js";
+import { words } from "./format.js";
 import { Form } from "./form.js";
-import { drawPreview } from "./preview.js";
+import { drawPreview, expected } from "./preview.js";
 import { hasControl, isOperator, known, read, watch } from "./store.js";
 import { onShow, show } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
@@ -136,7 +136,7 @@ class Sheet {
 
   async #dryRun() {
     this.form.blame([]);
-    fill(this.preview, el("p", { class: "quiet busy" }, "Playing it on the simulated rig …"));
+    fill(this.preview, el("p", { class: "quiet busy" }, "Playing it dry …"));
     const found = await attempt(this.try, async () => {
       const given = this.#given();
       const check = await ask("check", given);
@@ -211,7 +211,7 @@ class Sheet {
       setText(label, text);
     };
     this.#dryRunOf({ procedure, set }).then(
-      (found) => display(`about ${duration(found.duration_s)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "the run would fail"}`}`, found.ok),
+      (found) => display(`${expected(found)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "the run would fail"}`}`, found.ok),
       (refused) => display(`not known: ${refused.message}`, false));
     return label;
   }
