@@ -32,7 +32,7 @@ class AnalogInput(Documented):
     @field_validator("unit")
     @classmethod
     def _is_si(cls, unit: str) -> str:
-        if parse_unit(unit).factor != 1.0:
+        if not parse_unit(unit).is_si:
             raise ValueError(f"{unit} is not an SI unit; give the scale in any unit instead")
         return unit
 

@@ -14,8 +14,8 @@ from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems, suggest
 from rigd.model.constants import Uncertainty, parse_uncertainty
 from rigd.model.errors import ConfigError, DataError
-from rigd.model.units import format_quantity, parse_quantity, parse_unit
-from rigd.procedure.expression import Number, Value
+from rigd.model.units import format_difference, format_quantity, parse_quantity, parse_unit
+from rigd.procedure.expression import Number, Value, number_in
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import read_tables
@@ -107,7 +107,7 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
     if rig is not None:
         of_rig = parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml"))
     shared: dict[str, Value] = {
-        f"rig.{name}": Number(item.value, item.unit.dimension) for name, item in of_rig.items()
+        f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
     }
     units = {f"rig.{name}": item.unit.symbol for name, item in of_rig.items()}
     problems = Problems()
@@ -158,7 +158,7 @@ def _scope_of(trial: TrialInfo, without: Mapping[str, str]) -> dict[str, Value]:
         if isinstance(value, str):
             scope[name] = value
         elif isinstance(value, int | float):
-            scope[name] = Number(float(value), parse_unit(trial.units.get(name, "1")).dimension)
+            scope[name] = number_in(float(value), parse_unit(trial.units.get(name, "1")))
     return scope
 
 
@@ -219,4 +219,4 @@ def _text(sweep: RecordedSweep, name: str, units: Mapping[str, str]) -> str:
 
 
 def _amount(u: Uncertainty, unit: str) -> str:
-    return format_quantity(u.size, "%" if u.is_share else unit)
+    return format_difference(u.size, "%" if u.is_share else unit)

@@ -23,10 +23,10 @@ from rigd.config.calibration_source import (
 )
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems
-from rigd.config.quantities import read_quantity
+from rigd.config.quantities import read_difference, read_quantity
 from rigd.config.shipped import find_beside
 from rigd.model.errors import ConfigError, Place
-from rigd.model.units import format_quantity
+from rigd.model.units import format_difference, format_quantity
 from rigd.sdk.analysis import Calibratable
 
 #: No value of a rig is larger than this in SI, and no scale smaller than its inverse: such a number
@@ -53,7 +53,7 @@ class CalibratedValue:
 
     def __str__(self) -> str:
         return (
-            f"{format_quantity(self.value, self.unit)} ± {format_quantity(self.u, self.unit)} "
+            f"{format_quantity(self.value, self.unit)} ± {format_difference(self.u, self.unit)} "
             f"({self.source})"
         )
 
@@ -192,7 +192,7 @@ def _value(
     problems: Problems,
 ) -> CalibratedValue:
     value = read_quantity(document, (*path, "value"), source.value, known.unit, problems)
-    u = read_quantity(document, (*path, "u"), source.u, known.unit, problems)
+    u = read_difference(document, (*path, "u"), source.u, known.unit, problems)
     place = document.place((*path, "value"))
     if known.sign == "positive" and value <= 0:
         problems.add(place, f"{source.value} must be above 0", known.doc)

@@ -130,10 +130,12 @@ def _head(text: str) -> str:
 
 def _block(value: CalibratedValue) -> dict[str, Any]:
     """Return the keys of a value for the file."""
-    places = _places(value.u / parse_unit(value.unit).factor)
+    unit = parse_unit(value.unit)
+    difference = unit.difference()
+    places = _places(value.u / difference.factor)
     block: dict[str, Any] = {
-        "value": _quantity(value.value, value.unit, places),
-        "u": _quantity(value.u, value.unit, places),
+        "value": _quantity(unit.from_si(value.value), unit.symbol, places),
+        "u": _quantity(value.u / difference.factor, difference.symbol, places),
         "source": value.source,
         "from": value.origin,
         "made": value.made.isoformat(),
@@ -154,9 +156,9 @@ def _places(u: float) -> int:
     return max(0, 1 + _GUARD_DIGITS - int(first))
 
 
-def _quantity(value: float, unit: str, places: int) -> str:
+def _quantity(number: float, unit: str, places: int) -> str:
     symbol = "" if unit == "1" else f" {unit}"
-    return f"{value / parse_unit(unit).factor:.{places}f}{symbol}"
+    return f"{number:.{places}f}{symbol}"
 
 
 def _plain(data: Any, key: str = "") -> Any:

@@ -9,7 +9,7 @@ from typing import Final
 
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
-from rigd.config.quantities import check_inside, rate_unit, read_quantity
+from rigd.config.quantities import check_inside, rate_unit, read_difference, read_quantity
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import ControllerSource
 from rigd.controllers.chain import sequence
@@ -247,7 +247,7 @@ class _Reader:
                 self.note((name, key), f"{key!r} has no effect beside 'relay'",
                           "give the relay to find gains, or gains")  # fmt: skip
         path: KeyPath = ("controllers", name)
-        relay = read_quantity(
+        relay = read_difference(
             self.document, (*path, "relay"), source.relay or "", output, self.problems
         )
         if relay == 0.0:
@@ -264,7 +264,7 @@ class _Reader:
             self.note((name, "relay"), "key 'hysteresis' is missing: noise would pass for a swing",
                       f"give two to three times the noise of {source.measured}")  # fmt: skip
         else:
-            hysteresis = read_quantity(
+            hysteresis = read_difference(
                 self.document, (*path, "hysteresis"), source.hysteresis, measured, self.problems
             )
             if hysteresis < 0.0:
@@ -273,7 +273,7 @@ class _Reader:
 
     def _gain(self, path: KeyPath, text: str, unit: str, dimension: Dimension) -> float:
         try:
-            given = parse_quantity(text)
+            given = parse_quantity(text).as_difference()
         except ValueError as error:
             self.note(path, str(error))
             return math.nan

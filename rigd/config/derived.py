@@ -15,7 +15,7 @@ from rigd.derived.driver import DERIVED, Derived, DerivedConfig
 from rigd.derived.formula import read_formula
 from rigd.derived.functions import FUNCTIONS, Call
 from rigd.derived.graph import Builder, Graph, Op, Term
-from rigd.derived.quantities import FormulaError, Named, no_names
+from rigd.derived.quantities import FormulaError, Named, no_names, stated
 from rigd.model.channels import ECHO, Channel
 from rigd.model.units import dimension_text, parse_unit, si_symbol
 
@@ -207,7 +207,7 @@ class _Reader:
                 raise FormulaError(
                     f"unknown constant {name!r}", offset, suggest(name, known), lacks=name
                 )
-            return self.builder.constant(constant.value, constant.unit.dimension)
+            return self.builder.constant(*stated(constant.value, constant.unit))
         channel = self.rig.recorded(name)
         if channel is None:
             known = [
@@ -245,7 +245,7 @@ class _Reader:
                 f"write 'unit: {self._units[name]}', or correct the formula",
             )  # fmt: skip
             return False
-        if unit.factor != 1.0:
+        if not unit.is_si:
             self.problems.add(
                 place, f"{source.unit} is not an SI unit: channels are recorded in SI units",
                 f"write 'unit: {self._units[name]}'",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
-from rigd.config.quantities import read_quantity
+from rigd.config.quantities import read_difference
 from rigd.config.rig import RigConfig
 from rigd.config.source import InterlockSource
 from rigd.model.channels import Channel
@@ -60,7 +60,7 @@ def read_following(
             f"how far the value may be from its setpoint, in {channel.unit}",
         )
         return 0.0
-    band = read_quantity(document, (*path, "band"), source.band, channel.unit, problems)
+    band = read_difference(document, (*path, "band"), source.band, channel.unit, problems)
     if band <= 0:
         problems.add(document.place((*path, "band")), f"band {source.band} must be above 0")
     return band

@@ -17,7 +17,13 @@ from rigd.config.inputs import check_inputs
 from rigd.config.links import check_link, read_links
 from rigd.config.observers import add_observers
 from rigd.config.problems import Problems, suggest
-from rigd.config.quantities import check_inside, rate_unit, read_quantity, read_uncertainty
+from rigd.config.quantities import (
+    check_inside,
+    rate_unit,
+    read_difference,
+    read_quantity,
+    read_uncertainty,
+)
 from rigd.config.registry import find_driver, find_plant, find_simulation
 from rigd.config.remote import read_remote
 from rigd.config.rig import (
@@ -406,7 +412,7 @@ def _interlock(
         problems.add(document.place((*path, "low")), message, "swap the two")
     deadband = 0.0
     if source.deadband is not None:
-        deadband = read_quantity(
+        deadband = read_difference(
             document, (*path, "deadband"), source.deadband, channel.unit, problems
         )
         if deadband < 0:

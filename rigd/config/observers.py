@@ -138,7 +138,7 @@ class _Linear:
         except ValueError as error:
             self._note(("states", name), str(error))
             return _State(name, "1", NO_DIMENSION)
-        if unit.factor != 1.0:
+        if not unit.is_si:
             self._note(
                 ("states", name),
                 f"{text} is not an SI unit: channels are recorded in SI units",

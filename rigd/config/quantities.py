@@ -7,7 +7,7 @@ import math
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
 from rigd.model.constants import Uncertainty, parse_uncertainty
-from rigd.model.units import Unit, format_quantity
+from rigd.model.units import Unit, format_quantity, parse_unit
 from rigd.sdk import In
 
 
@@ -17,6 +17,20 @@ def read_quantity(
     """Return ``text`` in SI, or NaN with the problem noted at ``path``."""
     try:
         return In(unit).read(text)
+    except ValueError as error:
+        problems.add(document.place(path), str(error))
+        return math.nan
+
+
+def read_difference(
+    document: Document, path: KeyPath, text: str, unit: str, problems: Problems
+) -> float:
+    """Return a tolerance, a noise or a step for values in ``unit``, as :func:`read_quantity`.
+
+    ``2 K`` is one for values in ``degC``, ``2 degC`` is a problem.
+    """
+    try:
+        return In(parse_unit(unit).difference().symbol, difference=True).read(text)
     except ValueError as error:
         problems.add(document.place(path), str(error))
         return math.nan
@@ -34,7 +48,8 @@ def read_uncertainty(
     try:
         return parse_uncertainty(text, unit)
     except ValueError as error:
-        hint = f"give the standard uncertainty (k = 1), such as '0.1 {unit}' or '0.2 %'"
+        shares = "" if unit.offset else " or '0.2 %'"
+        hint = f"give the standard uncertainty (k = 1), such as '0.1 {unit.difference()}'{shares}"
         problems.add(document.place(path), str(error), hint)
         return None
 

@@ -10,14 +10,14 @@ import ast
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from rigd.derived.dimensions import alike, over, plain, times
 from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
 from rigd.derived.graph import Builder, Op, Term
 from rigd.derived.quantities import STAND_IN, FormulaError, Named, Prepared, no_names, prepare
-from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, si_symbol
+from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, parse_unit, si_symbol
 
 #: Most characters of a formula; people cannot read a longer one.
 MAX_LENGTH: Final = 300
@@ -102,6 +102,10 @@ class _Reader:
                 return self.binary(node, _BINARY[type(operator)], depth)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 term = self.number(operand, depth)
+                if term.unit and isinstance(operand, ast.Name):  # -20 degC is 253.15 K
+                    below = 2 * parse_unit(term.unit).offset - (term.constant or 0.0)
+                    return self.builder.constant(below, term.dimension, term.unit)
+                self.without_own_zero("negate", node, term)
                 return self.fold(Op.NEGATE, (term,), term.dimension)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.number(operand, depth)
@@ -156,18 +160,36 @@ class _Reader:
                     f"{dimension_text(left.dimension)}",
                     self.at(node.right), _missing(left, right),
                 )  # fmt: skip
+            if op is Op.ADD and left.unit and right.unit:
+                self.without_own_zero("add", node.right, right)
             same = left.dimension == right.dimension
             dimension = left.dimension if same else plain(left.dimension)
         elif op is Op.MULTIPLY:
+            self.without_own_zero("multiply", node, left, right)
             dimension = times(left.dimension, right.dimension)
         elif right.constant == 0:
             raise FormulaError("division by zero", self.at(node.right))
         else:
+            self.without_own_zero("divide", node, left, right)
             dimension = over(left.dimension, right.dimension)
-        return self.fold(op, (left, right), dimension)
+        term = self.fold(op, (left, right), dimension)
+        if term.constant is not None and bool(left.unit) != bool(right.unit):
+            return replace(term, unit=left.unit or right.unit)
+        return term
+
+    def without_own_zero(self, verb: str, node: ast.expr, *terms: Term) -> None:
+        """Refuse to ``verb`` a fixed quantity in degC, or another unit with a zero of its own."""
+        unit = next((term.unit for term in terms if term.unit), "")
+        if unit:
+            difference = parse_unit(unit).difference()
+            raise FormulaError(
+                f"cannot {verb} a value in {unit}: it has a zero of its own", self.at(node),
+                f"write the difference in {difference}, or the value in {difference}",
+            )  # fmt: skip
 
     def power(self, node: ast.BinOp, depth: int) -> Term:
         base, power = self.number(node.left, depth), self.number(node.right, depth)
+        self.without_own_zero("raise", node, base)
         count = power.constant
         fits = count is not None and power.dimension == NO_DIMENSION
         if count is None or not fits or count not in range(2, _MAX_POWER + 1):

@@ -127,6 +127,7 @@ class Term:
     """A part of a formula: its row, its dimension, and its value if it never changes.
 
     ``is_condition``: it is 1 or 0 (true or false). ``uses`` are the channels of devices in it.
+    ``unit`` is not "" for a fixed quantity in a unit with a zero of its own (``degC``).
     """
 
     row: int
@@ -134,6 +135,7 @@ class Term:
     constant: float | None = None
     is_condition: bool = False
     uses: frozenset[str] = frozenset()
+    unit: str = ""
 
 
 @dataclass
@@ -153,9 +155,9 @@ class Builder:
         """Return a builder that adds to ``graph``: its rows stay what they are."""
         return cls(list(graph.rows), list(graph.parameters), graph.states, list(graph.inputs))
 
-    def constant(self, value: float, dimension: Dimension = NO_DIMENSION) -> Term:
-        """Return a term with a value that never changes, in SI."""
-        return Term(self._row(Op.CONSTANT, parameters=(value,)), dimension, value)
+    def constant(self, value: float, dimension: Dimension = NO_DIMENSION, unit: str = "") -> Term:
+        """Return a term with a value that never changes, in SI; ``unit`` as in :class:`Term`."""
+        return Term(self._row(Op.CONSTANT, parameters=(value,)), dimension, value, unit=unit)
 
     def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Term:
         """Return the term of a channel or a setpoint of a device."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.model.units import NO_DIMENSION, Dimension, parse_unit
+from rigd.model.units import NO_DIMENSION, Dimension, Unit, parse_unit
 
 _VALUE: Final = re.compile(
     r"\$\{\s*(?P<name>[A-Za-z_][\w.]*)\s*\}|(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -38,11 +38,18 @@ class FormulaError(ValueError):
         self.lacks = lacks
 
 
-#: ``named(name, offset)``: returns value in SI and dimension of what is written ``${name}``.
-Named = Callable[[str, int], tuple[float, Dimension]]
+#: A quantity: value in SI, dimension, and the unit if that has a zero of its own (``degC``), or "".
+Stated = tuple[float, Dimension, str]
+#: ``named(name, offset)``: returns the quantity that is written ``${name}``.
+Named = Callable[[str, int], Stated]
 
 
-def no_names(name: str, offset: int) -> tuple[float, Dimension]:
+def stated(value: float, unit: Unit) -> Stated:
+    """Return an SI value that was given in ``unit``."""
+    return value, unit.dimension, unit.symbol if unit.offset else ""
+
+
+def no_names(name: str, offset: int) -> Stated:
     """Refuse ``${name}``: a rig file has no parameters.
 
     Raises:
@@ -56,12 +63,12 @@ def no_names(name: str, offset: int) -> tuple[float, Dimension]:
 class Prepared:
     """A formula for Python's parser: ``text`` has ``_q0``, ``_q1`` ... in place of quantities.
 
-    ``quantities`` are their values in SI and dimensions; ``spans`` their places: first and end in
+    ``quantities`` are what they are; ``spans`` their places: first and end in
     ``text``, first and end in the original.
     """
 
     text: str
-    quantities: tuple[tuple[float, Dimension], ...]
+    quantities: tuple[Stated, ...]
     spans: tuple[tuple[int, int, int, int], ...]
 
     def original(self, column: int) -> int:
@@ -89,7 +96,7 @@ def prepare(text: str, named: Named = no_names) -> Prepared:
         raise FormulaError(
             "use a decimal point, not a comma", comma.end(1), f"write {comma[1]}.{comma[2]}"
         )
-    quantities: list[tuple[float, Dimension]] = []
+    quantities: list[Stated] = []
     spans: list[tuple[int, int, int, int]] = []
     out, at = "", 0
     for found in _VALUE.finditer(text):
@@ -108,18 +115,19 @@ def prepare(text: str, named: Named = no_names) -> Prepared:
     return Prepared(out + text[at:], tuple(quantities), tuple(spans))
 
 
-def _quantity(text: str, number: re.Match[str]) -> tuple[tuple[float, Dimension], int]:
+def _quantity(text: str, number: re.Match[str]) -> tuple[Stated, int]:
     """Return the quantity that begins with ``number``, and where it ends."""
     end, unit = _unit(text, number.end())
     value = float(number[0])
     if not math.isfinite(value):
         raise FormulaError(f"{number[0]} is too large a number", number.start())
-    factor, dimension = (1.0, NO_DIMENSION) if unit is None else unit
-    return (value * factor, dimension), end
+    if unit is None:
+        return (value, NO_DIMENSION, ""), end
+    return stated(unit.to_si(value), unit), end
 
 
-def _unit(text: str, at: int) -> tuple[int, tuple[float, Dimension] | None]:
-    """Return where the unit after a number ends, with its factor and dimension, if there is one."""
+def _unit(text: str, at: int) -> tuple[int, Unit | None]:
+    """Return where the unit after a number ends, and the unit, if there is one."""
     begin = at + len(text[at:]) - len(text[at:].lstrip(" \t"))
     first = _FACTOR.match(text, begin)
     if first is None or keyword.iskeyword(first["word"]):
@@ -138,5 +146,4 @@ def _unit(text: str, at: int) -> tuple[int, tuple[float, Dimension] | None]:
         except ValueError:
             break
         end = factor.end()
-    unit = parse_unit(text[begin:end])
-    return end, (unit.factor, unit.dimension)
+    return end, parse_unit(text[begin:end])

@@ -33,7 +33,7 @@ class Channel:
     raw_of: str | None = None
 
     def __post_init__(self) -> None:
-        if parse_unit(self.unit).factor != 1.0:
+        if not parse_unit(self.unit).is_si:
             raise ValueError(f"channel {self.name!r}: {self.unit} is not an SI unit")
 
 

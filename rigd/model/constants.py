@@ -33,12 +33,17 @@ def parse_uncertainty(text: str, unit: Unit) -> Uncertainty:
     Raises:
         ValueError: it is not a quantity of the kind of ``unit`` or in ``%``, or it is below 0.
     """
-    given = parse_quantity(text)
+    given = parse_quantity(text).as_difference()
     is_share = given.unit.symbol == "%"
+    if is_share and unit.offset:
+        raise ValueError(f"{text} of a value in {unit} has no meaning")
     if given.unit.symbol == "1" and not unit.same_kind(given.unit):
-        raise ValueError(f"the uncertainty {text!r} has no unit: write '{text} {unit}'")
+        raise ValueError(
+            f"the uncertainty {text!r} has no unit: write '{text} {unit.difference()}'"
+        )
     if not is_share and not given.unit.same_kind(unit):
-        raise ValueError(f"the uncertainty {text!r} is in {given.unit}, expected {unit} or %")
+        expected = unit.difference() if unit.offset else f"{unit} or %"
+        raise ValueError(f"the uncertainty {text!r} is in {given.unit}, expected {expected}")
     if given.value < 0:
         raise ValueError(f"the uncertainty {text!r} is below 0")
     return Uncertainty(given.value, is_share)

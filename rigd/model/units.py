@@ -4,6 +4,10 @@ rigd computes in SI; it converts when it reads or shows a quantity. The table be
 that a rig file and a procedure may use; a prefix of SI is allowed if it is usual for the unit.
 ``rad`` and ``count`` are dimensions of their own, unlike in SI: an angle given as ``0.3`` or an
 encoder scale given in ``m`` instead of ``m/count`` is then an error.
+
+Units with a zero of their own (:data:`OFFSETS`: degC, degF, gauge pressures) state where something
+is on a scale, never how far two values are apart. They stand alone: no ``degC/s``, no ``1/degC``.
+Where a difference is meant, they are refused, and the error names the unit of differences.
 """
 
 from __future__ import annotations
@@ -48,15 +52,37 @@ _UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
     "V": (1.0, _dimension(kg=1, m=2, s=-3, A=-1), True),
     "ohm": (1.0, _dimension(kg=1, m=2, s=-3, A=-2), True),
     "H": (1.0, _dimension(kg=1, m=2, s=-2, A=-2), True),
+    "bar": (1e5, _dimension(kg=1, m=-1, s=-2), True),
+    "psi": (4.4482216152605 / 0.0254**2, _dimension(kg=1, m=-1, s=-2), False),  # lbf/in^2
+    "L": (1e-3, _dimension(m=3), True),
     "strain": (1.0, NO_DIMENSION, True),
     "bit": (1.0, NO_DIMENSION, True),
 }
+#: 0 degrees Celsius in K (SI brochure, 9th edition, 2.3.1).
+ICE_POINT_K: Final = 273.15
+#: What a gauge pressure of 0 is, in Pa: the standard atmosphere (10th CGPM, 1954, resolution 4).
+#: The weather moves the real one by about 3 kPa, and 1000 m of height by 11 kPa.
+ATMOSPHERE_PA: Final = 101_325.0
+#: Units with a zero of their own: symbol -> (value of 0 in SI, unit of a difference, which has the
+#: same size or is of SI).
+OFFSETS: Final[dict[str, tuple[float, str]]] = {
+    "degC": (ICE_POINT_K, "K"),
+    "degF": (ICE_POINT_K - 32 * 5 / 9, "K"),
+    "barg": (ATMOSPHERE_PA, "bar"),
+    "mbarg": (ATMOSPHERE_PA, "mbar"),
+    "kPag": (ATMOSPHERE_PA, "kPa"),
+    "psig": (ATMOSPHERE_PA, "psi"),
+}
+_FAHRENHEIT_K: Final = 5 / 9
 #: SI prefixes, by symbol.
 PREFIXES: Final = {
     "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,
 }  # fmt: skip
-_SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
+_SYNONYMS: Final = {
+    "Ω": "ohm", "°": "deg", "counts": "count", "sec": "s", "l": "L", "°C": "degC", "°F": "degF",
+}  # fmt: skip
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_OFFSET_DECIMALS: Final = 9  # of a number in a unit with an offset
 _MAX_POWER: Final = 9  # no quantity of physics needs more, and 1000.0**200 overflows
 _FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
 #: A number in the style of many languages: the part before the comma, and the part after it.
@@ -70,11 +96,16 @@ _NUMBER: Final = re.compile(
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: its symbol as written, its factor to SI, and its dimension over :data:`BASES`."""
+    """A unit: its symbol as written, its dimension over :data:`BASES`, and how it becomes SI.
+
+    ``factor`` is what a difference of 1 is in SI, ``offset`` what 0 is: not 0 for :data:`OFFSETS`
+    only.
+    """
 
     symbol: str
     factor: float
     dimension: Dimension
+    offset: float = 0.0
 
     def __str__(self) -> str:
         return self.symbol
@@ -82,6 +113,26 @@ class Unit:
     def same_kind(self, other: Unit) -> bool:
         """Return whether a quantity in this unit can be given in the other."""
         return self.dimension == other.dimension
+
+    @property
+    def is_si(self) -> bool:
+        """Whether a number in this unit is the SI value."""
+        return self.factor == 1.0 and self.offset == 0.0
+
+    def to_si(self, number: float) -> float:
+        """Return a number in this unit in SI."""
+        return number * self.factor + self.offset
+
+    def from_si(self, value: float) -> float:
+        """Return an SI value as a number in this unit."""
+        if self.offset == 0.0:
+            return value / self.factor
+        # Zero of a scale far from that of SI: 1e-10 in the unit is what rounding leaves.
+        return round((value - self.offset) / self.factor, _OFFSET_DECIMALS)
+
+    def difference(self) -> Unit:
+        """Return the unit for differences of values in this unit: ``K`` for ``degC``."""
+        return self if self.offset == 0.0 else parse_unit(OFFSETS[_canonical(self.symbol)][1])
 
 
 @dataclass(frozen=True)
@@ -92,7 +143,22 @@ class Quantity:
     unit: Unit
 
     def __str__(self) -> str:
-        return f"{self.value / self.unit.factor:.6g} {self.unit}".removesuffix(" 1")
+        return f"{self.unit.from_si(self.value):.6g} {self.unit}".removesuffix(" 1")
+
+    def as_difference(self) -> Quantity:
+        """Return itself if it can be a difference, a tolerance or a noise.
+
+        Raises:
+            ValueError: its unit has a zero of its own; the message has the unit to be written.
+        """
+        if self.unit.offset == 0.0:
+            return self
+        unit = self.unit.difference()
+        size = Quantity(self.value - self.unit.offset, unit)
+        raise ValueError(
+            f"'{self}' is a value on a scale with a zero of its own, and a difference is expected "
+            f"here: write '{size}'"
+        )
 
 
 @lru_cache(maxsize=1024)
@@ -113,6 +179,8 @@ def parse_unit(text: str) -> Unit:
         raise ValueError(f"cannot read {text!r} as a unit")
     if words[-1] == "/":
         raise ValueError(f"unit {text!r} ends in '/'")
+    if len(words) == 1 and _canonical(words[0]) in OFFSETS:
+        return _with_offset(symbol, _canonical(words[0]))
     for word in words:
         if word == "/":
             sign = -1
@@ -125,6 +193,17 @@ def parse_unit(text: str) -> Unit:
     return Unit(symbol, factor, tuple(dimension))
 
 
+def _canonical(symbol: str) -> str:
+    return _SYNONYMS.get(symbol, symbol)
+
+
+def _with_offset(symbol: str, known: str) -> Unit:
+    zero, difference = OFFSETS[known]
+    size = parse_unit(difference)
+    factor = _FAHRENHEIT_K if known == "degF" else size.factor
+    return Unit(symbol, factor, size.dimension, zero)
+
+
 def symbols(unit: str | None = None) -> tuple[list[str], list[str]]:
     """Return the symbols for units of the kind of ``unit`` (None: any kind), in two groups.
 
@@ -133,10 +212,12 @@ def symbols(unit: str | None = None) -> tuple[list[str], list[str]]:
     kind = None if unit is None else parse_unit(unit).dimension
     prefixed: list[str] = []
     bare: list[str] = []
-    synonyms = {word: _UNITS[symbol] for word, symbol in _SYNONYMS.items()}
+    synonyms = {word: _UNITS[symbol] for word, symbol in _SYNONYMS.items() if symbol in _UNITS}
     for word, (_, dimension, may_carry) in {**_UNITS, **synonyms}.items():
         if kind in (None, dimension) and word != "1":
             (prefixed if may_carry else bare).append(word)
+    named = (*OFFSETS, *(word for word, known in _SYNONYMS.items() if known in OFFSETS))
+    bare += [word for word in named if kind in (None, parse_unit(word).dimension)]
     return prefixed, bare
 
 
@@ -148,6 +229,12 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     power = int((match["power"] or "1")[:9])  # nine characters prove that it is too large
     if abs(power) > _MAX_POWER:
         raise ValueError(f"the power in {word!r} is larger than {_MAX_POWER}")
+    if symbol in OFFSETS:
+        unit = _with_offset(symbol, symbol)
+        raise ValueError(
+            f"{match['symbol']!r} in {text!r} has a zero of its own and cannot be part of another "
+            f"unit: write {unit.difference()}{_size(unit)}"
+        )
     if symbol in _UNITS:
         factor, dimension, _ = _UNITS[symbol]
         return factor, dimension, power
@@ -158,9 +245,26 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     raise ValueError(f"unknown unit {symbol!r} in {text!r}{_meant(symbol)}")
 
 
+def _size(unit: Unit) -> str:
+    """Return `` (1 degF is 0.555556 K)`` if a difference of 1 in ``unit`` has another size."""
+    other = unit.difference()
+    if unit.factor == other.factor:
+        return ""
+    return f" (a difference of 1 {unit} is {unit.factor / other.factor:.6g} {other})"
+
+
+#: What people write for units with an offset -> what they mean.
+_ALMOST: Final = {
+    "C": "degC", "F": "degF", "Celsius": "degC", "celsius": "degC", "degCelsius": "degC",
+    "bara": "bar", "psia": "psi", "lpm": "L/min", "LPM": "L/min", "RPM": "rpm", "Pag": "kPag",
+}  # fmt: skip
+
+
 def _meant(symbol: str) -> str:
     """Return ``, did you mean 'mA'?`` for ``ma``: wrong case of letters, or a missing space."""
-    known = [*_UNITS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
+    if symbol in _ALMOST:
+        return f", did you mean {_ALMOST[symbol]!r}?"
+    known = [*_UNITS, *OFFSETS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
                         for prefix in PREFIXES)]  # fmt: skip
     same = [item for item in known if item.casefold() == symbol.casefold()]
     parts = [f"{symbol[:at]} {symbol[at:]}" for at in range(1, len(symbol))
@@ -180,7 +284,7 @@ def parse_quantity(text: str) -> Quantity:
     if match is None:
         raise ValueError(f"cannot read {text!r} as a number with a unit, such as '1.5 A'")
     unit = parse_unit(match["unit"])
-    value = float(match["number"]) * unit.factor
+    value = unit.to_si(float(match["number"]))
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is too large a number")
     return Quantity(value, unit)
@@ -189,6 +293,11 @@ def parse_quantity(text: str) -> Quantity:
 def format_quantity(value: float, unit: str) -> str:
     """Return SI ``value`` as text in ``unit``, such as ``0.15 A``."""
     return str(Quantity(value, parse_unit(unit)))
+
+
+def format_difference(value: float, unit: str) -> str:
+    """Return an SI difference of values in ``unit`` as text: ``2 K`` for values in ``degC``."""
+    return str(Quantity(value, parse_unit(unit).difference()))
 
 
 def quotient(above: str, below: str) -> str:

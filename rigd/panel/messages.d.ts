@@ -168,7 +168,7 @@ declare namespace Api {
     kind: string;
     trial: number;
     data: Record<string, JsonValue>;
-    factors: Record<string, number>;
+    scales: Record<string, UnitScale>;
   }
   interface PageParameter {
     name: string;
@@ -180,6 +180,7 @@ declare namespace Api {
     max: string | null;
     swept: boolean;
     factor: number;
+    offset: number;
   }
   interface PagePose {
     body: string;
@@ -208,6 +209,7 @@ declare namespace Api {
     answer: number | string | boolean | null;
     objection: string;
     factor: number;
+    offset: number;
   }
   interface PageRun {
     line: RunLine;
@@ -280,7 +282,7 @@ declare namespace Api {
     number: number;
     parameters: Record<string, number | string | boolean>;
     units: Record<string, string>;
-    factors: Record<string, number>;
+    scales: Record<string, UnitScale>;
   }
   interface RefusedCounts {
     malformed: number;
@@ -411,6 +413,10 @@ declare namespace Api {
     since_ns: number;
     latched: boolean;
     acknowledged: boolean;
+  }
+  interface UnitScale {
+    factor: number;
+    offset: number;
   }
   type JsonValue = string | number | boolean | null | JsonValue[] | JsonObject;
   interface JsonObject {

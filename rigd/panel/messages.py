@@ -1,8 +1,8 @@
 """Defines the messages of the panel: the requests of the page, and what the page receives.
 
 Data from the rig are messages of the remote protocol. The page cannot compute with units. If the
-page shows or sends a quantity in a unit of its own, the message has the ``factor`` from that unit
-to SI.
+page shows or sends a quantity in a unit of its own, the message has that unit as numbers too
+(:class:`UnitScale`).
 """
 
 from __future__ import annotations
@@ -98,11 +98,20 @@ class RequestError(Message):
     hint: str | None = None
 
 
-class PagePrompt(PromptView):
-    """A prompt with the factor of its unit."""
+class UnitScale(Message):
+    """A unit as numbers: SI value = `factor` times the number in the unit + `offset`."""
 
     factor: float
-    """The factor from `unit` to SI."""
+    offset: float
+
+
+class PagePrompt(PromptView):
+    """A prompt with its unit as numbers."""
+
+    factor: float
+    """What a difference of 1 in `unit` is in SI."""
+    offset: float
+    """What 0 in `unit` is in SI; 0 but for degC and the like."""
 
 
 class PageStatus(Status):
@@ -112,31 +121,33 @@ class PageStatus(Status):
 
     @classmethod
     def of(cls, status: Status) -> PageStatus:
-        """Return ``status`` with the factor of its prompt, if there is one."""
+        """Return ``status`` with the unit of its prompt, if there is one, as numbers."""
         prompt = status.prompt
         if prompt is not None:
-            prompt = PagePrompt(**{**dict(prompt), "factor": parse_unit(prompt.unit).factor})
+            prompt = PagePrompt(**{**dict(prompt), **_scale(prompt.unit)})
         return cls(**{**dict(status), "prompt": prompt})
 
 
 class PageEvent(RigEvent):
     """An event of the rig."""
 
-    factors: dict[str, float] = Field(default_factory=dict)
-    """The factors to SI of the parameters of a trial that starts."""
+    scales: dict[str, UnitScale] = Field(default_factory=dict)
+    """The units of the parameters of a trial that starts, as numbers."""
 
     @classmethod
     def of(cls, event: RigEvent) -> PageEvent:
-        """Return ``event`` with the factors of its parameters."""
+        """Return ``event`` with the units of its parameters as numbers."""
         units = event.data.get("units") if event.kind == "trial_start" else None
-        return cls(**dict(event), factors=_factors(units) if isinstance(units, dict) else {})
+        return cls(**dict(event), scales=_scales(units) if isinstance(units, dict) else {})
 
 
 class PageParameter(ParameterView):
-    """A parameter of a procedure with the factor of its unit."""
+    """A parameter of a procedure with its unit as numbers."""
 
     factor: float
-    """The factor from `unit` to SI."""
+    """What a difference of 1 in `unit` is in SI."""
+    offset: float
+    """What 0 in `unit` is in SI; 0 but for degC and the like."""
 
 
 class PageProcedure(ProcedureView):
@@ -146,10 +157,9 @@ class PageProcedure(ProcedureView):
 
     @classmethod
     def of(cls, view: ProcedureView) -> PageProcedure:
-        """Return ``view`` with the factors of its parameters."""
+        """Return ``view`` with the units of its parameters as numbers."""
         parameters = tuple(
-            PageParameter(**dict(item), factor=parse_unit(item.unit).factor)
-            for item in view.parameters
+            PageParameter(**{**dict(item), **_scale(item.unit)}) for item in view.parameters
         )
         return cls(**{**dict(view), "parameters": parameters})
 
@@ -161,8 +171,8 @@ class RecordedTrial(Message):
     parameters: dict[str, float | str | bool]
     """Quantities in SI."""
     units: dict[str, str]
-    factors: dict[str, float]
-    """The factor from its unit to SI."""
+    scales: dict[str, UnitScale]
+    """Their units as numbers."""
 
 
 class PageRun(Message):
@@ -187,7 +197,7 @@ class PageRun(Message):
                 number=found["number"],
                 parameters=found["parameters"],
                 units=units,
-                factors=_factors(units),
+                scales=_scales(units),
             )
         return cls(line=view.line, parameters=details.get("parameters", {}), last_trial=last)
 
@@ -339,5 +349,10 @@ def page_schema() -> dict[str, Any]:
     }
 
 
-def _factors(units: Mapping[str, Any]) -> dict[str, float]:
-    return {name: parse_unit(str(unit)).factor for name, unit in units.items()}
+def _scale(symbol: str) -> dict[str, float]:
+    unit = parse_unit(symbol)
+    return {"factor": unit.factor, "offset": unit.offset}
+
+
+def _scales(units: Mapping[str, Any]) -> dict[str, UnitScale]:
+    return {name: UnitScale(**_scale(str(unit))) for name, unit in units.items()}

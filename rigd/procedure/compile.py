@@ -16,7 +16,7 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
 from rigd.procedure.derived import with_derived
-from rigd.procedure.expression import Number, Scope, Value
+from rigd.procedure.expression import Number, Scope, Value, number_in
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.other_rig import other_rig
@@ -107,7 +107,7 @@ def _raise_any(problems: Problems, source: ProcedureSource, rig: RigConfig) -> N
 
 def _constants(rig: RigConfig) -> dict[str, Value]:
     return {
-        f"rig.{name}": Number(constant.value, constant.unit.dimension)
+        f"rig.{name}": number_in(constant.value, constant.unit)
         for name, constant in rig.constants.items()
     }
 

@@ -16,7 +16,7 @@ from rigd.config.rig import RigConfig
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
 from rigd.procedure.condition_text import describe_condition
-from rigd.procedure.expression import Scope
+from rigd.procedure.expression import ExpressionError, Number, Scope, parse_expression
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
 
@@ -101,6 +101,12 @@ def _read_clause(
     threshold = reader.number(
         path, match["threshold"], channel.unit, scope, start + match.start("threshold")
     )
+    if match["open"] and _has_own_zero(match["threshold"], scope):
+        place = reader.document.inside(path, start)
+        bound = match["threshold"].strip()
+        message = f"a magnitude cannot be compared with {bound}: it has a zero of its own"
+        hint = f"remove the bars, or compare with a value in {channel.unit}"
+        reader.problems.add(place, message, hint)
     return Condition(
         channel=name,
         comparison=Comparison(match["sign"]),
@@ -109,6 +115,14 @@ def _read_clause(
         for_s=_read_time(reader, path, match, start, scope),
         unit=channel.unit,
     )
+
+
+def _has_own_zero(text: str, scope: Scope) -> bool:
+    try:
+        value = parse_expression(text).value(scope)
+    except ExpressionError:
+        return False
+    return isinstance(value, Number) and bool(value.unit)
 
 
 def _read_status(

@@ -7,8 +7,7 @@ from collections.abc import Collection
 from rigd.config.derived import add_derived
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.derived.quantities import FormulaError
-from rigd.model.units import Dimension
+from rigd.derived.quantities import FormulaError, Stated
 from rigd.procedure.expression import Scope
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ProcedureSource
@@ -23,7 +22,7 @@ def with_derived(
     ``hidden`` have a value only inside a trial, and are refused.
     """
 
-    def named(name: str, offset: int) -> tuple[float, Dimension]:
+    def named(name: str, offset: int) -> Stated:
         value = scope.get(name)
         if value is None:
             hint = suggest(name, scope)
@@ -33,6 +32,6 @@ def with_derived(
             raise FormulaError(f"unknown name '${{{name}}}'", offset, hint, lacks=lacks)
         if isinstance(value, str):
             raise FormulaError(f"{name} is a word, expected a quantity", offset)
-        return value.value, value.dimension
+        return value.value, value.dimension, value.unit
 
     return add_derived(reader.document, source.derived, rig, reader.problems, named)

@@ -20,7 +20,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
-from rigd.model.units import DECIMAL_COMMA, NO_DIMENSION, Dimension, dimension_text, parse_unit
+from rigd.model.units import (
+    DECIMAL_COMMA,
+    NO_DIMENSION,
+    Dimension,
+    Unit,
+    dimension_text,
+    parse_unit,
+)
 
 #: How deep brackets may nest.
 _MAX_DEPTH: Final = 20
@@ -38,10 +45,22 @@ _SPACE: Final = re.compile(r"\s*")
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A computed quantity: SI value and dimension."""
+    """A computed quantity: SI value and dimension.
+
+    ``unit`` is not "" if the value was given in a unit with a zero of its own (``degC``). Such a
+    value takes part in sums only: it can be moved by a difference, and two give a difference, which
+    ``is_difference`` then shows.
+    """
 
     value: float
     dimension: Dimension = NO_DIMENSION
+    unit: str = ""
+    is_difference: bool = False
+
+
+def number_in(value: float, unit: Unit) -> Number:
+    """Return an SI value that was given in ``unit``."""
+    return Number(value, unit.dimension, unit.symbol if unit.offset else "")
 
 
 #: The value of a name.
@@ -171,6 +190,9 @@ class _Parser:
         first = self.skip()
         if first in ("-", "+") and first:
             self.at += 1
+            self.skip()
+            if _NUMBER.match(self.text, self.at) is not None:  # -20 degC is 253.15 K
+                return self.literal(-1.0 if first == "-" else 1.0)
             operand = self.factor(depth + 1)
             return operand if first == "+" else Negation(operand)
         if first == "(":
@@ -188,7 +210,7 @@ class _Parser:
             return reference
         return self.literal()
 
-    def literal(self) -> Literal:
+    def literal(self, sign: float = 1.0) -> Literal:
         number = _NUMBER.match(self.text, self.at)
         if number is None:
             found = self.text[self.at : self.at + 20]
@@ -205,7 +227,7 @@ class _Parser:
                 f"write {comma[1]}.{comma[2]}",
             )  # fmt: skip
         self.at = number.end()
-        value = float(number[0])
+        value = sign * float(number[0])
         if not math.isfinite(value):
             raise ExpressionError(f"{number[0]} is too large a number", number.start())
         match = _UNIT.match(self.text, self.at)
@@ -216,7 +238,7 @@ class _Parser:
         except ValueError as error:
             raise ExpressionError(str(error), self.at) from error
         self.at = match.end()
-        return Literal(Number(value * unit.factor, unit.dimension))
+        return Literal(number_in(unit.to_si(value), unit))
 
 
 def _look_up(reference: Reference, scope: Scope) -> Value:
@@ -231,6 +253,8 @@ def _evaluate(node: Node, scope: Scope) -> Number:
         return node.number
     if isinstance(node, Negation):
         number = _evaluate(node.operand, scope)
+        if number.unit:
+            raise ExpressionError(f"a value in {number.unit} cannot change its sign")
         return Number(-number.value, number.dimension)
     if isinstance(node, Reference):
         value = _look_up(node, scope)
@@ -240,6 +264,15 @@ def _evaluate(node: Node, scope: Scope) -> Number:
             )
         return value
     return _join(node, _evaluate(node.left, scope), _evaluate(node.right, scope))
+
+
+def _own_zero(verb: str, unit: str, node: Operation) -> ExpressionError:
+    difference = parse_unit(unit).difference()
+    return ExpressionError(
+        f"cannot {verb} a value in {unit}: it has a zero of its own",
+        node.offset,
+        f"write the difference in {difference}, or the value in {difference}",
+    )
 
 
 def _join(node: Operation, left: Number, right: Number) -> Number:
@@ -253,7 +286,17 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
                 node.offset,
             )
         sign = 1 if node.operator == "+" else -1
-        joined = Number(left.value + sign * right.value, left.dimension)
+        if left.unit and right.unit:
+            if sign == 1:
+                raise _own_zero("add", left.unit, node)
+            unit, is_difference = "", True
+        else:
+            unit = left.unit or (right.unit if sign == 1 else "")
+            is_difference = not unit and (left.is_difference or right.is_difference)
+        joined = Number(left.value + sign * right.value, left.dimension, unit, is_difference)
+    elif left.unit or right.unit:
+        verb = "multiply" if node.operator == "*" else "divide"
+        raise _own_zero(verb, left.unit or right.unit, node)
     elif node.operator == "*":
         joined = Number(left.value * right.value, tuple(a + b for a, b in pairs))
     elif right.value == 0:

@@ -14,6 +14,7 @@ from rigd.procedure.expression import (
     Number,
     Scope,
     Value,
+    number_in,
     parse_expression,
 )
 from rigd.procedure.reader import Reader
@@ -151,7 +152,7 @@ def _table_value(
     reader: Reader, path: KeyPath, text: str, unit: str | None, scope: Scope
 ) -> Value | None:
     if unit is not None:
-        return Number(reader.number(path, text, unit, scope), parse_unit(unit).dimension)
+        return number_in(reader.number(path, text, unit, scope), parse_unit(unit))
     if text[:1].isalpha():
         return text
     return reader.value(path, text, scope)

@@ -144,9 +144,14 @@ def _agreement(
     value = reader.value((*path, "within"), source.within, scope)
     is_share = isinstance(value, Number) and not any(value.dimension)
     unit = "1" if is_share else channel.unit
-    within = math.nan if value is None else reader.number(
+    within = math.nan if value is None else reader.difference(
         (*path, "within"), source.within, unit, scope
     )  # fmt: skip
+    if is_share and parse_unit(prompt.unit).offset:
+        message = f"{source.within} of a value in {prompt.unit} has no meaning"
+        reader.note(
+            (*path, "within"), message, f"such as '1 {parse_unit(prompt.unit).difference()}'"
+        )
     if within <= 0 or (is_share and prompt.answer == 0.0):
         reader.note((*path, "within"), "no answer would ever agree",
                     f"give a quantity above 0 {channel.unit}")  # fmt: skip

@@ -63,7 +63,33 @@ class Reader:
             self._note_inside(path, error, offset, scope)
             return None
 
-    def number(self, path: KeyPath, text: str, unit: str, scope: Scope, offset: int = 0) -> float:
+    def difference(self, path: KeyPath, text: str, unit: str, scope: Scope) -> float:
+        """Return a difference of values in ``unit``, in SI, or NaN with the problem noted.
+
+        ``2 K`` is one for values in ``degC``, ``2 degC`` is a problem.
+        """
+        wanted = parse_unit(unit).difference().symbol
+        value = self.value(path, text, scope)
+        if isinstance(value, Number) and value.unit:
+            own = parse_unit(value.unit)
+            size = format_quantity(value.value - own.offset, own.difference().symbol)
+            self.note(path, f"{text!r} is a value on a scale with a zero of its own, and a "
+                            "difference is expected here", f"write '{size}'")  # fmt: skip
+            return math.nan
+        return (
+            math.nan if value is None else self.number(path, text, wanted, scope, difference=True)
+        )
+
+    def number(
+        self,
+        path: KeyPath,
+        text: str,
+        unit: str,
+        scope: Scope,
+        offset: int = 0,
+        *,
+        difference: bool = False,
+    ) -> float:
         """Return the value of ``text`` in SI, or NaN with the problem noted."""
         value = self.value(path, text, scope, offset)
         if value is None:
@@ -80,6 +106,11 @@ class Reader:
             else:
                 message = f"{text!r} has no unit, expected {unit}"
                 hint = f"such as '{text} {unit}'"
+            self.problems.add(place, message, hint)
+            return math.nan
+        if value.is_difference and not difference:
+            message = f"{text!r} is the difference of two values on a scale with a zero of its own"
+            hint = f"subtract a difference, such as '1 {unit}', if a value is meant"
             self.problems.add(place, message, hint)
             return math.nan
         return value.value

@@ -128,7 +128,9 @@ class SetpointReader:
     def _swing(self, key: str, offset: str | None, amplitude: str) -> tuple[float, float]:
         """Return offset and amplitude; check that both extremes are within the limits."""
         middle = 0.0 if offset is None else self._number((key, "offset"), offset, self.unit)
-        half = self._number((key, "amplitude"), amplitude, self.unit)
+        half = self.reader.difference(
+            (*self.path, key, "amplitude"), amplitude, self.unit, self.scope
+        )
         for end in (middle - half, middle + half):
             self._check_limit((key, "amplitude"), end)
         return middle, half

@@ -11,7 +11,7 @@ from typing import Final
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError, Place
-from rigd.model.units import dimension_text
+from rigd.model.units import dimension_text, parse_unit
 from rigd.procedure.expression import Number, Scope, Value
 from rigd.procedure.parameters import Parameter, Parameters
 from rigd.procedure.reader import Reader
@@ -172,7 +172,12 @@ def _range(
         return []
     if step.dimension != start.dimension:
         reader.note((*path, "step"), f"the step is in {dimension_text(step.dimension)}, "
-                    f"expected {parameter.unit}", f"such as '0.1 {parameter.unit}'")  # fmt: skip
+                    f"expected {parameter.unit}",
+                    f"such as '0.1 {parse_unit(parameter.unit).difference()}'")  # fmt: skip
+        return []
+    if step.unit:
+        message = f"a step of {axis.step} is no difference: {step.unit} has a zero of its own"
+        reader.note((*path, "step"), message, f"such as '1 {parse_unit(step.unit).difference()}'")
         return []
     span = end.value - start.value
     if step.value == 0 or span / step.value < 0:
@@ -193,6 +198,6 @@ def _range(
         return []
     # Twelve digits: 0.15 A + 2 x 0.15 A is 0.45 A, not 0.44999999999999996 A.
     return [
-        Number(float(f"{start.value + index * step.value:.12g}"), start.dimension)
+        Number(float(f"{start.value + index * step.value:.12g}"), start.dimension, start.unit)
         for index in range(steps + 1)
     ]

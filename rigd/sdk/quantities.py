@@ -21,6 +21,8 @@ class In:
     """
 
     unit: str
+    difference: bool = False
+    """Whether it is a tolerance, a noise or a step: ``2 K``, and not ``2 degC``."""
 
     def read(self, value: object) -> float:
         """Return ``value`` in SI.
@@ -33,7 +35,7 @@ class In:
             raise ValueError(f"expected a quantity in {self.unit}, such as '1 {self.unit}'")
         given = parse_quantity(str(value))
         if given.unit.same_kind(expected):
-            return given.value
+            return given.as_difference().value if self.difference else given.value
         if given.unit.symbol == "1":
             raise ValueError(f"{value} has no unit: write '{value} {self.unit}'")
         raise ValueError(f"'{value}' is in {given.unit}, expected {self.unit}")

@@ -51,8 +51,8 @@ class Setting:
             return value if isinstance(value, str) and value in self.choices else None
         if isinstance(value, str):
             return None
-        factor = parse_unit(self.unit).factor
-        numbers = [factor * choice for choice in self.choices if not isinstance(choice, str)]
+        to_si = parse_unit(self.unit).to_si
+        numbers = [to_si(choice) for choice in self.choices if not isinstance(choice, str)]
         if numbers:
             near = NEAR * max(map(abs, numbers))
             return next((number for number in numbers if abs(value - number) <= near), None)
@@ -60,11 +60,11 @@ class Setting:
 
     @property
     def _low(self) -> float:
-        return self.low * parse_unit(self.unit).factor
+        return parse_unit(self.unit).to_si(self.low)
 
     @property
     def _high(self) -> float:
-        return self.high * parse_unit(self.unit).factor
+        return parse_unit(self.unit).to_si(self.high)
 
 
 def _shown(choice: float | str) -> str:

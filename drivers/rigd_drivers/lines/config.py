@@ -22,9 +22,6 @@ from rigd.sdk import Channel, DriverConfig, In
 from rigd.sdk.port import MAX_LINE, PortConfig
 from rigd_drivers.lines.text import commands, encoded
 
-#: 0 degrees Celsius in kelvin (SI brochure, 2.3.1).
-ICE_POINT_K: Final = 273.15
-_CELSIUS: Final = ("degC", "°C")
 #: Column of a line that is not read.
 SKIPPED: Final = "-"
 #: Time without a readable line after which the device is given up, in s, if it is not given: a
@@ -48,7 +45,7 @@ class LineChannel(DriverConfig):
 
     unit: str
     """Unit of the number in the line, such as kN, degC or "1"; or what 1 in the line means, such as
-    0.01 N.
+    0.01 N or, for tenths of a degree, 0.1 degC.
     """
     doc: str = ""
     """What it is, for the recording."""
@@ -59,16 +56,15 @@ class LineChannel(DriverConfig):
 
     @property
     def per_one(self) -> Quantity:
-        """What 1 in the line means; of degrees Celsius 1 K."""
-        if self.unit in _CELSIUS:
-            return parse_quantity("1 K")
+        """What a difference of 1 in the line means; of degrees Celsius 1 K."""
         text = self.unit
-        return parse_quantity(text if re.match(r"[-+.\d]", text) and text != "1" else f"1 {text}")
+        one = parse_quantity(text if re.match(r"[-+.\d]", text) and text != "1" else f"1 {text}")
+        return Quantity(one.value - one.unit.offset, one.unit)
 
     @property
     def zero(self) -> float:
         """What 0 in the line means, in SI."""
-        return ICE_POINT_K if self.unit in _CELSIUS else 0.0
+        return self.per_one.unit.offset
 
     def si(self, number: float) -> float:
         """Return the value in SI of a ``number`` in the line."""
@@ -82,10 +78,6 @@ class LineChannel(DriverConfig):
 
         """
         kind = self.per_one.unit
-        if self.unit in _CELSIUS:
-            number, _, unit = text.rpartition(" ")
-            if unit in _CELSIUS:
-                return float(number) + ICE_POINT_K
         found = parse_quantity(text)
         if not found.unit.same_kind(kind):
             raise ValueError(f"'{text}' is in {found.unit}, expected {kind}")

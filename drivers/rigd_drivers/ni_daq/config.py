@@ -63,7 +63,7 @@ class Input(DriverConfig):
     @model_validator(mode="after")
     def _scale_has_the_unit(self) -> Self:
         unit, scale = parse_unit(self.unit), parse_quantity(self.scale)
-        if unit.factor != 1.0:
+        if not unit.is_si:
             raise ValueError(f"unit {self.unit!r} of input {self.name} is not an SI unit")
         expected = parse_unit(f"{self.unit}/V")
         if not scale.unit.same_kind(expected):

@@ -279,10 +279,10 @@ def _finite(subject: PlantSubject) -> Iterator[str]:
 def _changes(settings: Mapping[str, Setting]) -> Iterator[tuple[str, float | str]]:
     """Yield every setting with every choice, or with both ends of its range, in SI."""
     for name, setting in settings.items():
-        factor = parse_unit(setting.unit).factor
+        to_si = parse_unit(setting.unit).to_si
         values: tuple[float | str, ...] = setting.choices or (setting.low, setting.high)
         for value in values:
-            yield name, value if isinstance(value, str) else factor * value
+            yield name, value if isinstance(value, str) else to_si(value)
 
 
 def _not_finite(bench: PlantBench, seen: Played) -> Iterator[str]:

@@ -71,7 +71,7 @@ def test_channels_have_units_and_ranges_of_the_unit(flywheel: Path, tmp_path: Pa
         ("omega: omega", "omega: torque", "18:16: 'torque' is no output of the FMU"),
         ("torque: torque", "torque: omega", "14:17: 'omega' is no input of the FMU"),
         ("unit: rad/s", "unit: N", "'rpm', which is no unit of the kind of N"),
-        ("unit: K", "unit: degC", "19:33: unknown unit 'degC'"),
+        ("unit: K", "unit: degC", "19:52: channel 'temperature': degC is not an SI unit"),
         ("omega: omega", "omega: speed", "'rpm', which is no SI unit"),
         ("omega: omega", "omega: number", "the unit 'furlong', which rigd cannot read"),
         ("braked: {variable: braked", "braked: {variable: free", "the FMU gives 'free' no unit"),

@@ -56,12 +56,12 @@ export function mountEvents(root) {
 }
 
 /** @param {Api.PageEvent} event */
-function line({ t_ns, kind, trial, data, factors }) {
+function line({ t_ns, kind, trial, data, scales }) {
   return el("tr", { data: { mood: MOODS[kind] ?? "calm" } },
     el("td", { class: "value" }, clock(t_ns / 1e6)),
     el("th", { scope: "row" }, words(kind)),
     el("td", { class: "value" }, trial < 0 ? "" : String(trial)),
-    el("td", {}, describe(data, factors)));
+    el("td", {}, describe(data, scales)));
 }
 
 /** @param {Api.OperatorNotice} notice */
@@ -76,13 +76,13 @@ const gap = (skipped) => el("tr", { data: { mood: "warn" } },
 /**
  * What belongs to an event, as words: a name first, then the rest.
  * @param {Api.PageEvent["data"]} data
- * @param {Record<string, number>} factors
+ * @param {Record<string, Api.UnitScale>} scales
  */
-function describe(data, factors) {
+function describe(data, scales) {
   const { name, units, ...rest } = data;
   if (units !== undefined && rest.parameters !== undefined) {
     const trial = /** @type {Pick<Api.RecordedTrial, "parameters" | "units">} */ (data);
-    rest.parameters = Object.fromEntries(parameters({ ...trial, factors }));
+    rest.parameters = Object.fromEntries(parameters({ ...trial, scales }));
   }
   const parts = Object.entries(rest)
     .filter(([, value]) => value !== "" && value !== null)

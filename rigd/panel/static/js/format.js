@@ -67,13 +67,21 @@ export function quantity(value, symbol) {
 }
 
 /**
- * Parameters of a trial, which arrive in SI, each as a name and a text for people.
- * @param {{ parameters: Record<string, number | string | boolean>, units?: Record<string, string>, factors?: Record<string, number> }} trial
+ * An SI value as a number in a unit.
+ * @param {number} value
+ * @param {Api.UnitScale} scale
  */
-export function parameters({ parameters: values, units = {}, factors = {} }) {
+export const inUnit = (value, { factor, offset } = { factor: 1, offset: 0 }) =>
+  offset === 0 ? value / factor : Number(((value - offset) / factor).toFixed(9));
+
+/**
+ * Parameters of a trial, which arrive in SI, each as a name and a text for people.
+ * @param {{ parameters: Record<string, number | string | boolean>, units?: Record<string, string>, scales?: Record<string, Api.UnitScale> }} trial
+ */
+export function parameters({ parameters: values, units = {}, scales = {} }) {
   return Object.entries(values).map(([name, value]) => [
     name,
-    typeof value === "number" ? quantity(value / (factors[name] ?? 1), units[name] ?? "1") : String(value),
+    typeof value === "number" ? quantity(inUnit(value, scales[name]), units[name] ?? "1") : String(value),
   ]);
 }
 

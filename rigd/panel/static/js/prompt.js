@@ -2,7 +2,7 @@
 
 import { command } from "./api.js";
 import { el, icon, setText } from "./dom.js";
-import { decimalPoint, quantity, unit } from "./format.js";
+import { decimalPoint, inUnit, quantity, unit } from "./format.js";
 import { attempt } from "./toasts.js";
 
 /**
@@ -80,9 +80,9 @@ function fields(prompt, mine) {
  * The bounds as a text for people; they arrive in SI.
  * @param {Api.PagePrompt} prompt
  */
-function bounds({ low, high, unit: symbol, factor, answer }) {
+function bounds({ low, high, unit: symbol, factor, offset, answer }) {
   /** @param {number} value */
-  const shown = (value) => quantity(value / factor, symbol);
+  const shown = (value) => quantity(inUnit(value, { factor, offset }), symbol);
   let text = "";
   if (low !== null && high !== null) text = `${shown(low)} to ${shown(high)}`;
   else if (low !== null) text = `at least ${shown(low)}`;
@@ -103,7 +103,7 @@ function read(prompt, form, submitter) {
   if (prompt.kind !== "number") return text;
   const given = Number(decimalPoint(text));
   if (text.trim() === "" || !Number.isFinite(given)) return new Error(`${text} is not a number.`);
-  const value = given * prompt.factor;
+  const value = given * prompt.factor + prompt.offset;
   const tooLow = prompt.low !== null && value < prompt.low;
   const tooHigh = prompt.high !== null && value > prompt.high;
   if (tooLow || tooHigh) return new Error(`${quantity(given, prompt.unit)} is outside ${bounds({ ...prompt, answer: null })}.`);

@@ -46,12 +46,12 @@ export function mountRun(root) {
 }
 
 /**
- * The units of the present trial, and their factors to SI.
- * @type {{ units: Record<string, string>, factors: Record<string, number> }}
+ * The units of the present trial, also as numbers.
+ * @type {{ units: Record<string, string>, scales: Record<string, Api.UnitScale> }}
  */
-let trial = { units: {}, factors: {} };
-watchEvents(({ kind, data, factors }) => {
-  if (kind === "trial_start") trial = { units: /** @type {Record<string, string>} */ (data.units), factors };
+let trial = { units: {}, scales: {} };
+watchEvents(({ kind, data, scales }) => {
+  if (kind === "trial_start") trial = { units: /** @type {Record<string, string>} */ (data.units), scales };
 });
 
 /**

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -11,12 +10,6 @@ from rigd.model.units import BASES, Dimension, parse_quantity, parse_unit
 if TYPE_CHECKING:
     from fmpy.model_description import BaseUnit
 
-#: Temperatures with an offset, by the names that modelling tools give them: factor and offset to K.
-_TEMPERATURES: Final[Mapping[str, tuple[float, float]]] = {
-    "degC": (1.0, 273.15),
-    "°C": (1.0, 273.15),
-    "degF": (5 / 9, 459.67 * 5 / 9),
-}
 _RADIAN: Final = BASES.index("rad")
 
 
@@ -46,7 +39,7 @@ class FmuUnit:
             unit = parse_unit(_spelt(self.name))
         except ValueError:
             return None
-        same = unit.factor == 1.0 and unit.dimension == self.dimension
+        same = unit.is_si and unit.dimension == self.dimension
         return unit.symbol if same else None
 
     def check(self, unit: str) -> None:
@@ -75,7 +68,7 @@ class FmuUnit:
 def as_stated(unit: str) -> FmuUnit:
     """Return the unit that a rig file gives for a variable of which the FMU names none."""
     parsed = parse_unit(unit)
-    return FmuUnit(unit, parsed.dimension, parsed.factor)
+    return FmuUnit(unit, parsed.dimension, parsed.factor, parsed.offset)
 
 
 def unit_of(name: str | None, base: BaseUnit | None) -> FmuUnit | None:
@@ -102,14 +95,11 @@ def unit_of(name: str | None, base: BaseUnit | None) -> FmuUnit | None:
 
 
 def _named(name: str) -> FmuUnit | None:
-    if name in _TEMPERATURES:
-        factor, offset = _TEMPERATURES[name]
-        return FmuUnit(name, parse_unit("K").dimension, factor, offset)
     try:
         unit = parse_unit(_spelt(name))
     except ValueError:
         return None
-    return FmuUnit(name, unit.dimension, unit.factor)
+    return FmuUnit(name, unit.dimension, unit.factor, unit.offset)
 
 
 def _spelt(name: str) -> str:
