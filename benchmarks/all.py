@@ -25,6 +25,7 @@ BENCHES = (
     "startup",
     "check",
     "plant",
+    "mechanism",
     "articulated",
     "simulated_run",
     "derived",

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rigd.model.errors import ConfigError, Place
-from rigd.sdk.documented import Documented
+from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.plant import PlantConfig
 
 M = TypeVar("M", bound=BaseModel)
@@ -116,13 +116,22 @@ def load_parameters(path: Path, model: type[M], example: Path) -> M:
         raise ConfigError.several(
             [
                 ConfigError(
-                    f"{'.'.join(map(str, item['loc'])) or 'parameters'}: {_words(item)}",
-                    place=_place(path, tree, item["loc"]),
+                    f"{'.'.join(map(str, where)) or 'parameters'}: {words}",
+                    place=_place(path, tree, where),
                     hint=f"{example} shows every key with its unit",
                 )
-                for item in error.errors(include_url=False, include_context=False)
+                for item in error.errors(include_url=False)
+                for where, words in _problems(item)
             ]
         ) from None
+
+
+def _problems(item: Any) -> list[tuple[tuple[int | str, ...], str]]:
+    """Return the entries that a validator refuses, each with the reason."""
+    reason = item.get("ctx", {}).get("error")
+    if isinstance(reason, WrongEntries):
+        return [((*item["loc"], *below), words) for below, words in reason.problems]
+    return [(item["loc"], _words(item))]
 
 
 @lru_cache(maxsize=8)  # a run reads the file of its plant several times, at 30 ms each

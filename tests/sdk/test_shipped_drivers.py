@@ -42,8 +42,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-#: Drivers whose options need a file that is not shipped; their own tests hold them to the suite.
-ELSEWHERE = {"fmu-in-loop"}
+#: Drivers whose options need a file or plant that is not shipped; their own tests hold them to the
+#: suite.
+ELSEWHERE = {"fmu-in-loop", "sim-mechanism", "sim-mechanism-truth"}
 
 
 def devices() -> list[Any]:

@@ -1,0 +1,1 @@
+"""Simulates a rig that a file describes: bodies, connections, friction, drives, sensors."""
