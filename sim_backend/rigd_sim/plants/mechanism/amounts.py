@@ -52,10 +52,11 @@ class Notes:
         low: float = 0.0,
         high: float = LARGEST,
         above: bool = False,
+        difference: bool = False,
     ) -> float:
         """Return a quantity of the kind of ``unit`` in SI; 0 needs no unit.
 
-        ``above`` refuses ``low`` itself.
+        ``above`` refuses ``low`` itself; ``difference``: it is how far two values are apart.
 
         Raises:
             Wrong: it is missing, of another kind, or not from ``low`` to ``high``.
@@ -64,7 +65,7 @@ class Notes:
             *place, key = path
             raise self.refuse(tuple(place), f"'{key}' is missing here, in {unit}")
         try:
-            value = 0.0 if _is_zero(text) else In(unit).read(text)
+            value = 0.0 if _is_zero(text) else In(unit, difference=difference).read(text)
         except ValueError as error:
             raise self.refuse(path, str(error)) from None
         if not math.isfinite(value) or not (low < value if above else low <= value):
@@ -75,9 +76,9 @@ class Notes:
             raise self.refuse(path, f"'{text}' must be at most {format_quantity(high, unit)}")
         return value
 
-    def signed(self, path: Path, text: str | None, unit: str) -> float:
+    def signed(self, path: Path, text: str | None, unit: str, *, difference: bool = False) -> float:
         """Return a quantity of either sign; raises as :meth:`amount`."""
-        return self.amount(path, text, unit, low=-1e6, high=1e6)
+        return self.amount(path, text, unit, low=-1e6, high=1e6, difference=difference)
 
     def force(self, path: Path, text: str, gravity: float) -> tuple[float, float, str]:
         """Return force or weight in N, the number as given in SI, and ``N`` or ``kg``.

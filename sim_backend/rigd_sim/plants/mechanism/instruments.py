@@ -36,13 +36,17 @@ def _instrument(
         raise notes.refuse(
             (*path, "high"), f"'{sensor.high}' must be more than 'low', {sensor.low}"
         )
-    zero = notes.signed((*path, "zero"), sensor.zero, unit)
+    zero = notes.signed((*path, "zero"), sensor.zero, unit, difference=True)
     if not low <= rest + zero <= high:
         raise notes.refuse(
             path,
             f"{name} reads {format_quantity(rest + zero, unit)} at rest, outside its range of "
             f"{sensor.low} to {sensor.high}",
         )
+
+    def size(key: str, text: str) -> float:
+        return notes.amount((*path, key), text, unit, high=high - low, difference=True)
+
     return Instrument(
         name=name,
         measure=MEASURES[sensor.measures],
@@ -51,8 +55,8 @@ def _instrument(
         factor=factor,
         low=low,
         high=high,
-        noise=notes.amount((*path, "noise"), sensor.noise, unit, high=high - low),
-        resolution=notes.amount((*path, "resolution"), sensor.resolution, unit, high=high - low),
+        noise=size("noise", sensor.noise),
+        resolution=size("resolution", sensor.resolution),
         zero=zero,
         bandwidth=sensor.bandwidth or 0.0,
     )
