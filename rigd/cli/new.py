@@ -1,4 +1,4 @@
-"""``rigd new``: writes the package of a plug-in; the new package passes its own tests."""
+"""``rigd new``: writes the package of a plug-in, which passes its own tests, or a rig's folder."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-HELP = "write a package of your own: a driver, plant, analysis or friction law, with tests"
+HELP = "write a rig of your own with its simulated sibling, or a driver, plant, analysis, law"
 EXAMPLES = """\
 examples:
+  rigd new rig pin-on-disk                   asks for a few numbers; a folder that runs at once
+  rigd new rig my-rig --from rig.yaml        from a description; docs/new_rig.md
+
   rigd new driver acme-scale --kind slow     a device that is asked now and then
   rigd new driver acme-servo --kind fast     one that is exchanged with in every cycle
   rigd new driver acme-daq --kind block      a card whose library hands over many rows at once
@@ -73,9 +76,16 @@ _LIMITS: Final = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("what", choices=tuple(_PLURALS), help="kind of plug-in")
-    parser.add_argument("name", metavar="NAME", help="name of the package, such as acme-scale")
+    parser.add_argument("what", choices=("rig", *_PLURALS), help="kind of plug-in, or rig")
+    parser.add_argument(
+        "name", metavar="NAME", help="name of the package or rig, such as acme-scale"
+    )
     parser.add_argument("--kind", choices=KINDS, help=f"kind of driver (default: {KINDS[0]})")
+    parser.add_argument(
+        "--from", dest="source", type=Path, metavar="FILE",
+        help="description of the rig (default: questions at the terminal, or lines of standard "
+        "input; without either, a pin-on-disk)",
+    )  # fmt: skip
     parser.add_argument(
         "--folder", type=Path, default=Path(), metavar="DIR",
         help="folder in which to make the folder NAME (default: here)",
@@ -90,10 +100,17 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(f"folder {args.folder} does not exist", hint="create it first")
     if args.what != "driver" and args.kind is not None:
         raise ConfigError("--kind is for drivers only", hint="remove it")
-    check_name(args.name, args.what)
+    if args.what != "rig" and args.source is not None:
+        raise ConfigError("--from is for rigs only", hint="remove it")
+    if args.what == "rig":
+        check_shape(args.name)
+    else:
+        check_name(args.name, args.what)
     target: Path = args.folder / args.name
     if target.exists() or target.is_symlink():
         raise ConfigError(f"{target} exists already", hint="choose another name or --folder")
+    if args.what == "rig":
+        return _new_rig(args.name, args.source, target)
     kind = (args.kind or KINDS[0]) if args.what == "driver" else args.what
     files = rendered(args.name, kind)
     try:
@@ -114,6 +131,45 @@ def execute(args: argparse.Namespace) -> int:
     return 0
 
 
+def _new_rig(name: str, source: Path | None, target: Path) -> int:
+    """Write the folder of a rig and print the next commands."""
+    from rigd.cli.new_rig.folder import DESCRIPTION, write_rig
+    from rigd.cli.new_rig.questions import asked, described
+    from rigd.config.document import read_document
+
+    if source is None:
+        text, named = described(name, asked), Path(DESCRIPTION)
+    else:
+        text, named = read_document(source).text, source
+    under_git = write_rig(name, text, named, target)
+    git = ", under version control (nothing is committed yet)" if under_git else ""
+    print(
+        f"wrote {target}{git}:\n  cd {target}\n  rigd run procedures/first.yaml --rig sim.yaml\n"
+        "  rigd run procedures/first.yaml --rig real.yaml --dry-run\n"
+        f"before the real rig moves, read {target / 'README.md'}"
+    )
+    return 0
+
+
+def check_shape(name: str) -> None:
+    """Refuse what is no name of a folder, package and rig.
+
+    Raises:
+        ConfigError: the name is refused; the message gives the reason.
+    """
+    import re
+
+    from rigd.model.errors import ConfigError
+
+    shape = r"[a-z][a-z0-9]*(-[a-z0-9]+)*"
+    if not re.fullmatch(shape, name) or len(name) > _MAX_NAME:
+        raise ConfigError(
+            f"{name!r} is not a valid name",
+            hint="use lower case letters and digits, words joined by a dash, at most "
+            f"{_MAX_NAME} characters, such as acme-scale",
+        )
+
+
 def check_name(name: str, what: str = "driver") -> None:
     """Refuse names that cannot be a package or would hide another one; ``what`` is the kind.
 
@@ -122,19 +178,12 @@ def check_name(name: str, what: str = "driver") -> None:
     """
     import importlib.util
     import keyword
-    import re
     from importlib.metadata import entry_points
 
     from rigd.model.errors import ConfigError
 
     module = module_name(name)
-    shape = r"[a-z][a-z0-9]*(-[a-z0-9]+)*"
-    if not re.fullmatch(shape, name) or len(name) > _MAX_NAME:
-        raise ConfigError(
-            f"{name!r} is not a valid name",
-            hint="use lower case letters and digits, words joined by a dash, at most "
-            f"{_MAX_NAME} characters, such as acme-scale",
-        )
+    check_shape(name)
     if keyword.iskeyword(module):
         raise ConfigError(f"{name!r} is a keyword of Python", hint=f"such as {name}-{what}")
     if entry_points(group=f"rigd.{_PLURALS[what]}", name=name):

@@ -59,7 +59,7 @@ def load_rig(given: str | Path) -> RigConfig:
         ConfigError: the file is missing or wrong; the error names every problem with its place.
     """
     found = find_file(given, "configs")
-    rig = _build(read_document(found))
+    rig = build_rig(read_document(found))
     return replace(rig, source=replace(rig.source, location=location(given, found, "configs")))
 
 
@@ -72,7 +72,7 @@ def parse_rig(text: str, path: Path, *, period_ns: int | None = None) -> RigConf
     Raises:
         ConfigError: the text is wrong; the error names every problem with its place.
     """
-    return _build(parse_document(text, path), period_ns)
+    return build_rig(parse_document(text, path), period_ns)
 
 
 def parse_constants(text: str, path: Path) -> dict[str, Constant]:
@@ -88,7 +88,12 @@ def parse_constants(text: str, path: Path) -> dict[str, Constant]:
     return constants
 
 
-def _build(document: Document, period_ns: int | None = None) -> RigConfig:
+def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
+    """Return the rig of a document that is read already; see :func:`parse_rig`.
+
+    Raises:
+        ConfigError: it is wrong; the error names every problem with its place.
+    """
     problems = Problems()
     source = bind(document, RigSource, problems)
     if source is None:

@@ -19,6 +19,7 @@ from support.examples import of_help, of_readme, words_of
 from support.wire import free_ports
 
 from rigd.cli.main import COMMANDS, build_parser, main
+from rigd.cli.new_rig.questions import defaults, described
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control
@@ -151,6 +152,8 @@ SHOWN: dict[str, Shows] = {
     "rigd new driver acme-gauge --kind serial": Shows("acme-gauge"),
     "rigd new driver acme-supply --kind scpi": Shows("acme-supply"),
     "rigd new plant acme-sled": Shows("acme-sled"),
+    "rigd new rig pin-on-disk": Shows("pin-on-disk"),
+    "rigd new rig my-rig --from rig.yaml": Shows("my-rig"),
     "rigd schema procedure": Shows("rigd procedure file"),
     "rigd completion bash": Shows("_shtab_rigd"),
     "rigd remote list": Shows("lugre-9"),
@@ -302,6 +305,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(folder / "calibrations" / "approach_angle.yaml", folder / "new.yaml")
     shutil.copy(folder / "procedures" / "quick.yaml", folder / "my_procedure.yaml")
     shutil.copy(folder / "configs" / "eds" / "rigd_servo.eds", folder / "drive.eds")
+    (folder / "rig.yaml").write_text(described("my-rig", defaults), "utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         Path("runs").mkdir()

@@ -1,0 +1,114 @@
+"""Asks for the few numbers that make a pin-on-disk, and writes its description."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rigd.model.errors import ConfigError
+from rigd.model.units import format_quantity, parse_quantity
+from rigd.sdk import In
+
+_TEMPLATE: Final = Path(__file__).parents[1] / "templates" / "rig" / "pin_on_disk.yaml.jinja"
+
+
+@dataclass(frozen=True)
+class Question:
+    """One number: what it is, its SI unit, its default, and what it may be in SI."""
+
+    key: str
+    text: str
+    unit: str
+    default: str
+    low: float
+    high: float
+
+    def accepted(self, answer: str) -> str:
+        """Return the answer as it is written down; the default if it is empty.
+
+        Raises:
+            ValueError: it is no such quantity, or not in the range.
+        """
+        text = answer.strip() or self.default
+        value = In(self.unit).read(text)
+        if not self.low <= value <= self.high:
+            low, high = (format_quantity(bound, self.unit) for bound in (self.low, self.high))
+            raise ValueError(f"'{text}' is not within {low} to {high}")
+        return str(parse_quantity(text))
+
+
+QUESTIONS: Final = (
+    Question("radius", "Radius of the track on the disk", "m", "30 mm", 1e-3, 1.0),
+    Question("inertia", "Inertia of the disk with its drive", "kg m^2", "6e-3 kg m^2", 1e-5, 10.0),
+    Question("speed", "Largest speed of the disk", "rad/s", "60 rad/s", 1.0, 1e4),
+    Question("torque", "Largest torque of the drive at the disk", "N m", "4 N m", 1e-2, 1e4),
+    Question("load", "Dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
+    Question("force", "Range of the load cell", "N", "50 N", 1e-2, 1e5),
+    Question("stiffness", "Stiffness of the load cell with its arm", "N/m", "200 kN/m", 1e3, 1e7),
+    Question("force_scale", "Force for each volt of its amplifier", "N/V", "5 N/V", 1e-3, 1e5),
+)
+
+
+def described(name: str, ask: Callable[[Question], str]) -> str:
+    """Return the description of a pin-on-disk, with the answers of ``ask``."""
+    answers = {question.key: ask(question) for question in QUESTIONS}
+    return _rendered({"name": name, **answers, **_derived(answers)})
+
+
+def defaults(question: Question) -> str:
+    """Return the default answer."""
+    return question.accepted("")
+
+
+def asked(question: Question) -> str:
+    """Return the answer of the next line of standard input; at a terminal asks until it is right.
+
+    Without further lines the default holds.
+
+    Raises:
+        ConfigError: a line that was piped in is wrong.
+    """
+    at_terminal = sys.stdin is not None and sys.stdin.isatty()
+    while True:
+        if at_terminal:
+            print(f"{question.text} [{question.default}]: ", end="", file=sys.stderr, flush=True)
+        line = _next_line()
+        try:
+            return question.accepted(line)
+        except ValueError as error:
+            if not at_terminal:
+                raise ConfigError(
+                    f"{question.text.lower()}: {error}",
+                    hint="the lines of standard input answer the questions in their order; an "
+                    "empty line is the default",
+                ) from error
+            print(f"  {error}", file=sys.stderr)
+
+
+def _next_line() -> str:
+    """Return the next line of standard input, "" if there is none, or no standard input."""
+    try:
+        return "" if sys.stdin is None else sys.stdin.readline()
+    except OSError:  # a closed terminal: reading from it raises this
+        return ""
+
+
+def _derived(answers: Mapping[str, str]) -> dict[str, str]:
+    """Return what follows from the answers: limits with a margin, and the weight as a force."""
+    speed, force, load = (In(unit).read(answers[key]) for key, unit in (
+        ("speed", "rad/s"), ("force", "N"), ("load", "kg")))  # fmt: skip
+    return {
+        "fastest": f"{0.8 * speed:.6g} rad/s",
+        "rate": f"{0.8 * speed:.6g} rad/s^2",
+        "band": f"{0.1 * speed:.6g} rad/s",
+        "overload": f"{0.9 * force:.6g} N",
+        "weight": f"{9.81 * load:.6g} N",
+    }
+
+
+def _rendered(words: Mapping[str, str]) -> str:
+    return re.sub(r"\{\{ (\w+) \}\}", lambda found: words[found[1]], _TEMPLATE.read_text("utf-8"))

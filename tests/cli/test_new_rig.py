@@ -1,0 +1,186 @@
+"""``rigd new rig``: the folder runs as made, and what is wrong is shown in the description."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.command import rigd
+
+from rigd.cli.new_rig.folder import write_rig
+from rigd.cli.new_rig.questions import QUESTIONS, defaults, described
+from rigd.cli.new_rig.yaml_text import yaml_text
+from rigd.config.document import parse_document
+from rigd.config.loader import load_rig
+from rigd.model.errors import ConfigError
+
+TEXT = described("bench", defaults)
+
+
+def made(folder: Path, text: str = TEXT, name: str = "bench") -> Path:
+    write_rig(name, text, Path("rig.yaml"), folder / name)
+    return folder / name
+
+
+def spoilt(old: str, new: str) -> str:
+    assert old in TEXT
+    return TEXT.replace(old, new, 1)
+
+
+def piped(lines: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rigd", "new", "rig", "mine"]
+    return subprocess.run(
+        command, cwd=folder, input=lines, capture_output=True, text=True, check=False
+    )
+
+
+def refused(folder: Path, text: str) -> str:
+    """Return the refusal; nothing must be left."""
+    with pytest.raises(ConfigError) as caught:
+        made(folder, text)
+    assert list(folder.iterdir()) == []
+    return str(caught.value)
+
+
+def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
+    done = rigd("new", "rig", "pin-on-disk", cwd=tmp_path)
+    assert done.code == 0, done.err
+    lab = tmp_path / "pin-on-disk"
+    for command in (
+        ("check", "real.yaml", "sim.yaml", "procedures/first.yaml"),
+        ("run", "procedures/first.yaml", "--rig", "sim.yaml", "--output", "first.mcap"),
+        ("run", "procedures/first.yaml", "--rig", "real.yaml", "--dry-run"),
+    ):
+        done = rigd(*command, cwd=lab)
+        assert done.code == 0, done.out + done.err
+    assert "played on the plant of the sibling" in done.out
+    assert (lab / "first.mcap").stat().st_size > 10_000
+
+
+def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> None:
+    lab = made(tmp_path)
+    real, sim = load_rig(lab / "real.yaml"), load_rig(lab / "sim.yaml")
+    assert real.devices.keys() == sim.devices.keys()
+    for name, device in sim.devices.items():
+        names = {channel.name for channel in device.channels}
+        assert names <= {channel.name for channel in real.devices[name].channels}
+        assert device.limits == real.devices[name].limits
+    assert [item.name for item in real.interlocks] == [item.name for item in sim.interlocks]
+    assert (lab / "rig.yaml").read_text("utf-8") == TEXT
+
+
+def test_folder_is_under_version_control_once(tmp_path: Path) -> None:
+    lab = made(tmp_path)
+    listed = subprocess.run(
+        ["git", "-C", str(lab), "ls-files"], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert {"real.yaml", "sim.yaml", ".gitlab-ci.yml", ".github/workflows/try.yml"} <= set(listed)
+    inner = made(lab, name="other")
+    assert not (inner / ".git").exists()
+
+
+def test_answers_from_a_pipe_are_written_down(tmp_path: Path) -> None:
+    done = piped("25 mm\n\n100 rpm\n", tmp_path)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "mine" / "rig.yaml").read_text("utf-8")
+    assert "radius: 25 mm" in text
+    assert "speed_limit: 100 rpm" in text
+    assert "load: 1 kg" in text
+
+
+def test_wrong_answer_from_a_pipe_is_refused(tmp_path: Path) -> None:
+    done = piped("25 kg\n", tmp_path)
+    assert done.returncode == 2
+    assert "radius of the track on the disk: '25 kg' is in kg, expected m" in done.stderr
+    assert not (tmp_path / "mine").exists()
+
+
+def test_every_default_answer_is_accepted() -> None:
+    for question in QUESTIONS:
+        question.accepted("")
+        with pytest.raises(ValueError, match="not within"):
+            question.accepted(f"1e30 {question.unit}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "words"),
+    [
+        ("title: Pin", "titel: Pin", "5:1", "unknown key 'titel'"),
+        ("pin: {mass: 0.4 kg}", "pin: {}", "11:10", "pin has no mass"),
+        ("body: disk", "body: dics", "32:13", "no body 'dics'; did you mean 'disk'?"),
+        ("limit: 4 N m", "limit: 40 mN m", "35:20", "the drive cannot reach 60 rad/s"),
+        ("low: -50 N\n", "low: 5 N\n", "45:7", "load_cell reads 0 N at rest, outside its range"),
+        ("driver: ni-daq", "driver: ni-dac", "82:13", "ni-dac"),
+        ("node: 1 ", "nodes: 1 ", "70:7", "unknown key 'nodes'"),
+        ("{angle: encoder, speed", "{angles: encoder, speed", "75:16",
+         "cia402-rotary has no channel 'angles'"),
+        ("angle: encoder", "angle: encodr", "75:23", "no sensor 'encodr'"),
+        ("{angle: encoder, speed: tachometer", "{angle: tachometer, speed: encoder", "75:23",
+         "'angle' of cia402-rotary is in rad, that of the mechanism in rad/s"),
+        ("setpoints: {speed: spindle}", "setpoints: {speeds: spindle}", "76:17",
+         "cia402-rotary has no setpoint 'speeds'"),
+        ("    setpoints: {speed: spindle}\n", "", "67:5", "also takes the setpoint 'speed'"),
+        ("high: 48 rad/s", "high: 70 rad/s", "78:35", "70 rad/s"),
+        ("source: daq.force", "source: daq.forse", "100:13", "forse"),
+        ("type: can", "type: cann", "61:11", "cann"),
+    ],
+)  # fmt: skip
+def test_wrong_description_is_refused_with_its_place(
+    tmp_path: Path, old: str, new: str, place: str, words: str
+) -> None:
+    said = refused(tmp_path, spoilt(old, new))
+    assert f"rig.yaml:{place}: " in said
+    assert words in said
+
+
+@pytest.mark.parametrize(
+    ("first", "words"),
+    [
+        ("{setpoint: spindle.sped, values: [1 rad/s]}", "no setpoint 'spindle.sped'"),
+        ("{setpoint: spindle.speed, values: [90 rad/s]}", "the first procedure cannot be played"),
+        ("{setpoint: spindle.speed, values: []}", "values"),
+    ],
+)
+def test_wrong_first_procedure_is_refused(tmp_path: Path, first: str, words: str) -> None:
+    said = refused(tmp_path, f"{TEXT}\nfirst: {first}\n")
+    assert words in said or "at least 1" in said
+    assert said.startswith("rig.yaml:127:")
+
+
+def test_first_procedure_is_what_is_described(tmp_path: Path) -> None:
+    first = "first: {setpoint: spindle.speed, values: [5 rad/s], for: 1 s}"
+    lab = made(tmp_path, f"{TEXT}\n{first}\n")
+    assert "value: [5 rad/s]" in (lab / "procedures" / "first.yaml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "title: x\n", "- 1\n", "devices: [\n", TEXT.split("devices:")[0]]
+)
+def test_half_a_description_is_refused(tmp_path: Path, text: str) -> None:
+    assert refused(tmp_path, text).startswith("rig.yaml:")
+
+
+def test_options_of_other_kinds_are_refused(tmp_path: Path) -> None:
+    for arguments, words in (
+        (("driver", "x-y", "--from", "rig.yaml"), "--from is for rigs only"),
+        (("rig", "X"), "'X' is not a valid name"),
+        (("rig", "x", "--from", "none.yaml"), "cannot read none.yaml"),
+        (("rig", "x", "--kind", "slow"), "--kind is for drivers only"),
+    ):
+        done = rigd("new", *arguments, cwd=tmp_path)
+        assert done.code == 2
+        assert words in done.err
+    (tmp_path / "x").mkdir()
+    assert "exists already" in rigd("new", "rig", "x", cwd=tmp_path).err
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1 kg", "a: b", "a #b", "'q'", "{x}", "-1 N", "a, b", " x", "", "x\ny", "50 %", "[a", "|x|",
+     "a\\b", "- a", "°C", "é: \"ü\"", "x:"],
+)  # fmt: skip
+def test_written_yaml_reads_as_the_same_data(value: str) -> None:
+    data = {"a": value, "b": {"c": value, "d": [value, {"e": value, "f": [value]}]}, "g": [value]}
+    assert parse_document(yaml_text(data), Path("x")).data == data
