@@ -5,7 +5,8 @@ from the recording. The rig is the shipped one at the wire.
 
     python benchmarks/kill_table.py --kills 50 --table kills.jsonl --holding
                         continues the table: stop it and start it as you like; with --holding, a
-                        controller moves the wheel, with --held it does so in a step that is held
+                        controller moves the wheel, with --held it does so in a step that is held;
+                        with --ni the rig stands on an NI card
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.fault_rigs import NI_SHAKING
 from support.killing import (
     HELD,
     HOLDING,
@@ -39,7 +41,7 @@ from support.killing import (
     bound_s,
     own_state,
 )
-from support.wire import WireRig, wire_rig
+from support.wire import LUGRE, NI, WireRig, wire_rig
 
 Row = dict[str, Any]
 
@@ -60,7 +62,7 @@ def one_kill(
         run.end()
         shutil.rmtree(state)
         shutil.rmtree(place)
-    bound = bound_s(rig, victim, SIGNALS[number])
+    bound = bound_s(rig, victim, SIGNALS[number], movement)
     return {"victim": victim, "signal": SIGNALS[number].name, "bound_s": bound, **asdict(killed)}
 
 
@@ -92,6 +94,7 @@ def main() -> int:
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     parser.add_argument("--holding", action="store_true", help="while a controller acts")
     parser.add_argument("--held", action="store_true", help="the same in a step that is held")
+    parser.add_argument("--ni", action="store_true", help="the rig on an NI card")
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     draw = random.Random(args.seed)
@@ -108,12 +111,14 @@ def main() -> int:
         for _ in range(args.kills - done[victim, SIGNALS[number].name])
     ]
     draw.shuffle(missing)
-    movement, changes = (SHAKING, PATIENT)
+    movement, changes, shipped = SHAKING, PATIENT, LUGRE
+    if args.ni:
+        movement, changes, shipped = NI_SHAKING, {}, NI
     if args.holding or args.held:
         movement, changes = (HELD if args.held else HOLDING), PATIENT | RIM_HOLD
     with (
         tempfile.TemporaryDirectory() as folder,
-        wire_rig(Path(folder), "wire-table", changes) as rig,
+        wire_rig(Path(folder), "wire-table", changes, shipped) as rig,
     ):
         for count, (victim, number) in enumerate(missing, start=1):
             row = one_kill(rig, Path(folder), victim, number, draw, movement)

@@ -1,14 +1,15 @@
 """Connects a driver to one NI card through NI-DAQmx, on this machine or behind NI's gRPC server.
 
-The drivers of analogue inputs and of digital lines share this module. It finds the card, names the
-tasks, and turns NI's errors into rigd's own errors. The module imports ``nidaqmx`` (the extra
-``rigd[ni]``) only when a driver opens a card. ``nidaqmx`` ships no types, so tasks are ``Any``.
+The drivers of analogue inputs, of digital lines and of whole cards share this module. It finds
+the card, names the tasks, and turns NI's errors into rigd's own errors. The module imports
+``nidaqmx`` (the extra ``rigd[ni]``) only when a driver opens a card. ``nidaqmx`` ships no types,
+so tasks are ``Any``.
 """
 
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, Final
 
@@ -53,11 +54,15 @@ class NiCard:
     Args:
         config: which card.
         refused: what a rig file can ask for and a card refuse: status code -> what to change.
-        call_s: longest answer of a device server, in s; by default :data:`CALL_S`.
+        call_s: returns the longest answer of a device server, in s, before each call.
     """
 
     def __init__(
-        self, config: NiCardConfig, refused: Mapping[int, str], *, call_s: float | None = None
+        self,
+        config: NiCardConfig,
+        refused: Mapping[int, str],
+        *,
+        call_s: Callable[[], float] = lambda: CALL_S,
     ) -> None:
         self._config = config
         self._refused = refused
@@ -111,6 +116,22 @@ class NiCard:
         """Return a new task, to be used within :meth:`doing`."""
         return self._nidaqmx.Task(name, grpc_options=self._options(name))
 
+    def new_watchdog(self, name: str, time_s: float) -> Any:
+        """Return a task of the card's own watchdog timer; see :meth:`new_task`."""
+        from nidaqmx.system.watchdog import WatchdogTask
+
+        class Watchdog(WatchdogTask):  # type: ignore[misc]  # nidaqmx has no types
+            def __del__(self) -> None:
+                """Do not warn of a task that could not be closed: that was raised then."""
+
+        return Watchdog(self._config.device, name, timeout=time_s, grpc_options=self._options(name))
+
+    def device(self) -> Any:
+        """Return the ``nidaqmx.system.Device``, to be used within :meth:`doing`."""
+        from nidaqmx.system import Device
+
+        return Device(self._config.device, grpc_options=self._options(""))
+
     def left_over(self, name: str) -> Any | None:
         """Return the task ``name`` that a server keeps, of a client that may have been killed.
 
@@ -147,7 +168,7 @@ class NiCard:
                 f"no NI gRPC Device Server answers at {address} within {CONNECT_S:g} s",
                 hint="start ni_grpc_device_server there, or correct `server`",
             ) from error
-        self._calls = _with_deadline(self._server, self._call_s or CALL_S)
+        self._calls = _with_deadline(self._server, self._call_s)
 
     def _options(self, session: str, *, attach: bool = False) -> Any:
         """Return how to reach the server's session; None if NI-DAQmx is on this machine."""
@@ -225,11 +246,11 @@ def _import_nidaqmx() -> Any:
     return nidaqmx
 
 
-def _with_deadline(channel: Any, call_s: float) -> Any:
+def _with_deadline(channel: Any, call_s: Callable[[], float]) -> Any:
     import grpc
 
     class Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]  # grpc has no types
         def intercept_unary_unary(self, proceed: Any, details: Any, request: Any) -> Any:
-            return proceed(details._replace(timeout=call_s), request)
+            return proceed(details._replace(timeout=call_s()), request)
 
     return grpc.intercept_channel(channel, Deadline())

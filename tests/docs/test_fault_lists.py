@@ -19,6 +19,7 @@ from rigd_sim.wire.modbus.part import LINE_FAULTS
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.ni_terminals import Terminals
 from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.supply import SimSupply
@@ -38,6 +39,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "CiA 406 encoder": beyond(Cia406Encoder.faults, FAULTS),
     "CiA 404 transmitter": beyond(Cia404Transmitter.faults, FAULTS),
     "NI card": SimNi.faults,
+    "NI card that drives": {**Terminals.faults, "stall": "answers are held back (seconds)"},
     "Relay": SimRelay.faults,
     "Scale": SimScale.faults,
     "Device that sends lines": SimLines.faults,

@@ -68,6 +68,12 @@ CARD_SHAKING: Final = replace(
     moves=lambda parts: abs(parts["card"]["wheel_demand"]) > 0.01,
     watchdog_s=0.6,
 )
+NI_SHAKING: Final = replace(
+    SHAKING,
+    drives=("ni_card",),
+    moves=lambda parts: abs(parts["ni_card"]["wheel_demand"]) > 0.01,
+    watchdog_s=0.2,
+)
 
 _INVERTER_RIG: Final = """\
 rig: wire-inverter

@@ -387,6 +387,15 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_run_is_refused_before_anything_moves[servo_bus second_rigd before]",
         ),
         "system/test_in_loop_wire.py": (),
+        "system/test_ni_card_wire.py": (
+            "test_fault_of_the_card_ends_run_with_its_name",
+            "test_kill_leaves_outputs_at_rest_and_every_sample[all",
+            "test_kill_leaves_outputs_at_rest_and_every_sample[cycle-SIGSTOP",
+            "test_kill_leaves_outputs_at_rest_and_every_sample[cycle-SIGTERM",
+            "test_kill_leaves_outputs_at_rest_and_every_sample[daemon",
+            "test_kill_leaves_outputs_at_rest_and_every_sample[recorder",
+            "test_quick_procedure_completes_on_the_card",
+        ),
         "system/test_kills.py": (
             "test_kill_while_controller_acts_leaves_safe_rig[all]",
             "test_kill_while_controller_acts_leaves_safe_rig[cycle]",

@@ -101,6 +101,7 @@ ANGLE = Shipped(
     ("127.0.0.1:31764",),
 )  # fmt: skip
 LINES = Shipped("wire_lines.yaml", "lines-1", "/tmp/rigd-wire-lines", "", ())
+NI = Shipped("ni_lugre.yaml", "ni-lugre", "/tmp/rigd-ni-lugre", "lugre.yaml", ("127.0.0.1:31765",))
 ROBOT = Shipped(
     "wire_articulated.yaml", "articulated-wire-1", "/tmp/rigd-wire-robot", "articulated.yaml",
     ("port: 31770",),

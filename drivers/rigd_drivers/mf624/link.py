@@ -16,6 +16,7 @@ from pydantic import field_validator
 
 from rigd.sdk import DeviceError, Documented, In, LinkConfig, LinkError
 from rigd_drivers.card import Card
+from rigd_drivers.card_watchdog import prove
 from rigd_drivers.mf624 import registers as mf
 from rigd_drivers.mf624.access import BUILT_IN, PLUGINS, RegIO, open_registers
 
@@ -24,8 +25,6 @@ Line = Annotated[int, Ge(0), Lt(mf.LINES)]
 #: Reads of GPIOC until a conversion counts as stuck. A read over PCI takes 0.5 us or more and a
 #: scan of eight inputs less than 4 us, so that this is ten times what it needs.
 _EOLC_READS: Final = 100
-#: The one-shot is retriggered this often within its time while it is being raised.
-_TOGGLES_PER_TIME: Final = 5
 
 
 class ReferenceOptions(Documented):
@@ -299,49 +298,31 @@ class Mf624(Card):
             _check_present(self._io.r32(mf.GPIOC))
 
     def prove_one_shot(self) -> float:
-        """Raise the one-shot, let it drop; see :class:`Card`.
-
-        A stall of this machine makes the returned time longer, but never the verdict wrong: the
-        one-shot fails only if it was seen up later than its time.
-        """
+        """Raise the one-shot, let it drop; see :class:`Card`."""
         one_shot = self.config.one_shot
         if one_shot is None:
             raise DeviceError(
                 "no one-shot is declared on this card",
                 hint="add 'one_shot' to the options of the link, or a waiver to the device",
             )
-        edge_s = self._raise_one_shot(one_shot)
-        while True:
-            looked_s = time.monotonic()
-            self.sample()
-            seen_s = time.monotonic()
-            if not self.one_shot_up:
-                return seen_s - edge_s
-            if looked_s - edge_s > one_shot.time:
-                raise DeviceError(
-                    f"the one-shot was still up {looked_s - edge_s:.3f} s after its last edge; "
-                    f"expected at most {one_shot.time:g} s",
-                    hint="nothing would stop the drives if this computer failed; check its "
-                    f"resistor and capacitor, and the wire to digital input {one_shot.input}",
-                )
+        return prove(
+            self._feed,
+            self._sees_one_shot,
+            one_shot.time,
+            fed=f"digital output {one_shot.output} toggles",
+            rises=f"check the wires to it and from it to digital input {one_shot.input}, and "
+            f"whether that is really '{one_shot.active}' while it is up",
+            falls=f"check its resistor and capacitor, and the wire to digital input "
+            f"{one_shot.input}",
+        )
 
-    def _raise_one_shot(self, one_shot: OneShotOptions) -> float:
-        """Retrigger until it is up; return when the last edge was on its way, in s."""
-        give_up_s = time.monotonic() + max(4 * one_shot.time, 0.5)
-        while True:
-            self._retrigger()
-            self.put_out()
-            edge_s = time.monotonic()
-            time.sleep(one_shot.time / _TOGGLES_PER_TIME)
-            self.sample()
-            if self.one_shot_up:
-                return edge_s
-            if time.monotonic() > give_up_s:
-                raise DeviceError(
-                    f"the one-shot does not come up when digital output {one_shot.output} toggles",
-                    hint=f"check the wires to it and from it to digital input {one_shot.input}, "
-                    f"and whether that is really '{one_shot.active}' while it is up",
-                )
+    def _feed(self) -> None:
+        self._retrigger()
+        self.put_out()
+
+    def _sees_one_shot(self) -> bool:
+        self.sample()
+        return self.one_shot_up
 
     def _retrigger(self) -> None:
         if self.config.one_shot is not None:

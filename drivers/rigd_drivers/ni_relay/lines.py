@@ -35,7 +35,7 @@ class RelayLines:
 
     def __init__(self, config: NiRelayConfig) -> None:
         self._config = config
-        self._card = NiCard(config, _REFUSED, call_s=CALL_S)
+        self._card = NiCard(config, _REFUSED, call_s=lambda: CALL_S)
         self._closed_high = config.active == "high"
         watchdog = config.watchdog
         outputs = (config.line,) if watchdog is None else (config.line, watchdog.line)

@@ -47,11 +47,11 @@ class AnalogDrive:
 
     Args:
         per_volt: demand per volt of the set value.
-        one_shot: gates the enable line.
+        one_shot: gates the enable line; None: nothing does.
 
     """
 
-    def __init__(self, per_volt: float, one_shot: OneShot) -> None:
+    def __init__(self, per_volt: float, one_shot: OneShot | None) -> None:
         self._per_volt = per_volt
         self._one_shot = one_shot
         self._volts = 0.0
@@ -69,7 +69,8 @@ class AnalogDrive:
     @property
     def enabled(self) -> bool:
         """Whether it drives now."""
-        return self._line and self._one_shot.up and not self.faulty
+        gated = self._one_shot is not None and not self._one_shot.up
+        return self._line and not gated and not self.faulty
 
     @property
     def demand(self) -> float:

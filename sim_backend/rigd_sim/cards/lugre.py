@@ -1,4 +1,4 @@
-"""Connects the simulated LuGre rig to a simulated MF624 card, as in ``configs/card_lugre.yaml``.
+"""Connects the simulated LuGre rig to a simulated card, as in ``configs/card_lugre.yaml``.
 
 | pin | wired to |
 |---|---|
@@ -10,6 +10,9 @@
 | DOUT2, DOUT4 | release of the clutches |
 | DOUT7 | trigger of the one-shot |
 | DIN0, DIN1, DIN2, DIN7 | ready of the three drives, output of the one-shot |
+
+Without a one-shot, DOUT7 is wired to DIN7 and the enable lines to the drives, as for a card with a
+watchdog of its own.
 """
 
 from __future__ import annotations
@@ -49,7 +52,7 @@ class LugreWiring:
     Args:
         plant: the rig; all its commands are the card's.
         clock_ns: the time of plant and one-shot.
-        one_shot_s: how long the one-shot stays up.
+        one_shot_s: how long the one-shot stays up; None: there is none.
         advance: brings the plant to a time; that of a plant which other devices read too.
 
     """
@@ -64,7 +67,7 @@ class LugreWiring:
         plant: LugrePlant,
         clock_ns: Callable[[], int] = time.monotonic_ns,
         *,
-        one_shot_s: float = ONE_SHOT_S,
+        one_shot_s: float | None = ONE_SHOT_S,
         advance: Callable[[int], object] | None = None,
     ) -> None:
         self._plant = plant
@@ -72,7 +75,10 @@ class LugreWiring:
         self._advance = plant.advance if advance is None else advance
         self._advanced_ns = clock_ns()
         self._advance(self._advanced_ns)
-        self.one_shot = OneShot(one_shot_s, clock_ns)
+        self.one_shot = None if one_shot_s is None else OneShot(one_shot_s, clock_ns)
+        if self.one_shot is None:
+            self.faults = {"drive_fault": self.faults["drive_fault"]}
+        self._level = False  # of the line that triggers it, or is wired back
         self.drives = {
             "wheel": AnalogDrive(WHEEL_A_PER_V, self.one_shot),
             "belt": AnalogDrive(BELT_M_S_PER_V, self.one_shot),
@@ -118,7 +124,7 @@ class LugreWiring:
         shown: dict[str, float | int | bool | str] = {
             "enabled": any(drive.enabled for drive in self.drives.values()),
             "safe_since_ns": self.safe_since_ns,
-            "one_shot": self.one_shot.up,
+            "one_shot": self._up,
             "current": self._plant.readings[layout.TRUTH_READINGS + _MOTOR_CURRENT],
         }
         for name, drive in self.drives.items():
@@ -132,7 +138,7 @@ class LugreWiring:
             ValueError: there is no such fault or drive.
 
         """
-        if fault == "one_shot_dead" and not options:
+        if fault == "one_shot_dead" and not options and self.one_shot is not None:
             self.one_shot.dead = True
         elif (
             fault == "drive_fault" and set(options) == {"drive"} and options["drive"] in self.drives
@@ -146,7 +152,7 @@ class LugreWiring:
 
     def clear(self, fault: str | None = None) -> None:
         """Stop showing ``fault``, or all of them."""
-        if fault in (None, "one_shot_dead"):
+        if fault in (None, "one_shot_dead") and self.one_shot is not None:
             self.one_shot.dead = False
         if fault in (None, "drive_fault"):
             for drive in self.drives.values():
@@ -167,7 +173,9 @@ class LugreWiring:
             self.safe_since_ns = self._clock_ns()
 
     def _lines_out(self, lines: int) -> None:
-        self.one_shot.trigger(level=bool(lines >> _TRIGGER_LINE & 1))
+        self._level = bool(lines >> _TRIGGER_LINE & 1)
+        if self.one_shot is not None:
+            self.one_shot.trigger(level=self._level)
         for name, line in _ENABLES.items():
             self.drives[name].set_line(high=bool(lines >> line & 1))
         for name, line in _CLUTCHES.items():
@@ -176,7 +184,11 @@ class LugreWiring:
 
     def _lines_in(self) -> int:
         ready = sum((not drive.faulty) << line for line, drive in enumerate(self.drives.values()))
-        return ready | self.one_shot.up << 7
+        return ready | self._up << 7
+
+    @property
+    def _up(self) -> bool:
+        return self._level if self.one_shot is None else self.one_shot.up
 
     def _reading(self, index: int, factor: float = 1.0) -> Callable[[], float]:
         plant = self._plant

@@ -25,6 +25,8 @@ from rigd_sim.wire.modbus.line import TcpLine
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.ni_io import SimNiIo
+from rigd_sim.wire.ni_terminals import Terminals
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.world import World
@@ -155,6 +157,23 @@ class RegisterCardOptions(SimulationConfig):
     """How long the one-shot on the enable lines stays up."""
 
 
+class NiCardOptions(SimulationConfig):
+    """A multifunction NI card with the whole rig wired to it, as ``configs/ni_lugre.yaml`` has it.
+
+    Its digital outputs are port0/line0 to 7, its digital inputs port0/line8 to 15.
+    """
+
+    address: str = "127.0.0.1:31765"
+    """host:port where its device server is reached."""
+    device: str = "Dev1"
+    """Name of the card."""
+    one_shot: Annotated[float, In("s"), Gt(0), Le(1)] | None = None
+    """How long a one-shot on the enable lines stays up; without it they come from the card, whose
+    watchdog timer guards them."""
+    guards_volts: bool = True
+    """Whether that timer can act on analogue outputs, too."""
+
+
 @dataclass(frozen=True)
 class Bench:
     """The shared objects from which the parts are built."""
@@ -274,6 +293,14 @@ def _card(name: str, options: RegisterCardOptions, bench: Bench) -> Part:
     return SimMf624(name, bench.folder.socket(options.socket), registers, wiring)
 
 
+def _ni_card(name: str, options: NiCardOptions, bench: Bench) -> Part:
+    world = bench.world
+    wiring = LugreWiring(world.plant, one_shot_s=options.one_shot, advance=world.at)
+    lines = [f"port0/line{number}" for number in range(16)]
+    terminals = Terminals(wiring.wires(), lines[:8], lines[8:], guards_volts=options.guards_volts)
+    return SimNiIo(name, terminals, wiring, address=options.address, device=options.device)
+
+
 def _traction(name: str, options: TransmitterOptions, bench: Bench) -> Part:
     cell = LoadCell(
         bench.world.reading(layout.READINGS.index("traction_force")),
@@ -310,6 +337,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     "traction": _traction,
     "scale": _scale,
     "card": _card,
+    "ni_card": _ni_card,
 }
 
 
@@ -336,13 +364,18 @@ class DeviceOptions(SimulationConfig):
     """Scale on which the quarter model rests, with its weights."""
     card: RegisterCardOptions | None = None
     """Register card that drives the rig in place of the three servo drives."""
+    ni_card: NiCardOptions | None = None
+    """NI card that drives the rig in place of the three servo drives."""
 
     @model_validator(mode="after")
     def _one_drive_per_axis(self) -> Self:
+        card = self.card or self.ni_card
+        if self.card is not None and self.ni_card is not None:
+            raise ValueError("one card drives the rig: remove `card` or `ni_card`")
         for name in ("wheel_servo", "longitudinal_belt", "lateral_belt"):
-            if self.card is not None and getattr(self, name) is not None:
+            if card is not None and getattr(self, name) is not None:
                 raise ValueError(f"the card drives the rig already; write '{name}: null'")
-        if self.lateral_drive is not None and (self.lateral_belt or self.card) is not None:
+        if self.lateral_drive is not None and (self.lateral_belt or card) is not None:
             raise ValueError("`lateral_drive` drives the bridge; write 'lateral_belt: null'")
         return self
 

@@ -8,8 +8,8 @@ from dataclasses import fields
 from functools import partial
 from typing import Any, ClassVar, Final
 
-from rigd.model.extras import require
 from rigd_sim.wire.ni_card import INPUTS, Faults, Following, Sampling
+from rigd_sim.wire.ni_grpc import GrpcServer
 from rigd_sim.wire.ni_lines import Lines
 from rigd_sim.wire.ni_server import PRODUCT, DeviceServer
 from rigd_sim.wire.part import Part, State
@@ -74,7 +74,7 @@ class SimNi(Part):
         self._card = DeviceServer(
             device, serial, volts, sample or follow, self._lines, self._shown, drift_ppm=drift_ppm
         )
-        self._server: Any = None
+        self._server = GrpcServer(name, address)
         self._pump: asyncio.Task[None] | None = None
 
     async def start(self) -> str:
@@ -83,18 +83,7 @@ class SimNi(Part):
         Raises:
             MissingExtra: ``rigd[ni]``, which has the stubs of NI's server, is not installed.
         """
-        require("ni", "a simulated NI card")
-        import grpc
-        import grpc.aio
-
-        server = grpc.aio.server(options=[("grpc.so_reuseport", 0)])
-        server.add_generic_rpc_handlers((self._card.handlers(),))
-        try:
-            self.port = server.add_insecure_port(self._address)
-        except RuntimeError as error:  # what gRPC makes of EADDRINUSE
-            raise OSError(f"{self.name}: cannot serve at {self._address}: {error}") from error
-        await server.start()
-        self._server = server
+        self.port = await self._server.start(self._card.calls)
         self._pump = asyncio.create_task(self._run())
         self._pump.add_done_callback(self._ended)
         host = self._address.rpartition(":")[0]
@@ -102,9 +91,7 @@ class SimNi(Part):
 
     async def stop(self) -> None:
         """Stop serving; stopping twice is silent."""
-        if self._server is not None:
-            await self._server.stop(grace=0.1)
-            self._server = None
+        await self._server.stop()
         if self._pump is not None:
             self._pump.cancel()
             await asyncio.gather(self._pump, return_exceptions=True)

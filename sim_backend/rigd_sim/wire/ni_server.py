@@ -1,17 +1,15 @@
 """Simulates NI's gRPC Device Server with one simulated card.
 
 The server uses the published protocol (nidaqmx.proto of ni/grpc-device, as compiled in nidaqmx's
-own stubs). It serves the calls in :attr:`DeviceServer.calls`; all other calls are UNIMPLEMENTED.
-It sends errors as NI's server does: status UNKNOWN with the code in the trailing metadata
-``ni-error``. Only a partial read is different: it sends the error as the status of an answer that
-carries data.
+own stubs). It serves the calls in :attr:`DeviceServer.calls`. A partial read sends its error as the
+status of an answer that carries data.
 """
 
 from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Container, Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -26,9 +24,9 @@ from rigd_sim.wire.ni_card import (
     rate_for,
     span_for,
 )
+from rigd_sim.wire.ni_grpc import Call, looked_up, session
 from rigd_sim.wire.ni_lines import Lines, parsed
 
-SERVICE: Final = "nidaqmx_grpc.NiDAQmx"
 PRODUCT: Final = "USB-6009"
 DRIVER_VERSION: Final = (24, 5, 0)
 
@@ -60,10 +58,6 @@ class _Task:
     lines: tuple[str, ...] = ()  # digital, in the order in which they were named
     drives: bool = False  # those lines are outputs
     reserves: bool = False  # and no other's, from start to stop
-
-
-class _Refused(Exception):
-    """A request that the server itself refuses."""
 
 
 class DeviceServer:
@@ -100,7 +94,7 @@ class DeviceServer:
         self._tasks: dict[str, _Task] = {}
         self._advanced = asyncio.Condition()
         #: The calls that are served, by their names in nidaqmx.proto.
-        self.calls: Mapping[str, Callable[[Any], Any]] = {
+        self.calls: Mapping[str, Call] = {
             "GetSystemInfoAttributeUInt32": self._system_number,
             "GetSystemInfoAttributeString": self._system_text,
             "GetDeviceAttributeString": self._device_text,
@@ -144,34 +138,6 @@ class DeviceServer:
         async with self._advanced:
             self._advanced.notify_all()
 
-    def handlers(self) -> Any:
-        """Return the service for a gRPC server."""
-        import grpc
-        from nidaqmx._stubs import nidaqmx_pb2 as messages
-
-        def handler(name: str, call: Callable[..., Any]) -> Any:
-            answer = getattr(messages, f"{name}Response")
-
-            async def serve(request: Any, context: Any) -> Any:
-                try:
-                    given = call(request)
-                    fields = await given if isinstance(given, Awaitable) else given
-                except DaqFault as fault:
-                    code = ("ni-error", str(fault.code))
-                    await context.abort(grpc.StatusCode.UNKNOWN, str(fault), (code,))
-                except _Refused as refusal:
-                    await context.abort(grpc.StatusCode.FAILED_PRECONDITION, str(refusal))
-                return answer(**fields)
-
-            return grpc.unary_unary_rpc_method_handler(
-                serve,
-                request_deserializer=getattr(messages, f"{name}Request").FromString,
-                response_serializer=answer.SerializeToString,
-            )
-
-        calls = {name: handler(name, call) for name, call in self.calls.items()}
-        return grpc.method_handlers_generic_handler(SERVICE, calls)
-
     def _task(self, request: Any) -> _Task:
         task = self._tasks.get(request.task.name)
         if task is None:
@@ -183,33 +149,28 @@ class DeviceServer:
             raise DaqFault(-201003, "Device cannot be accessed. It may have been disconnected.")
 
     def _system_number(self, request: Any) -> dict[str, Any]:
-        return {"value": _looked_up(_SYSTEM_NUMBERS, request)}
+        return {"value": looked_up(_SYSTEM_NUMBERS, request)}
 
     def _system_text(self, request: Any) -> dict[str, Any]:
         present = "" if self._shown.removal else self.device
-        return {"value": _looked_up({_DEVICE_NAMES: present}, request)}
+        return {"value": looked_up({_DEVICE_NAMES: present}, request)}
 
     def _device_text(self, request: Any) -> dict[str, Any]:
         self._known(request.device_name)
-        return {"value": _looked_up({_PRODUCT_TYPE: PRODUCT}, request)}
+        return {"value": looked_up({_PRODUCT_TYPE: PRODUCT}, request)}
 
     def _device_number(self, request: Any) -> dict[str, Any]:
         self._known(request.device_name)
-        return {"value": _looked_up({_SERIAL_NUMBER: self.serial}, request)}
+        return {"value": looked_up({_SERIAL_NUMBER: self.serial}, request)}
 
     def _known(self, device: str) -> None:
         if device != self.device or self._shown.removal:
             raise DaqFault(-200220, f"Device identifier is invalid. Device Specified: {device}")
 
     def _create_task(self, request: Any) -> dict[str, Any]:
-        name = request.session_name or f"_unnamedTask<{len(self._tasks)}>"
-        exists, behaviour = name in self._tasks, request.initialization_behavior
-        if behaviour == 1 and exists:  # INITIALIZE_NEW
-            raise _Refused(f"Cannot initialize '{name}' when a session already exists.")
-        if behaviour == 2 and not exists:  # ATTACH_TO_EXISTING
-            raise _Refused(f"Cannot attach to '{name}' because it has not been initialized.")
+        name, new = session(request, self._tasks)
         self._tasks.setdefault(name, _Task(name))
-        return {"task": {"name": name}, "new_session_initialized": not exists}
+        return {"task": {"name": name}, "new_session_initialized": new}
 
     def _clear_task(self, request: Any) -> dict[str, Any]:
         del self._tasks[self._task(request).name]
@@ -340,28 +301,28 @@ class DeviceServer:
             _TASK_CHANNELS: ", ".join(task.inputs),
             _TASK_DEVICES: self.device if task.inputs else "",
         }
-        return {"value": _looked_up(texts, request)}
+        return {"value": looked_up(texts, request)}
 
     def _task_number(self, request: Any) -> dict[str, Any]:
         task = self._task(request)
         if request.attribute_raw in _AVAILABLE:
             return {"value": 0 if task.running is None else task.running.available}
-        return {"value": _looked_up(dict.fromkeys(_CHANNEL_COUNTS, len(task.inputs)), request)}
+        return {"value": looked_up(dict.fromkeys(_CHANNEL_COUNTS, len(task.inputs)), request)}
 
     def _read_position(self, request: Any) -> dict[str, Any]:
         running = self._task(request).running
-        return {"value": _looked_up({_READ_POSITION: running.taken if running else 0}, request)}
+        return {"value": looked_up({_READ_POSITION: running.taken if running else 0}, request)}
 
     def _timing_number(self, request: Any) -> dict[str, Any]:
-        return {"value": _looked_up({_SAMPLE_RATE: self._task(request).rate_hz}, request)}
+        return {"value": looked_up({_SAMPLE_RATE: self._task(request).rate_hz}, request)}
 
     def _channel_number(self, request: Any) -> dict[str, Any]:
         high = self._span(request).range_v
-        return {"value": _looked_up({_RANGE_HIGH: high, _RANGE_LOW: -high}, request)}
+        return {"value": looked_up({_RANGE_HIGH: high, _RANGE_LOW: -high}, request)}
 
     def _channel_kind(self, request: Any) -> dict[str, Any]:
         self._span(request)
-        return {"value_raw": _looked_up({_CHANNEL_TYPE: _ANALOG_INPUT}, request)}
+        return {"value_raw": looked_up({_CHANNEL_TYPE: _ANALOG_INPUT}, request)}
 
     def _span(self, request: Any) -> Span:
         span = self._task(request).inputs.get(request.channel)
@@ -371,11 +332,3 @@ class DeviceServer:
 
     def _error_text(self, request: Any) -> dict[str, Any]:
         return {"error_string": f"NI-DAQmx reports status {request.error_code}."}
-
-
-def _looked_up(table: Mapping[int, Any], request: Any) -> Any:
-    if request.attribute_raw not in table:
-        raise DaqFault(
-            -200197, f"The simulated card does not serve attribute 0x{request.attribute_raw:X}."
-        )
-    return table[request.attribute_raw]
