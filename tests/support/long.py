@@ -337,6 +337,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_it_conforms[wheel_encoder]",
             "test_it_conforms[wheel_servo]",
         ),
+        "drivers/ni_io/test_conformance.py": (),
         "drivers/test_ni_daq.py": ("test_crystals_drift_is_seen_against_machines_clock",),
         "engine/recorder/test_recorder.py": ("test_repeatedly_killed_recorder_loses_nothing",),
         "engine/slow/test_latest.py": ("test_no_row_is_ever_torn",),
@@ -388,7 +389,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "system/test_in_loop_wire.py": (),
         "system/test_ni_card_wire.py": (
-            "test_fault_of_the_card_ends_run_with_its_name",
+            "test_fault_of_card_ends_run_with_its_name",
             "test_kill_leaves_outputs_at_rest_and_every_sample[all",
             "test_kill_leaves_outputs_at_rest_and_every_sample[cycle-SIGSTOP",
             "test_kill_leaves_outputs_at_rest_and_every_sample[cycle-SIGTERM",

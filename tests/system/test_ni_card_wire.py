@@ -104,7 +104,7 @@ record: all
         ("stall, options: {seconds: 1.0}", "the device server fails"),
     ],
 )
-def test_fault_of_the_card_ends_run_with_its_name(
+def test_fault_of_card_ends_run_with_its_name(
     bench: WireRig, tmp_path: Path, fault: str, words: str
 ) -> None:
     (tmp_path / "spoilt.yaml").write_text(SPOILT.replace("FAULT", fault))

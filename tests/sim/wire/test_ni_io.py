@@ -86,13 +86,13 @@ def test_single_samples_go_in_and_out(card: ServedCard, options: Options) -> Non
 
 def test_two_tasks_cannot_have_one_output(options: Options) -> None:
     with (
-        nidaqmx.Task("one", grpc_options=options("one")) as one,
-        nidaqmx.Task("two", grpc_options=options("two")) as two,
+        nidaqmx.Task("first", grpc_options=options("first")) as first,
+        nidaqmx.Task("second", grpc_options=options("second")) as second,
     ):
-        for task in (one, two):
+        for task in (first, second):
             task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
-        one.start()
-        assert error_code(two.start) == -50103
+        first.start()
+        assert error_code(second.start) == -50103
 
 
 @pytest.mark.parametrize("channel", ["Dev1/ao4", "Dev1/ao0:4", "Dev1/ai0", "Dev1/x", "Dev2/ao0"])
