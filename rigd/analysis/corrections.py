@@ -116,7 +116,7 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
     trials = sweep.info.trials
     scopes: list[dict[str, Value]] = []
     for trial in trials:
-        scope = {**shared, **_scope_of(trial, without=own)}
+        scope = {**shared, **scope_of(trial, without=own)}
         for name, item in source.parameters.items():
             if name not in scope and item.default is not None:
                 found = reader.value(("parameters", name, "default"), item.default, shared)
@@ -150,7 +150,8 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
     return changed
 
 
-def _scope_of(trial: TrialInfo, without: Mapping[str, str]) -> dict[str, Value]:
+def scope_of(trial: TrialInfo, without: Mapping[str, str]) -> dict[str, Value]:
+    """Return the parameters of a recorded trial but those in ``without``, for expressions."""
     scope: dict[str, Value] = {}
     for name, value in trial.parameters.items():
         if name in without:

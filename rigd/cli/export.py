@@ -6,6 +6,10 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.record import Recording
 
 HELP = "export recordings to Parquet, CSV or MATLAB files"
 EXAMPLES = """\
@@ -18,7 +22,7 @@ examples:
 
   One table per stream, with t_ns (UTC), time (s), trial (-1 outside trials), trial_time (s since
   the trial began), step and a column per channel; one table of the events; one of the trials with
-  their parameters.
+  their parameters and what the procedure measures (measure_NAME, in SI).
   --joined puts all streams into one table. Each of several files gets a folder of its own; if
   two have the same name, the folders of the recordings are kept: tables/monday/run.
 """
@@ -74,12 +78,27 @@ def execute(args: argparse.Namespace) -> int:
             streams=args.stream,
             joined_hz=args.joined,
             overwrite=args.overwrite,
+            measures=_measures(recording),
         )
         for path in written:
             print(path)
         for loss in run_info(recording).losses:
             print(f"warning: {loss}", file=sys.stderr)
     return 0
+
+
+def _measures(recording: Recording) -> dict[str, tuple[str, dict[int, float]]]:
+    """Return what the procedure of a recording measures; nothing if that cannot be read."""
+    from rigd.analysis.measures import measured_if_any
+    from rigd.analysis.measures.view import trial_columns
+    from rigd.model.errors import RigdError
+
+    try:
+        result = measured_if_any(recording)
+    except RigdError as error:
+        print(f"warning: no measures in the table of the trials: {error.message}", file=sys.stderr)
+        return {}
+    return {} if result is None else trial_columns(result)
 
 
 def _names(files: list[Path]) -> list[Path]:

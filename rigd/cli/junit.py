@@ -11,9 +11,9 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.daemon.execute import RecordedRun
 from rigd.daemon.provenance import trial_label
@@ -21,6 +21,9 @@ from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Recording, TrialInfo, run_info
+
+if TYPE_CHECKING:
+    from rigd.analysis.measures import MeasureResult
 
 #: Endings that are no result of the procedure: the rig was not fit, or a device failed.
 _NOT_ITS_DOING: Final = frozenset({"blocked", "faulted"})
@@ -49,15 +52,24 @@ class Suite:
     started: str = ""  #: ISO 8601
 
 
-def suite_of(procedure: CompiledProcedure, rig: str, recorded: RecordedRun) -> Suite:
-    """Return the results of the run and of each trial, from its recording.
+def suite_of(
+    procedure: CompiledProcedure,
+    rig: str,
+    recorded: RecordedRun,
+    measured: MeasureResult | None = None,
+) -> Suite:
+    """Return the results of the run, of each trial and of each measure, from its recording.
 
     Raises:
         RecordingError: the recording cannot be read.
     """
     result = recorded.result
     ended = f"{result.ending}: {result.reason}"
-    return _suite(procedure, rig, recorded.path, case_of(result), ended)
+    suite = _suite(procedure, rig, recorded.path, case_of(result), ended)
+    if measured is None:
+        return suite
+    *trials, run = suite.cases
+    return replace(suite, cases=[*trials, *cases_of_measures(measured), run])
 
 
 def case_of(result: RunResult) -> JunitCase:
@@ -81,6 +93,24 @@ def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Sui
         RecordingError: the recording cannot be read.
     """
     return _suite(procedure, rig, path, JunitCase("run"), "complete: all trials were played before")
+
+
+def cases_of_measures(result: MeasureResult) -> list[JunitCase]:
+    """Return a case for each result of which something is demanded.
+
+    One that is not decided fails as well: it does not show that the result is right.
+    """
+    from rigd.analysis.measures import Judgement
+    from rigd.analysis.measures.view import label, verdict_text
+
+    return [
+        JunitCase(
+            f"measure {label(item)}",
+            failure="" if item.judgement is Judgement.ACCEPTED else verdict_text(item),
+        )
+        for item in result.summaries
+        if item.judgement is not None
+    ]
 
 
 def suite_of_error(procedure: str, error: RigdError) -> Suite:
@@ -112,7 +142,8 @@ def write_junit(path: Path, suite: Suite) -> None:
     root = ET.Element("testsuites", counts)  # the schema requires this element
     top = ET.SubElement(root, "testsuite", {"name": _clean(suite.name), **counts})
     top.set("skipped", str(sum(bool(case.skipped) for case in suite.cases)))
-    top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the case of the run itself is the last
+    if suite.cases:
+        top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the case of the run itself is the last
     if suite.started:
         top.set("timestamp", suite.started)
     if suite.properties:

@@ -8,7 +8,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rigd.analysis.plan import analysis_of
 from rigd.cli.asking import ask_prompt
@@ -20,6 +20,9 @@ from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.result import Progress, TimeLeft
 from rigd.model.errors import Exit, ProcedureError
 from rigd.procedure.program import Answer, CompiledProcedure, Prompt
+
+if TYPE_CHECKING:
+    from rigd.analysis.measures import MeasureResult
 
 
 def play(
@@ -36,14 +39,37 @@ def play(
     them. ``junit`` is the path of the JUnit XML result.
     """
     recorded = record(request, quiet=quiet or as_json, by_person=by_person)
+    measured = _measured(request.procedure, recorded)
     if junit is not None:
-        write_junit(junit, suite_of(request.procedure, request.rig.name, recorded))
+        write_junit(junit, suite_of(request.procedure, request.rig.name, recorded, measured))
     conclusion = conclusion_of(request.procedure, recorded)
+    if measured is not None and not conclusion.exit_code and not measured.is_right:
+        conclusion = replace(conclusion, exit_code=int(Exit.REJECTED))
     if as_json:
-        conclusion.print_json()
+        conclusion.print_json({} if measured is None else {"measures": _json(measured)})
     else:
+        if measured is not None:
+            from rigd.cli.measures_view import print_measures
+
+            print_measures(measured)
         conclusion.print()
     return conclusion.exit_code
+
+
+def _measured(procedure: CompiledProcedure, recorded: RecordedRun) -> MeasureResult | None:
+    """Return what the trials of a run measured; None if it measures nothing or no trial began."""
+    if not procedure.measures or not recorded.path.exists():
+        return None
+    from rigd.analysis.measures import measured_if_any
+    from rigd.record import Recording
+
+    return measured_if_any(Recording.open(recorded.path))
+
+
+def _json(result: MeasureResult) -> dict[str, Any]:
+    from rigd.analysis.measures.view import result_json
+
+    return result_json(result)
 
 
 def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:

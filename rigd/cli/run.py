@@ -131,6 +131,7 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.daemon.execute import RunRequest, day_of
     from rigd.daemon.resume import read_resume_point
     from rigd.model.errors import ConfigError
+    from rigd.model.extras import require
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
@@ -177,6 +178,8 @@ def _execute(args: argparse.Namespace) -> int:
             procedure.trials[0].parameters,
             procedure.on(rig),
         )
+    if procedure.measures and not args.dry_run:
+        require("analysis", "a procedure that measures")
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     request = RunRequest(
         procedure,

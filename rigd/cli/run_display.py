@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Self
 
 from rich.console import Console
@@ -152,8 +153,8 @@ class Conclusion:
         for purpose, command in self.advice.items():
             console.print(escape(f"{purpose + ':':12} {command}"), soft_wrap=True)
 
-    def print_json(self) -> None:
-        """Print it as JSON."""
+    def print_json(self, more: Mapping[str, object] = MappingProxyType({})) -> None:
+        """Print it as JSON, with the keys of ``more`` at its end."""
         result = {
             "recording": self.recording,
             "state": self.ending,
@@ -166,5 +167,6 @@ class Conclusion:
             "missed_cycles": self.missed_cycles,
             "trips": self.trips,
             "problems": self.problems,
+            **more,
         }
         print(json.dumps(result, indent=2, ensure_ascii=False))

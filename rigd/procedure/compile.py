@@ -19,6 +19,7 @@ from rigd.procedure.derived import with_derived
 from rigd.procedure.expression import Number, Scope, Value, number_in
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
+from rigd.procedure.measures import check_measures
 from rigd.procedure.other_rig import other_rig
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables, read_unit
 from rigd.procedure.program import (
@@ -78,6 +79,7 @@ def compile_procedure(
         step.step for _, block in _blocks(source) for step in block if isinstance(step, MoveSource)
     ]
     record = read_record(reader, source, rig, base, steps)
+    measures = check_measures(reader, source, rig, record, scopes)
     identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
     _raise_any(problems, source, rig)
@@ -91,6 +93,7 @@ def compile_procedure(
         finish=finish,
         record=record,
         identify=identify,
+        measures=measures,
         on_client_loss=OnClientLoss(source.on_client_loss),
         derived={
             name: device for name, device in rig.devices.items() if device is not known.get(name)

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.model.channels import Channel
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
 from rigd.procedure.condition_text import describe_condition
@@ -44,6 +46,47 @@ _JOIN = re.compile(r"\sand\s")
 _EITHER = re.compile(r"\sor\s")
 
 
+@dataclass(frozen=True)
+class Finder:
+    """Finds the channels that a condition may compare; ``owner`` is the rig that may lack them."""
+
+    owner: str
+    find: Callable[[str], Channel | None]
+    names: Callable[[], Sequence[str]]
+
+    def channel(self, reader: Reader, path: KeyPath, name: str, offset: int = 0) -> Channel | None:
+        """Return the channel, or None with the problem noted."""
+        channel = self.find(name)
+        if channel is None:
+            place = reader.document.inside(path, offset)
+            reader.problems.add_lacking(place, self.owner, "channel", name, self.names())
+        return channel
+
+
+def read_comparisons(
+    reader: Reader, path: KeyPath, texts: Sequence[str], scope: Scope, finder: Finder
+) -> tuple[tuple[Condition, ...], ...]:
+    """Return conditions that compare channels: rows of which any must hold; problems are noted."""
+    is_list = isinstance(reader.document.get(path), list)
+    rows = []
+    for index, text in enumerate(texts):
+        where = (*path, index) if is_list else path
+        start = 0
+        for alternative in _EITHER.split(text):
+            row = []
+            for clause in _JOIN.split(alternative):
+                if _STATUS.match(clause) is not None:
+                    place = reader.document.inside(where, start)
+                    reader.problems.add(place, f"{clause.strip()!r} compares no channel",
+                                        "such as 'carriage.position > 1 mm'")  # fmt: skip
+                elif condition := read_comparison(reader, where, clause, start, scope, finder):
+                    row.append(condition)
+                start += len(clause) + len(" and ")
+            start += len(" or ") - len(" and ")
+            rows.append(tuple(row))
+    return tuple(rows)
+
+
 def read_until(
     reader: Reader,
     path: KeyPath,
@@ -57,6 +100,7 @@ def read_until(
     ``limits`` are those of the trial that contains the step.
     """
     is_list = isinstance(reader.document.get(path), list)
+    finder = Finder(rig.name, rig.channel, lambda: channel_names(rig))
     rows = []
     for index, text in enumerate(texts):
         where = (*path, index) if is_list else path
@@ -68,7 +112,7 @@ def read_until(
                 if status is not None:
                     word = _read_status(reader, where, status, start, scope, rig)
                     row += [] if word is None else [word]
-                elif condition := _read_clause(reader, where, clause, start, scope, rig):
+                elif condition := read_comparison(reader, where, clause, start, scope, finder):
                     row.append(condition)
                     check_reachable(reader, where, start, condition, rig, limits)
                 start += len(clause) + len(" and ")
@@ -77,9 +121,10 @@ def read_until(
     return tuple(rows)
 
 
-def _read_clause(
-    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, rig: RigConfig
+def read_comparison(
+    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, finder: Finder
 ) -> Condition | None:
+    """Return the comparison ``text``, which begins at ``start``; None with the problem noted."""
     match = _CLAUSE.match(text)
     place = reader.document.inside(path, start)
     foreign = _FOREIGN.search(text)
@@ -93,10 +138,8 @@ def _read_clause(
         reader.problems.add(place, f"cannot read the condition {text.strip()!r}", hint)
         return None
     name = match["channel"]
-    channel = rig.channel(name)
+    channel = finder.channel(reader, path, name, start + match.start("channel"))
     if channel is None:
-        place = reader.document.inside(path, start + match.start("channel"))
-        reader.problems.add_lacking(place, rig.name, "channel", name, channel_names(rig))
         return None
     threshold = reader.number(
         path, match["threshold"], channel.unit, scope, start + match.start("threshold")

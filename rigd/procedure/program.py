@@ -9,6 +9,7 @@ All values are in SI units. Channels are written ``device.channel``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -212,6 +213,55 @@ class TrialPlan:
     after: tuple[Step, ...] = ()
 
 
+#: Conditions of which any row must hold.
+Rows = tuple[tuple[Condition, ...], ...]
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a trial: a step (None: all of them) from ``begin_s`` to ``end_s`` in it.
+
+    ``last_s`` counts back from the end of the step instead.
+    """
+
+    step: str | None = None
+    begin_s: float = 0.0
+    end_s: float = math.inf
+    last_s: float | None = None
+
+    def __str__(self) -> str:
+        step = "the steps" if self.step is None else f"step {self.step!r}"
+        if self.last_s is not None:
+            return f"the last {self.last_s:g} s of {step}"
+        if self.end_s == math.inf:
+            return step
+        return f"{self.begin_s:g} s to {self.end_s:g} s of {step}"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity read off one trial; all numbers in SI.
+
+    ``kind`` is a key of the file (``mean``); ``channel`` is "" for a duration, ``since`` empty if
+    it begins with the window. ``unit`` is that in which people read it. ``systematic`` is the
+    standard uncertainty of what measures it, the same in all trials (None: not stated). ``low`` and
+    ``high`` are what the result must be between, if it ``is_judged``.
+    """
+
+    name: str
+    kind: str
+    channel: str
+    window: Window
+    unit: str
+    when: Rows = ()
+    since: Rows = ()
+    systematic: Uncertainty | None = None
+    low: float = -math.inf
+    high: float = math.inf
+    is_judged: bool = False
+    doc: str = ""
+
+
 @dataclass(frozen=True)
 class IdentifyPlan:
     """The plan of ``rigd identify`` for a recording: a model, its signals and known constants.
@@ -266,8 +316,9 @@ class CompiledProcedure:
 
     ``parameters`` are the procedure's own after ``--set``; ``trials`` are in the order of play.
     ``record`` has the recorded part of each stream; a stream without entry is not recorded.
-    ``units`` gives the unit of every numeric parameter, for people. ``derived`` are the groups of
-    derived channels, those of the rig included, if the procedure adds some (see :meth:`on`).
+    ``measures`` are those of the first trial. ``units`` gives the unit of every numeric parameter,
+    for people. ``derived`` are the groups of derived channels, those of the rig included, if the
+    procedure adds some (see :meth:`on`).
     """
 
     name: str
@@ -279,6 +330,7 @@ class CompiledProcedure:
     finish: tuple[Step, ...]
     record: Mapping[str, Recorded]
     identify: IdentifyPlan | None = None
+    measures: tuple[Measure, ...] = ()
     on_client_loss: OnClientLoss = OnClientLoss.STOP
     derived: Mapping[str, DeviceConfig] = field(default_factory=dict)
 

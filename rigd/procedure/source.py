@@ -45,6 +45,8 @@ Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
 StepName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][\w /.-]*$", max_length=60)]
 
 
+#: The unit that a person reads.
+UnitText = Annotated[str, StringConstraints(min_length=1, max_length=40)]
 #: A parameter of a model in the notation of its field: `V_s`, `mu_c`.
 ModelParameter = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
@@ -326,6 +328,81 @@ class IdentifySource(Source):
     """Published values to print beside the estimates."""
 
 
+#: The part of a trial: `steady`, `last 2 s of steady`, `1 s to 3 s of steady`.
+WindowText = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+
+
+class DurationSource(Source):
+    """A time between two events."""
+
+    since: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = Field(
+        default=None, alias="from"
+    )
+    """The condition that begins it; without one, the beginning of `during`."""
+    to: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()]
+    """The condition that ends it, after the first one."""
+
+
+class MeasureSource(Source):
+    """A quantity that is read off each trial: exactly one of `channel`, `mean`, `max`, ..."""
+
+    channel: ChannelName | None = None
+    """Its value at the moment at which `when` begins to hold."""
+    when: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
+    """With `channel`: the condition; the first time that it begins to hold counts."""
+    mean: ChannelName | None = None
+    """The mean of this channel."""
+    max: ChannelName | None = None
+    """Its largest value."""
+    min: ChannelName | None = None
+    """Its smallest value."""
+    peak_to_peak: ChannelName | None = None
+    """Its largest value less its smallest."""
+    rms: ChannelName | None = None
+    """The root of the mean of its squares."""
+    std: ChannelName | None = None
+    """Its standard deviation about its mean."""
+    slope: ChannelName | None = None
+    """The slope of the straight line through it, per second."""
+    final: ChannelName | None = None
+    """Its last value."""
+    duration: DurationSource | None = None
+    """The time between two events, in s."""
+    during: WindowText | None = None
+    """The part of the trial: a step, or `last 2 s of STEP`, `first 2 s of STEP`, `1 s to 3 s of
+    STEP`; without it, all steps of the trial.
+    """
+    unit: UnitText | None = None
+    """How people read it; by default the SI unit."""
+    u: Expression | None = None
+    """Standard uncertainty (k = 1) of what measures it, the same in all trials, such as that of a
+    calibration: `0.5 %` of the value, or a difference. It does not become smaller by repeats.
+    """
+    doc: Annotated[str, StringConstraints(max_length=400)] = ""
+    """What it is."""
+
+
+class BoundsSource(Source):
+    """What a result must be: at least `min`, at most `max`."""
+
+    min: Expression | None = None
+    """Smallest value that is right."""
+    max: Expression | None = None
+    """Largest value that is right."""
+
+
+def _accept_kind(value: object) -> str:
+    return "bounds" if isinstance(value, dict) else "interval"
+
+
+#: `[0.10, 0.14]`, or `{min: 0.1}`.
+Accepted = Annotated[
+    Annotated[list[Expression], Field(min_length=2, max_length=2), Tag("interval")]
+    | Annotated[BoundsSource, Tag("bounds")],
+    Discriminator(_accept_kind),
+]
+
+
 #: "Every n-th row".
 Every = Annotated[int, Ge(1), Le(1_000_000)]
 
@@ -405,6 +482,10 @@ class ProcedureSource(Source):
     """`all`, or for each stream "every n-th row" (1: all), with or without the steps during which
     it is recorded; streams not named are not recorded.
     """
+    measure: dict[Name, MeasureSource] = Field(default_factory=dict, max_length=64)
+    """What is read off each trial, by name: `{mu: {mean: friction.mu, during: steady}}`."""
+    accept: dict[Name, Accepted] = Field(default_factory=dict)
+    """What measures must be, by name: `{mu: [0.10, 0.14]}`."""
     identify: IdentifySource | None = None
     """The analysis of the recording."""
     on_client_loss: Literal["continue", "finish_trial", "stop"] = "stop"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ from rigd.model import RecordingError
 from rigd.record.joined import JOINED_TABLE, joined_table
 from rigd.record.reader import Recording
 from rigd.record.schema import EVENTS_STREAM
-from rigd.record.tables import STEP, TRIALS_TABLE, Table, events_table
+from rigd.record.tables import STEP, TRIALS_TABLE, Table, events_table, with_measures
 
 Format = Literal["parquet", "csv", "mat"]
 #: Longest name of a field that MATLAB 7 files can hold (``long_field_names`` of scipy).
@@ -37,12 +38,14 @@ def export(
     streams: Iterable[str] | None = None,
     joined_hz: float | None = None,
     overwrite: bool = False,
+    measures: Mapping[str, tuple[str, Mapping[int, float]]] = MappingProxyType({}),
 ) -> list[Path]:
     """Write each stream, and the events, to ``folder`` as a table of its own; return the files.
 
     The columns are those of :mod:`rigd.record.tables`. A NaN stays NaN. ``streams`` None: all, with
     events. ``joined_hz``: the streams in one table instead, at that rate
-    (:mod:`rigd.record.joined`). The table of the trials is always written.
+    (:mod:`rigd.record.joined`). The table of the trials is always written; ``measures`` are
+    further columns of it: see :func:`rigd.record.tables.with_measures`.
 
     Raises:
         RecordingError: no such stream, a file exists (unless ``overwrite``), or it cannot be
@@ -66,7 +69,10 @@ def export(
         for name, path in targets.items():
             # Written under another name and then renamed: a half table never has the final name.
             beside = path.with_name(path.name + ".part")
-            write(_table(recording, name, chosen, joined_hz), recording, beside)
+            table = _table(recording, name, chosen, joined_hz)
+            if name == names[-1]:
+                table = with_measures(table, measures)
+            write(table, recording, beside)
             if path.exists() and not overwrite and not _same(beside, path):
                 beside.unlink()
                 raise _exists(str(path))

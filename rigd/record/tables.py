@@ -171,6 +171,22 @@ def trials_table(attempts: Sequence[TrialInfo], start_ns: int) -> Table:
     return Table(TRIALS_TABLE, columns, units, {})
 
 
+def with_measures(table: Table, measures: Mapping[str, tuple[str, Mapping[int, float]]]) -> Table:
+    """Return the table of trials with a column ``measure_NAME`` for each of ``measures``.
+
+    Each has its unit and its values by number of trial; the others, and attempts that are not
+    complete, have NaN.
+    """
+    columns, units = dict(table.columns), dict(table.units)
+    for name, (unit, values) in measures.items():
+        columns[f"measure_{name}"] = np.array([
+            values.get(int(number), np.nan) if complete else np.nan
+            for number, complete in zip(table["number"], table["complete"], strict=True)
+        ], np.float64)  # fmt: skip
+        units[f"measure_{name}"] = unit
+    return Table(table.name, columns, units, table.docs)
+
+
 def within_trials(
     times: NDArray[np.int64], attempts: Sequence[TrialInfo]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:

@@ -12,6 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from rigd.analysis.measures import measured_if_any
+from rigd.analysis.measures.view import MeasuresView, view_of
 from rigd.analysis.report.layout import spread
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.rounding import number
@@ -35,6 +37,7 @@ from rigd.analysis.run_page.bounds import SETPOINT, Bound, Bounds, bounds_of, re
 from rigd.analysis.run_page.figures import Shown
 from rigd.analysis.run_page.groups import Groups, groups_of, varying
 from rigd.analysis.run_page.samples import Attempt, Samples, gather, shared_time, shown_streams
+from rigd.model.errors import RigdError
 from rigd.record import Event, Recording, RunInfo, Step, steps
 
 #: Up to so many trials each is a line in the figure of all; more become bands.
@@ -80,6 +83,8 @@ class RunPageView:
     parameters: tuple[str, ...]  #: those that differ between trials
     same: tuple[Fact, ...]  #: those that do not
     rows: tuple[TrialRow, ...]
+    measures: MeasuresView | None
+    measures_problem: str
     overview: Drawing | None
     plane: Drawing | None  #: the paths of bodies, if the recording has poses
     trials: tuple[RunTrialView, ...]
@@ -107,6 +112,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
     bounds = bounds_of(recording)
     shown, steady = _panels(recording, samples)
     rows, more = event_rows(recording, events)
+    measures, measures_problem = _measures(recording)
     return RunPageView(
         info=info,
         total=info.metadata.get("run", {}).get("trials", ""),
@@ -116,6 +122,8 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
         parameters=tuple(names),
         same=same_in_all(info.trials, names),
         rows=trial_rows(info, names, events, samples),
+        measures=measures,
+        measures_problem=measures_problem,
         overview=_overview(shown, samples, attempts, groups, bounds) if info.trials else None,
         plane=_plane(samples, groups),
         trials=tuple(
@@ -130,6 +138,15 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
         more_events=more,
         identifies=info.metadata.get("identify", {}).get("model", ""),
     )
+
+
+def _measures(recording: Recording) -> tuple[MeasuresView | None, str]:
+    """Return what the procedure measures, as text, and why it could not be read."""
+    try:
+        result = measured_if_any(recording)
+    except RigdError as error:  # of another version of rigd, or damaged: the page is drawn
+        return None, f"What the procedure measures could not be read: {error.message}"
+    return (None if result is None else view_of(result)), ""
 
 
 def _attempts(recording: Recording, info: RunInfo) -> list[Attempt]:

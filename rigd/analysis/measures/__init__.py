@@ -1,0 +1,17 @@
+"""Measures without a model: what a procedure reads off each trial, and whether it is right.
+
+:func:`measured` reads recordings, :mod:`rigd.analysis.measures.view` shows the result.
+"""
+
+from rigd.analysis.measures.recorded import measured, measured_if_any
+from rigd.analysis.measures.result import Judgement, MeasureResult, Reading, Summary, outcome_of
+
+__all__ = [
+    "Judgement",
+    "MeasureResult",
+    "Reading",
+    "Summary",
+    "measured",
+    "measured_if_any",
+    "outcome_of",
+]

@@ -1,0 +1,190 @@
+"""Reads the measures of one trial off its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.analysis.measures.events import Samples, first_time, holds_at
+from rigd.analysis.measures.mean import mean_of
+from rigd.analysis.measures.result import Reading
+from rigd.analysis.resample import stale_rows
+from rigd.model.channels import STATUS_FIELD
+from rigd.model.rows import TIME_FIELD
+from rigd.procedure.condition_text import describe_until
+from rigd.procedure.program import Condition, Measure, Window
+from rigd.record import Recording, TrialInfo
+from rigd.record.trials import Step, held
+
+
+class Unread(Exception):
+    """A measure cannot be read; the text is the reason."""
+
+
+Rows = Sequence[Sequence[Condition]]
+
+
+@dataclass
+class TrialReader:
+    """Reads one trial of a recording; ``steps`` are the names of the steps that may be measured."""
+
+    recording: Recording
+    trial: TrialInfo
+    steps: Sequence[str]
+    _rows: dict[tuple[str, int, int], NDArray[Any]] = field(default_factory=dict)
+
+    def reading(self, measure: Measure) -> Reading:
+        """Return ``measure`` of this trial, or the reason why it cannot be read."""
+        path, number = self.recording.path, self.trial.number
+        try:
+            if not self.trial.complete:
+                why = self.trial.lost or self.trial.reason or "it has no end"
+                raise Unread(f"the trial is not complete: {why}")
+            if paused := held(self.recording.all_events, self.trial):
+                raise Unread(f"the trial was {paused}")
+            span = self._span(measure.window)
+            if measure.kind == "mean":
+                _, values = self._values(measure, span)
+                mean = mean_of(values)
+                return Reading(path, number, mean.value, mean.u, note=mean.reason)
+            return Reading(path, number, self._value(measure, span))
+        except Unread as error:
+            return Reading(path, number, None, reason=str(error))
+
+    def _value(self, measure: Measure, span: tuple[int, int]) -> float:
+        if measure.kind == "channel":
+            at = self._event(measure.when, span, self._seconds(span[0]))
+            return self._at(measure.channel, span, at)
+        if measure.kind == "duration":
+            begin = self._seconds(span[0])
+            if measure.since:
+                begin = self._event(measure.since, span, begin)
+            return self._event(measure.when, span, begin) - begin
+        times, values = self._values(measure, span)
+        return _STATISTICS[measure.kind](times, values)
+
+    def _seconds(self, t_ns: int) -> float:
+        return (t_ns - self.trial.start_ns) * 1e-9
+
+    def _span(self, window: Window) -> tuple[int, int]:
+        """Return begin and end of a window in ns.
+
+        Raises:
+            Unread: its step was not played, or not for so long.
+        """
+        played = [step for step in self._played() if window.step in (None, step.name)]
+        if not played:
+            raise Unread(f"step {window.step!r} was not played")
+        begin_ns = played[0].start_ns
+        end_ns = max(step.end_ns or begin_ns for step in played)
+        lasted_s = (end_ns - begin_ns) * 1e-9
+        needed_s = window.last_s if window.last_s is not None else window.end_s
+        if np.isfinite(needed_s) and needed_s > lasted_s + 1e-6:
+            raise Unread(f"step {window.step!r} lasted {lasted_s:.4g} s, not {needed_s:g} s")
+        if window.last_s is not None:
+            return end_ns - round(window.last_s * 1e9), end_ns
+        if np.isfinite(window.end_s):
+            end_ns = begin_ns + round(window.end_s * 1e9)
+        return begin_ns + round(window.begin_s * 1e9), end_ns
+
+    def _played(self) -> list[Step]:
+        end_ns = self.trial.end_ns or self.recording.end_ns
+        return [
+            step
+            for step in self.recording.steps
+            if step.trial == self.trial.number
+            and self.trial.start_ns <= step.start_ns < end_ns
+            and step.name in self.steps
+        ]
+
+    def _samples(self, name: str, span: tuple[int, int]) -> Samples:
+        """Return times in s since the trial began (n,) and values (n,), without repeated rows."""
+        stream, _, channel = name.partition(".")
+        key = (stream, *span)
+        if key not in self._rows:
+            rows = self.recording.read(stream, *span)
+            if self.recording.streams[stream].has_status:
+                rows = rows[~stale_rows(rows[STATUS_FIELD])]
+            self._rows[key] = rows
+        rows = self._rows[key]
+        seconds = (rows[TIME_FIELD].astype(np.int64) - self.trial.start_ns).astype(
+            np.float64
+        ) * 1e-9
+        return seconds, rows[channel].astype(np.float64)
+
+    def _values(self, measure: Measure, span: tuple[int, int]) -> Samples:
+        """Return the samples of the channel of a measure.
+
+        Raises:
+            Unread: there is none, or one is NaN: it might be the one that counts.
+        """
+        times, values = self._samples(measure.channel, span)
+        if not len(values):
+            raise Unread(f"no sample of {measure.channel} in {measure.window}")
+        if missing := int(np.isnan(values).sum()):
+            raise Unread(f"{missing} of {len(values)} samples of {measure.channel} have no value")
+        least = _LEAST.get(measure.kind, 1)
+        if len(values) < least:
+            raise Unread(f"{len(values)} sample of {measure.channel}: {least} are needed")
+        return times, values
+
+    def _event(self, rows: Rows, span: tuple[int, int], begin_s: float) -> float:
+        """Return when a condition begins to hold after ``begin_s``, in s since the trial began.
+
+        Raises:
+            Unread: it never does, or it holds at ``begin_s`` already.
+        """
+
+        def samples(name: str) -> Samples:
+            return self._samples(name, span)
+
+        text = describe_until(tuple(tuple(row) for row in rows))
+        if holds_at(rows, samples, begin_s):
+            raise Unread(f"{text} holds already at the beginning")
+        at = first_time(rows, samples, begin_s)
+        if at is None:
+            raise Unread(f"{text} never came")
+        return at
+
+    def _at(self, name: str, span: tuple[int, int], at_s: float) -> float:
+        """Return the value of a channel at a time, on the line between its two samples.
+
+        Raises:
+            Unread: there is no sample before and after, or one of the two is NaN.
+        """
+        times, values = self._samples(name, span)
+        after = int(np.searchsorted(times, at_s))
+        if after < len(times) and times[after] == at_s:
+            pair = [after, after]
+        elif 0 < after < len(times):
+            pair = [after - 1, after]
+        else:
+            raise Unread(f"no sample of {name} before and after the event")
+        value = float(np.interp(at_s, times[pair], values[pair]))
+        if np.isnan(values[pair]).any():
+            raise Unread(f"{name} has no value at the event")
+        return value
+
+
+def _slope(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Return the slope of the line of least squares, per second."""
+    centred = times - times.mean()
+    return float(np.dot(centred, values - values.mean()) / np.dot(centred, centred))
+
+
+_Statistic = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
+_STATISTICS: dict[str, _Statistic] = {
+    "max": lambda times, values: float(values.max()),
+    "min": lambda times, values: float(values.min()),
+    "peak_to_peak": lambda times, values: float(np.ptp(values)),
+    "rms": lambda times, values: float(np.sqrt(np.mean(values**2))),
+    "std": lambda times, values: float(np.std(values, ddof=1)),
+    "slope": _slope,
+    "final": lambda times, values: float(values[-1]),
+}
+#: Samples that a statistic needs, if more than one.
+_LEAST = {"std": 2, "slope": 2}

@@ -1,0 +1,165 @@
+"""Reads the measures of recordings: those of their own procedure, or of another one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd.analysis.corrections import scope_of
+from rigd.analysis.measures.reading import TrialReader
+from rigd.analysis.measures.result import MeasureResult, Reading, summary_of
+from rigd.config.loader import parse_constants
+from rigd.config.problems import Problems
+from rigd.model.channels import Channel
+from rigd.model.errors import DataError
+from rigd.procedure.conditions import Finder
+from rigd.procedure.expression import Value, number_in
+from rigd.procedure.loader import Procedure, parse_procedure
+from rigd.procedure.measures import measured_channels, read_measures
+from rigd.procedure.parameters import read_tables
+from rigd.procedure.program import Measure
+from rigd.procedure.reader import Reader
+from rigd.procedure.source import MoveSource
+from rigd.record import Recording, TrialInfo
+
+
+def measured(recordings: Sequence[Recording], procedure: Procedure | None = None) -> MeasureResult:
+    """Return the measures of all trials, those with equal setpoints together.
+
+    ``procedure`` replaces those that the recordings carry. Of several attempts at a trial the last
+    complete one counts.
+
+    Raises:
+        ConfigError: a measure does not fit a recording; names every problem with its place.
+        DataError: there is nothing to measure, or the recordings do not measure the same.
+        RecordingError: a recording is damaged.
+    """
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[tuple[Measure, Reading]]] = {}
+    first: Procedure | None = None
+    for recording in recordings:
+        own = procedure or recorded_procedure(recording)
+        first = first or own
+        if (own.source.measure, own.source.accept) != (first.source.measure, first.source.accept):
+            raise DataError(
+                f"{recording.path} measures otherwise than {recordings[0].path}",
+                hint="measure them one by one, or give --procedure for all",
+            )
+        for trial, measures in _trials(recording, own):
+            reader = TrialReader(recording, trial, _steps(own))
+            key = tuple((name, trial.text(name)) for name in trial.parameters)
+            for measure in measures:
+                found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
+    if first is None or not first.source.measure:
+        raise DataError(
+            f"the procedure of {', '.join(str(item.path) for item in recordings)} measures nothing",
+            hint="give one with a 'measure' block: --plan PROCEDURE",
+        )
+    if not found:
+        raise DataError("no trial began in these recordings: there is nothing to measure")
+    order = list(first.source.measure)
+    varied = _varied([dict(key) for _, key in found])
+    summaries = [
+        summary_of(
+            items[0][0],
+            {name: text for name, text in key if name in varied},
+            [reading for _, reading in items],
+        )
+        for (_, key), items in found.items()
+    ]
+    summaries.sort(key=lambda item: order.index(item.measure.name))
+    return MeasureResult(tuple(summaries))
+
+
+def measured_if_any(recording: Recording) -> MeasureResult | None:
+    """Return the measures of a recording; None if no trial began or its procedure has none.
+
+    Raises:
+        ConfigError: its procedure cannot be read.
+        RecordingError: it is damaged.
+    """
+    if "procedure.yaml" not in recording.attachments or not len(recording.trials):
+        return None
+    procedure = recorded_procedure(recording)
+    return measured([recording], procedure) if procedure.source.measure else None
+
+
+def recorded_procedure(recording: Recording) -> Procedure:
+    """Return the procedure that a recording carries.
+
+    Raises:
+        DataError: it carries none.
+        ConfigError: it carries one of another version of rigd, which cannot be read.
+    """
+    attached = recording.attachments.get("procedure.yaml")
+    if attached is None:
+        raise DataError(f"{recording.path} carries no procedure", hint="give --plan PROCEDURE")
+    return parse_procedure(attached.data.decode(errors="replace"), Path("procedure.yaml"))
+
+
+def _steps(procedure: Procedure) -> list[str]:
+    return [step.step for step in procedure.source.trial.steps if isinstance(step, MoveSource)]
+
+
+def _varied(points: Sequence[dict[str, str]]) -> set[str]:
+    names = {name for point in points for name in point}
+    return {name for name in names if len({point.get(name) for point in points}) > 1}
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """The channels of a recording by name."""
+
+    channels: dict[str, Channel]
+
+    @classmethod
+    def of(cls, recording: Recording) -> _Recorded:
+        return cls({
+            f"{stream.name}.{channel.name}": channel
+            for stream in recording.streams.values()
+            for channel in stream.channels
+        })  # fmt: skip
+
+
+def _trials(
+    recording: Recording, procedure: Procedure
+) -> list[tuple[TrialInfo, tuple[Measure, ...]]]:
+    """Return each trial that counts, in order, with its measures.
+
+    Raises:
+        ConfigError: a measure does not fit the recording.
+    """
+    source, problems = procedure.source, Problems()
+    rig = recording.attachments.get("rig.yaml")
+    of_rig = {}
+    if rig is not None:
+        of_rig = parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml"))
+    shared: dict[str, Value] = {
+        f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
+    }
+    known = _Recorded.of(recording).channels
+    name = recording.metadata.get("run", {}).get("rig", "") or str(recording.path)
+    finder = Finder(name, known.get, lambda: list(known))
+    own = {table: item.unit or "1" for table, item in source.tables.items()}
+    reader = Reader(procedure.document, problems)
+    found = []
+    last = {trial.info.number: trial.info for trial in recording.trials if not trial.complete}
+    last |= {trial.info.number: trial.info for trial in recording.trials if trial.complete}
+    for _, trial in sorted(last.items()):
+        scope = {**shared, **scope_of(trial, without=own)}
+        for parameter, item in source.parameters.items():
+            if parameter not in scope and item.default is not None:
+                value = reader.value(("parameters", parameter, "default"), item.default, shared)
+                scope |= {} if value is None or item.choices else {parameter: value}
+        scope |= read_tables(reader, source, scope)
+        measures = read_measures(reader, source, _steps(procedure), scope, finder)
+        problems.raise_any()
+        found.append((_judged_by(recording, trial, measures), measures))
+    return found
+
+
+def _judged_by(recording: Recording, trial: TrialInfo, measures: Sequence[Measure]) -> TrialInfo:
+    """Return ``trial`` with the losses in the streams that its measures need, and no others."""
+    streams = {name.partition(".")[0] for name in measured_channels(measures)}
+    attempts = [item.info for item in recording.trials_for(streams)]
+    return next(item for item in attempts if item.start_ns == trial.start_ns)

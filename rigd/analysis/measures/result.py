@@ -1,0 +1,150 @@
+"""Holds measures of trials, and judges their mean over equal trials by its interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+from rigd.procedure.program import Measure
+
+#: Coverage probability of every interval.
+COVERAGE: Final = 0.95
+
+
+class Judgement(Enum):
+    """Whether a result is what it must be."""
+
+    ACCEPTED = "accepted"  #: the whole interval lies within the bounds
+    REJECTED = "rejected"  #: the whole interval lies outside
+    UNDECIDED = "not decided"  #: neither, or there is no interval
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A measure of one trial, in SI; ``value`` is None if it could not be read: see ``reason``.
+
+    ``u`` is the standard uncertainty of a mean within the trial, from its correlated samples; None
+    if it is not a mean, or if it is not determined: see ``note``.
+    """
+
+    recording: Path
+    trial: int
+    value: float | None
+    u: float | None = None
+    reason: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A measure over the trials with equal ``setpoints`` (name to text); numbers in SI.
+
+    ``mean`` and ``std`` are over the trials that could be read. ``low`` and ``high`` bound the mean
+    with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
+    standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
+    """
+
+    measure: Measure
+    setpoints: Mapping[str, str]
+    readings: tuple[Reading, ...]
+    mean: float | None
+    std: float | None
+    systematic: float | None
+    low: float | None
+    high: float | None
+    judgement: Judgement | None  #: None if nothing is demanded
+    why: str = ""  #: why there is no interval, or no decision
+
+    @property
+    def count(self) -> int:
+        """Number of trials that could be read."""
+        return sum(reading.value is not None for reading in self.readings)
+
+
+@dataclass(frozen=True)
+class MeasureResult:
+    """Everything that was measured in some recordings."""
+
+    summaries: tuple[Summary, ...]
+
+    @property
+    def judgement(self) -> Judgement | None:
+        """The verdict on all results together; None if nothing is demanded of any."""
+        return outcome_of([item.judgement for item in self.summaries])
+
+    @property
+    def is_right(self) -> bool:
+        """Whether no result is rejected or left undecided."""
+        return self.judgement in (None, Judgement.ACCEPTED)
+
+
+def outcome_of(judgements: Sequence[Judgement | None]) -> Judgement | None:
+    """Return the verdict on several: rejected if one is, accepted if all are."""
+    given = [item for item in judgements if item is not None]
+    for outcome in (Judgement.REJECTED, Judgement.UNDECIDED):
+        if outcome in given:
+            return outcome
+    return Judgement.ACCEPTED if given else None
+
+
+def summary_of(
+    measure: Measure, setpoints: Mapping[str, str], readings: Sequence[Reading]
+) -> Summary:
+    """Return ``measure`` over the trials with the same setpoints.
+
+    The interval is that of the mean: mean ± t u, with u^2 = s^2 / n + systematic^2 and the degrees
+    of freedom of Welch and Satterthwaite (JCGM 100:2008, 4.2, 5.1 and G.4.1); those of the
+    systematic part count as infinite.
+    """
+    values = [item.value for item in readings if item.value is not None]
+    n = len(values)
+    mean = math.fsum(values) / n if n else None
+    systematic = None
+    if measure.systematic is not None and mean is not None:
+        systematic = measure.systematic.of(mean)
+    std = low = high = None
+    why = "" if n else "it could be read in no trial"
+    if n == 1:
+        why = "one trial shows no repeatability: give 'repeats: 2' or more"
+    if n > 1 and mean is not None:
+        std = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (n - 1))
+        half = _half_width(std / math.sqrt(n), n - 1, systematic or 0.0)
+        low, high = mean - half, mean + half
+    judgement = None
+    if measure.is_judged:
+        judgement, why = _judge(measure, readings, low, high, why)
+    return Summary(
+        measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why
+    )
+
+
+def _half_width(u: float, freedom: int, systematic: float) -> float:
+    from scipy.stats import norm, t
+
+    together = math.hypot(u, systematic)
+    if together == 0.0:
+        return 0.0
+    share = u / together
+    tail = 0.5 + COVERAGE / 2
+    if share**4 < 1e-9:  # t is that of the normal distribution
+        return float(norm.ppf(tail)) * together
+    return float(t.ppf(tail, freedom / share**4)) * together
+
+
+def _judge(
+    measure: Measure, readings: Sequence[Reading], low: float | None, high: float | None, why: str
+) -> tuple[Judgement, str]:
+    missing = sum(item.value is None for item in readings)
+    if low is None or high is None:
+        return Judgement.UNDECIDED, why
+    if missing:
+        return Judgement.UNDECIDED, f"{missing} of {len(readings)} trials could not be read"
+    if measure.low <= low and high <= measure.high:
+        return Judgement.ACCEPTED, ""
+    if high < measure.low or low > measure.high:
+        return Judgement.REJECTED, "the whole interval lies outside"
+    return Judgement.UNDECIDED, "the interval lies across a bound: more repeats make it narrower"
