@@ -47,7 +47,7 @@ _EITHER = re.compile(r"\sor\s")
 
 
 @dataclass(frozen=True)
-class Finder:
+class ChannelFinder:
     """Finds the channels that a condition may compare; ``owner`` is the rig that may lack them."""
 
     owner: str
@@ -64,7 +64,7 @@ class Finder:
 
 
 def read_comparisons(
-    reader: Reader, path: KeyPath, texts: Sequence[str], scope: Scope, finder: Finder
+    reader: Reader, path: KeyPath, texts: Sequence[str], scope: Scope, finder: ChannelFinder
 ) -> tuple[tuple[Condition, ...], ...]:
     """Return conditions that compare channels: rows of which any must hold; problems are noted."""
     is_list = isinstance(reader.document.get(path), list)
@@ -100,7 +100,7 @@ def read_until(
     ``limits`` are those of the trial that contains the step.
     """
     is_list = isinstance(reader.document.get(path), list)
-    finder = Finder(rig.name, rig.channel, lambda: channel_names(rig))
+    finder = ChannelFinder(rig.name, rig.channel, lambda: channel_names(rig))
     rows = []
     for index, text in enumerate(texts):
         where = (*path, index) if is_list else path
@@ -122,7 +122,7 @@ def read_until(
 
 
 def read_comparison(
-    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, finder: Finder
+    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, finder: ChannelFinder
 ) -> Condition | None:
     """Return the comparison ``text``, which begins at ``start``; None with the problem noted."""
     match = _CLAUSE.match(text)

@@ -18,7 +18,7 @@ from rigd.config.quantities import rate_unit, read_uncertainty
 from rigd.config.rig import RigConfig
 from rigd.model.channels import ECHO
 from rigd.model.units import dimension_text, parse_unit
-from rigd.procedure.conditions import Finder, check_reachable, read_comparisons
+from rigd.procedure.conditions import ChannelFinder, check_reachable, read_comparisons
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import Condition, Measure, Recorded, Rows, TrialLimit, Window
 from rigd.procedure.reader import Reader
@@ -48,7 +48,7 @@ def read_measures(
     source: ProcedureSource,
     steps: Sequence[str],
     scope: Scope,
-    finder: Finder,
+    finder: ChannelFinder,
     reachable: Callable[[KeyPath, Condition], None] = lambda path, condition: None,
 ) -> tuple[Measure, ...]:
     """Return the measures of a trial with ``scope``; problems are noted.
@@ -88,7 +88,7 @@ def check_measures(
             *(f"{setpoint.name}{ECHO}" for setpoint in device.setpoints),
         )
     ]
-    finder = Finder(rig.name, rig.recorded, lambda: names)
+    finder = ChannelFinder(rig.name, rig.recorded, lambda: names)
     no_limits: tuple[TrialLimit, ...] = ()
 
     def reachable(path: KeyPath, condition: Condition) -> None:
@@ -129,7 +129,7 @@ class _Reading:
     source: MeasureSource
     steps: Sequence[str]
     scope: Scope
-    finder: Finder
+    finder: ChannelFinder
     reachable: Callable[[KeyPath, Condition], None]
 
     @property

@@ -33,6 +33,7 @@ TESTS = Path(__file__).resolve().parents[1]
 DAY = "runs/20261121-080000"
 PVC = f"{DAY}-constant_current-pvc.mcap"
 QUICK = f"{DAY}-quick.mcap"
+BREAKAWAY = f"{DAY}-breakaway.mcap"
 TORQUE = f"{DAY}-calibrate_torque.mcap"
 ANGLES = f"{DAY}-approach_angles.mcap"
 RUN_PVC = "run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc"
@@ -93,7 +94,7 @@ SHOWN: dict[str, Shows] = {
     "rigd run --resume runs/<run>.mcap": Shows("2 of 2 trials", {"<run>": "interrupted"}),
     "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
     "rigd check procedures/*.yaml --rig lugre-1": Shows(
-        "5 right, 8 for another rig (no daq, front_marker, left_motor, rear_marker, relay, "
+        "6 right, 8 for another rig (no daq, front_marker, left_motor, rear_marker, relay, "
         "right_motor, scale)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
@@ -125,6 +126,11 @@ SHOWN: dict[str, Shows] = {
     "rigd export FILE --to mat": Shows(".mat", {"FILE": QUICK}),
     "rigd export FILE --to csv --joined 100": Shows("joined.csv", {"FILE": QUICK}),
     "rigd export runs/*.mcap --to parquet --output tables/": Shows("trials.parquet"),
+    "rigd measure FILE --plan breakaway": Shows("accepted", {"FILE": BREAKAWAY}),
+    "rigd measure FILE --json": Shows('"verdict": "accepted"', {"FILE": BREAKAWAY}),
+    "rigd measure FILE --junit result.xml": Shows("accepted", {"FILE": BREAKAWAY}),
+    f"rigd measure {BREAKAWAY}": Shows("repeatability only"),
+    "rigd measure runs/*breakaway*.mcap": Shows("accepted"),
     "rigd report FILE": Shows("-quick-run.html", {"FILE": QUICK}),
     f"rigd report {QUICK}": Shows("-quick-run.html"),
     "rigd report FILE --output page.html": Shows("page.html", {"FILE": QUICK}),
@@ -316,6 +322,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert run(f"run few.yaml --rig lugre-1 --set floor=pvc --output {PVC}") == 0
         few.unlink()  # it would be found by the name of the campaign
         assert run(f"run quick --rig lugre-1 --output {QUICK}") == 0
+        assert run(f"run breakaway --rig lugre-1 --output {BREAKAWAY}") == 0
         assert run(f"run calibrate_torque --rig angle-1 --output {TORQUE}") == 0
         found = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
         assert run(f"run approach_angles --rig angle-1 {found} --output {ANGLES}") == 0

@@ -91,7 +91,7 @@ def test_gauge_pressure_is_above_standard_atmosphere(symbol: str, referee: str) 
 @pytest.mark.parametrize(
     "text", ["degC/s", "1/degC", "degC^2", "W/°C", "barg m^2", "psig/s", "K/degF"]
 )
-def test_unit_with_own_zero_is_no_part_of_another(text: str) -> None:
+def test_unit_with_own_zero_stands_alone(text: str) -> None:
     with pytest.raises(ValueError, match=r"has a zero of its own .* write (K|bar|psi)"):
         parse_unit(text)
 

@@ -58,8 +58,8 @@ class LineChannel(DriverConfig):
     def per_one(self) -> Quantity:
         """What a difference of 1 in the line means; of degrees Celsius 1 K."""
         text = self.unit
-        one = parse_quantity(text if re.match(r"[-+.\d]", text) and text != "1" else f"1 {text}")
-        return Quantity(one.value - one.unit.offset, one.unit)
+        found = parse_quantity(text if re.match(r"[-+.\d]", text) and text != "1" else f"1 {text}")
+        return Quantity(found.value - found.unit.offset, found.unit)
 
     @property
     def zero(self) -> float:

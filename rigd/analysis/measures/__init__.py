@@ -4,13 +4,19 @@
 """
 
 from rigd.analysis.measures.recorded import measured, measured_if_any
-from rigd.analysis.measures.result import Judgement, MeasureResult, Reading, Summary, outcome_of
+from rigd.analysis.measures.result import (
+    Judgement,
+    MeasureResult,
+    Summary,
+    TrialReading,
+    outcome_of,
+)
 
 __all__ = [
     "Judgement",
     "MeasureResult",
-    "Reading",
     "Summary",
+    "TrialReading",
     "measured",
     "measured_if_any",
     "outcome_of",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigd.analysis.measures.events import Samples, first_time, holds_at
 from rigd.analysis.measures.mean import mean_of
-from rigd.analysis.measures.result import Reading
+from rigd.analysis.measures.result import TrialReading
 from rigd.analysis.resample import stale_rows
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -37,7 +37,7 @@ class TrialReader:
     steps: Sequence[str]
     _rows: dict[tuple[str, int, int], NDArray[Any]] = field(default_factory=dict)
 
-    def reading(self, measure: Measure) -> Reading:
+    def reading(self, measure: Measure) -> TrialReading:
         """Return ``measure`` of this trial, or the reason why it cannot be read."""
         path, number = self.recording.path, self.trial.number
         try:
@@ -50,10 +50,10 @@ class TrialReader:
             if measure.kind == "mean":
                 _, values = self._values(measure, span)
                 mean = mean_of(values)
-                return Reading(path, number, mean.value, mean.u, note=mean.reason)
-            return Reading(path, number, self._value(measure, span))
+                return TrialReading(path, number, mean.value, mean.u, note=mean.reason)
+            return TrialReading(path, number, self._value(measure, span))
         except Unread as error:
-            return Reading(path, number, None, reason=str(error))
+            return TrialReading(path, number, None, reason=str(error))
 
     def _value(self, measure: Measure, span: tuple[int, int]) -> float:
         if measure.kind == "channel":

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.analysis.corrections import scope_of
 from rigd.analysis.measures.reading import TrialReader
-from rigd.analysis.measures.result import MeasureResult, Reading, summary_of
+from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems
 from rigd.model.channels import Channel
-from rigd.model.errors import DataError
-from rigd.procedure.conditions import Finder
+from rigd.model.constants import Constant
+from rigd.model.errors import ConfigError, DataError
+from rigd.procedure.conditions import ChannelFinder
 from rigd.procedure.expression import Value, number_in
 from rigd.procedure.loader import Procedure, parse_procedure
 from rigd.procedure.measures import measured_channels, read_measures
@@ -35,7 +37,7 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
         DataError: there is nothing to measure, or the recordings do not measure the same.
         RecordingError: a recording is damaged.
     """
-    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[tuple[Measure, Reading]]] = {}
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[tuple[Measure, TrialReading]]] = {}
     first: Procedure | None = None
     for recording in recordings:
         own = procedure or recorded_procedure(recording)
@@ -131,15 +133,16 @@ def _trials(
     """
     source, problems = procedure.source, Problems()
     rig = recording.attachments.get("rig.yaml")
-    of_rig = {}
+    of_rig: dict[str, Constant] = {}
     if rig is not None:
-        of_rig = parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml"))
+        with suppress(ConfigError):  # of another version of rigd: a constant is then unknown
+            of_rig = dict(parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml")))
     shared: dict[str, Value] = {
         f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
     }
     known = _Recorded.of(recording).channels
     name = recording.metadata.get("run", {}).get("rig", "") or str(recording.path)
-    finder = Finder(name, known.get, lambda: list(known))
+    finder = ChannelFinder(name, known.get, lambda: list(known))
     own = {table: item.unit or "1" for table, item in source.tables.items()}
     reader = Reader(procedure.document, problems)
     found = []

@@ -24,7 +24,7 @@ class Judgement(Enum):
 
 
 @dataclass(frozen=True)
-class Reading:
+class TrialReading:
     """A measure of one trial, in SI; ``value`` is None if it could not be read: see ``reason``.
 
     ``u`` is the standard uncertainty of a mean within the trial, from its correlated samples; None
@@ -50,7 +50,7 @@ class Summary:
 
     measure: Measure
     setpoints: Mapping[str, str]
-    readings: tuple[Reading, ...]
+    readings: tuple[TrialReading, ...]
     mean: float | None
     std: float | None
     systematic: float | None
@@ -92,7 +92,7 @@ def outcome_of(judgements: Sequence[Judgement | None]) -> Judgement | None:
 
 
 def summary_of(
-    measure: Measure, setpoints: Mapping[str, str], readings: Sequence[Reading]
+    measure: Measure, setpoints: Mapping[str, str], readings: Sequence[TrialReading]
 ) -> Summary:
     """Return ``measure`` over the trials with the same setpoints.
 
@@ -136,7 +136,11 @@ def _half_width(u: float, freedom: int, systematic: float) -> float:
 
 
 def _judge(
-    measure: Measure, readings: Sequence[Reading], low: float | None, high: float | None, why: str
+    measure: Measure,
+    readings: Sequence[TrialReading],
+    low: float | None,
+    high: float | None,
+    why: str,
 ) -> tuple[Judgement, str]:
     missing = sum(item.value is None for item in readings)
     if low is None or high is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.analysis.measures.result import MeasureResult, Reading, Summary
+from rigd.analysis.measures.result import MeasureResult, Summary, TrialReading
 from rigd.model.units import parse_unit, si_symbol
 from rigd.procedure.condition_text import describe_until
 from rigd.procedure.program import Measure
@@ -26,7 +26,7 @@ _NONE: Final = "–"
 
 
 @dataclass(frozen=True)
-class Line:
+class ResultLine:
     """A summary as text: one row of the table."""
 
     name: str
@@ -56,7 +56,7 @@ class MeasuresView:
     about: tuple[tuple[str, str], ...]  #: name and description
     headings: tuple[str, ...]
     trials: tuple[TrialLine, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[ResultLine, ...]
     remarks: tuple[str, ...]
     verdict: str  #: on all together; "" if nothing is demanded
 
@@ -64,7 +64,7 @@ class MeasuresView:
 def view_of(result: MeasureResult) -> MeasuresView:
     """Return ``result`` as text."""
     measures = {item.measure.name: item.measure for item in result.summaries}
-    rows: dict[tuple[str, Path, int], dict[str, Reading]] = {}
+    rows: dict[tuple[str, Path, int], dict[str, TrialReading]] = {}
     files = {reading.recording for item in result.summaries for reading in item.readings}
     remarks: dict[str, list[str]] = {}
     for item in result.summaries:
@@ -180,14 +180,14 @@ def _summary_json(item: Summary) -> dict[str, Any]:
     }
 
 
-def _line(item: Summary) -> Line:
+def _line(item: Summary) -> ResultLine:
     measure = item.measure
     digits = _digits(measure, item.std, item.high, item.low)
     interval = _NONE
     if item.low is not None and item.high is not None:
         interval = f"{_number(measure, item.low, digits)} to {_number(measure, item.high, digits)}"
     of = len(item.readings)
-    return Line(
+    return ResultLine(
         _with_unit(measure.name, measure.unit),
         _setpoints(item.setpoints),
         str(of) if item.count == of else f"{item.count} of {of}",
@@ -209,7 +209,7 @@ def _bounds(measure: Measure) -> str:
     return f"at least {low}" if math.isinf(measure.high) else f"{low} to {high}"
 
 
-def _cell(measure: Measure, reading: Reading | None) -> str:
+def _cell(measure: Measure, reading: TrialReading | None) -> str:
     if reading is None or reading.value is None:
         return _NONE
     if not reading.u:
@@ -251,7 +251,7 @@ def _setpoints(given: Mapping[str, str]) -> str:
     return ", ".join(f"{name} {text}" for name, text in given.items())
 
 
-def _trial(reading: Reading, files: set[Path]) -> str:
+def _trial(reading: TrialReading, files: set[Path]) -> str:
     return str(reading.trial) if len(files) == 1 else f"{reading.recording.stem} {reading.trial}"
 
 

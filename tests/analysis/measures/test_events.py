@@ -1,0 +1,62 @@
+"""When conditions begin to hold, between samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigd.analysis.measures.events import Samples, first_time, holds_at
+from rigd.procedure.program import Comparison, Condition
+
+TIMES = np.arange(0.0, 1.0, 0.1)
+ABOVE, BELOW = Comparison.ABOVE, Comparison.BELOW
+
+
+def samples(name: str) -> Samples:
+    values = {
+        "ramp": TIMES.copy(),
+        "spike": np.where(np.isclose(TIMES, 0.3), 1.0, np.where(TIMES > 0.55, 1.0, 0.0)),
+        "down": -TIMES,
+        "lost": np.where(np.isclose(TIMES, 0.4), np.nan, TIMES),
+        "high": np.ones(10),
+    }
+    return TIMES, values[name]
+
+
+def above(channel: str, threshold: float, for_s: float = 0.0) -> Condition:
+    return Condition(channel, ABOVE, threshold, for_s=for_s)
+
+
+@pytest.mark.parametrize(
+    ("rows", "at"),
+    [
+        ([[above("ramp", 0.25)]], 0.25),  # on the line between two samples
+        ([[above("ramp", 0.30001)]], 0.30001),
+        ([[above("spike", 0.5)]], 0.25),
+        ([[above("spike", 0.5, for_s=0.2)]], 0.55),  # the spike is too short
+        ([[Condition("down", BELOW, -0.45)]], 0.45),
+        ([[Condition("down", ABOVE, 0.45, magnitude=True)]], 0.45),
+        ([[above("lost", 0.35)]], 0.5),  # no line leads to a sample that is missing
+        ([[above("ramp", 0.25), above("spike", 0.5)]], 0.25),
+        ([[above("ramp", 0.45), above("spike", 0.5)]], 0.55),  # both must hold
+        ([[above("ramp", 0.65)], [above("spike", 0.5, for_s=0.2)]], 0.55),  # either
+        ([[above("high", 0.5), above("ramp", 0.25)]], 0.25),
+    ],
+)
+def test_event_is_found_between_samples(rows: list[list[Condition]], at: float) -> None:
+    assert first_time(rows, samples, 0.0) == pytest.approx(at, abs=1e-9)
+
+
+def test_what_never_holds_has_no_time() -> None:
+    assert first_time([[above("ramp", 5.0)]], samples, 0.0) is None
+    assert first_time([[above("spike", 0.5, for_s=3.0)]], samples, 0.0) is None
+
+
+def test_what_holds_from_first_sample_has_not_begun() -> None:
+    assert first_time([[above("high", 0.5)]], samples, 0.0) is None
+    assert holds_at([[above("high", 0.5)]], samples, 0.0)
+    assert not holds_at([[above("ramp", 0.25)]], samples, 0.2)
+
+
+def test_second_event_is_after_the_first() -> None:
+    assert first_time([[above("spike", 0.5)]], samples, 0.4) == pytest.approx(0.55)

@@ -1,0 +1,295 @@
+"""Measures read off a recording whose signals are known in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rigd.analysis.measures import MeasureResult, Summary, measured
+from rigd.analysis.measures.view import trial_columns, view_of
+from rigd.model import ConfigError, DataError
+from rigd.model.channels import STALE, STATUS_FIELD, Channel, Stream
+from rigd.model.rows import TIME_FIELD, row_dtype
+from rigd.procedure.loader import parse_procedure
+from rigd.record import Attachment, Recording, RecordingWriter
+
+START_NS = 1_790_000_000_000_000_000
+AXIS = Stream(
+    "axis", (Channel("position", "m"), Channel("force", "N"), Channel("heat", "K")),
+    has_status=True,
+)  # fmt: skip
+RIG = """\
+rig: bench
+title: A bench
+cycle: 1 kHz
+devices: {axis: {driver: not-installed-here}}
+interlocks: []
+constants: {limit: {value: 30 mm, u: 1 mm}}
+"""
+PROCEDURE = """\
+procedure: pull
+title: Pull
+doc: For tests.
+parameters:
+  force: {{doc: Force, unit: N, default: 2 N}}
+  span: {{doc: Span, unit: mm, default: 20 mm}}
+sweep: {{grid: {{force: [1 N, 2 N]}}}}
+trial:
+  steps:
+    - step: rest
+      for: 0.2 s
+    - step: pull
+      for: 0.8 s
+  after:
+    - step: back
+      for: 0.5 s
+measure:
+{measure}
+"""
+#: A trial lasts 1.5 s: 0.2 s of rest, 0.8 s of pull, 0.5 s of the way back.
+PERIOD_NS, ROWS = 1_000_000, 1500
+
+
+def trial_rows(number: int, force: float) -> np.ndarray:
+    """Return the rows of a trial: from 0.2 s on the position grows by 0.1 m/s."""
+    rows = np.zeros(ROWS, row_dtype(AXIS))
+    t = np.arange(ROWS) * 1e-3
+    rows[TIME_FIELD] = START_NS + (number - 1) * ROWS * PERIOD_NS + np.arange(ROWS) * PERIOD_NS
+    rows["position"] = np.where(t < 0.2, 0.0, 0.1 * (t - 0.2))
+    rows["force"] = force + np.sin(2 * math.pi * 10 * t)
+    rows["heat"] = 293.15 + 20 * t
+    return rows
+
+
+def record(
+    path: Path,
+    measure: str,
+    trials: Sequence[tuple[int, float, bool]] = ((1, 1.0, True),),
+    change: Mapping[int, Any] | None = None,
+    extra: Sequence[tuple[float, str, int, Mapping[str, Any]]] = (),
+) -> Recording:
+    """Write trials (number, force, whether complete); ``change`` edits the rows of one."""
+    text = PROCEDURE.format(measure=measure)
+    attachments = [
+        Attachment("procedure.yaml", "application/yaml", text.encode()),
+        Attachment("rig.yaml", "application/yaml", RIG.encode()),
+    ]
+    with RecordingWriter.create(
+        path, streams=[AXIS], metadata={"run": {"procedure": "pull", "rig": "bench"}},
+        attachments=attachments, start_ns=START_NS, sync_interval_s=None,
+    ) as writer:  # fmt: skip
+        for place, (number, force, complete) in enumerate(trials, 1):
+            begin = START_NS + (place - 1) * ROWS * PERIOD_NS
+            data = {"number": number, "repeat": 1, "parameters": {"force": force},
+                    "units": {"force": "N"}}  # fmt: skip
+            writer.event(begin, "trial_start", number, data)
+            for at_s, step in ((0.0, "rest"), (0.2, "pull"), (1.0, "back")):
+                writer.event(begin + round(at_s * 1e9), "step", number, {"name": step})
+            rows = trial_rows(place, force)
+            if change and place in change:
+                rows = change[place](rows)
+            writer.write("axis", rows)
+            reason = "all steps played" if complete else "timeout of step pull"
+            end = {"complete": complete, "reason": reason}
+            writer.event(begin + ROWS * PERIOD_NS - 1, "trial_end", number, end)
+        for at_s, kind, number, more in extra:
+            writer.event(START_NS + round(at_s * 1e9), kind, number, more)
+        writer.event(
+            START_NS + len(trials) * ROWS * PERIOD_NS, "run_end", -1, {"state": "complete"}
+        )
+    return Recording.open(path)
+
+
+def only(result: MeasureResult) -> Summary:
+    (summary,) = result.summaries
+    return summary
+
+
+def value(tmp_path: Path, measure: str, **options: Any) -> float:
+    reading = only(measured([record(tmp_path / "a.mcap", f"  it: {measure}", **options)])).readings[
+        0
+    ]
+    assert reading.value is not None, reading.reason
+    return reading.value
+
+
+def reason(tmp_path: Path, measure: str, **options: Any) -> str:
+    summary = only(measured([record(tmp_path / "a.mcap", f"  it: {measure}", **options)]))
+    reading = summary.readings[0]
+    assert reading.value is None
+    assert summary.mean is None
+    return reading.reason
+
+
+@pytest.mark.parametrize(
+    ("measure", "expected"),
+    [
+        ("{channel: axis.heat, when: axis.position > 10 mm}", 293.15 + 20 * 0.3),
+        ("{channel: axis.heat, when: axis.position > 10.05 mm}", 293.15 + 20 * 0.3005),
+        ("{channel: axis.position, when: 'axis.heat > 29 degC'}", 0.1 * 0.25),
+        ("{channel: axis.heat, when: 'axis.position > ${span}'}", 293.15 + 20 * 0.4),
+        ("{channel: axis.heat, when: 'axis.position > ${rig.limit}'}", 293.15 + 20 * 0.5),
+        ("{mean: axis.force, during: pull}", 1.0),
+        ("{max: axis.force, during: pull}", 2.0),
+        ("{min: axis.force, during: pull}", 0.0),
+        ("{peak_to_peak: axis.force, during: pull}", 2.0),
+        ("{rms: axis.force, during: pull}", math.sqrt(1.5)),
+        ("{std: axis.force, during: pull}", math.sqrt(0.5 * 800 / 799)),
+        ("{slope: axis.position, during: pull}", 0.1),
+        ("{slope: axis.heat}", 20.0),
+        ("{final: axis.position, during: pull}", 0.1 * 0.799),
+        ("{final: axis.position}", 0.1 * 0.799),  # not the way back
+        ("{mean: axis.position, during: last 0.2 s of pull}", 0.1 * 0.6995),
+        ("{mean: axis.position, during: first 0.2 s of pull}", 0.1 * 0.0995),
+        ("{mean: axis.position, during: 0.1 s to 0.2 s of pull}", 0.1 * 0.1495),
+        ("{duration: {from: axis.position > 10 mm, to: axis.position > 30 mm}}", 0.2),
+        ("{duration: {to: axis.position > 30 mm}, during: pull}", 0.3),
+        ("{duration: {to: axis.position > 30 mm}}", 0.5),
+        ("{mean: axis.heat, unit: degC, during: rest}", 293.15 + 20 * 0.0995),
+    ],
+)
+def test_measure_is_its_value_in_closed_form(tmp_path: Path, measure: str, expected: float) -> None:
+    assert value(tmp_path, measure) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("measure", "words"),
+    [
+        ("{channel: axis.heat, when: axis.position > 5 m}", "axis.position > 5 m never came"),
+        ("{channel: axis.heat, when: axis.heat > 20 K}", "holds already at the beginning"),
+        ("{duration: {from: axis.position > 30 mm, to: axis.position > 10 mm}}", "holds already"),
+        ("{duration: {from: axis.position > 3 m, to: axis.position > 4 m}}", "> 3 m never came"),
+        ("{mean: axis.force, during: last 2 s of pull}", "lasted 0.8 s, not 2 s"),
+        ("{mean: axis.force, during: 0.5 s to 1 s of pull}", "lasted 0.8 s, not 1 s"),
+    ],
+)
+def test_measure_that_cannot_be_read_has_reason(tmp_path: Path, measure: str, words: str) -> None:
+    assert words in reason(tmp_path, measure)
+
+
+def test_incomplete_trial_is_not_measured(tmp_path: Path) -> None:
+    why = reason(tmp_path, "{mean: axis.force}", trials=[(1, 1.0, False)])
+    assert why == "the trial is not complete: timeout of step pull"
+
+
+def test_held_trial_is_not_measured(tmp_path: Path) -> None:
+    held = [(0.5, "hold", 1, {"step": "pull", "phase": "held"}),
+            (0.6, "hold", 1, {"step": "pull", "phase": "over"})]  # fmt: skip
+    assert "held by a pause" in reason(tmp_path, "{mean: axis.force}", extra=held)
+
+
+def test_sample_without_value_is_never_passed_over(tmp_path: Path) -> None:
+    def spoil(rows: np.ndarray) -> np.ndarray:
+        rows["force"][400:403] = np.nan
+        return rows
+
+    why = reason(tmp_path, "{max: axis.force, during: pull}", change={1: spoil})
+    assert why == "3 of 800 samples of axis.force have no value"
+
+
+def test_repeated_rows_of_late_device_do_not_count(tmp_path: Path) -> None:
+    def repeat(rows: np.ndarray) -> np.ndarray:
+        rows["force"][500:600] = 77.0
+        rows[STATUS_FIELD][500:600] = STALE
+        return rows
+
+    assert value(tmp_path, "{max: axis.force}", change={1: repeat}) == pytest.approx(2.0)
+
+
+def test_trial_played_again_counts_once(tmp_path: Path) -> None:
+    trials = [(1, 1.0, False), (1, 1.0, True), (2, 1.0, True)]
+    summary = only(measured([record(tmp_path / "a.mcap", "  it: {mean: axis.force}", trials)]))
+    assert [reading.trial for reading in summary.readings] == [1, 2]
+    assert summary.count == 2
+
+
+SWEPT = [(1, 1.0, True), (2, 1.0, True), (3, 2.0, True), (4, 2.0, True)]
+
+
+def test_trials_with_equal_setpoints_are_one_result(tmp_path: Path) -> None:
+    result = measured([record(tmp_path / "a.mcap", "  it: {mean: axis.force}", SWEPT)])
+    assert [item.setpoints for item in result.summaries] == [{"force": "1 N"}, {"force": "2 N"}]
+    assert [item.count for item in result.summaries] == [2, 2]
+    assert [item.mean for item in result.summaries] == pytest.approx([1.0, 2.0], abs=1e-3)
+
+
+def test_bounds_follow_the_parameter_that_is_swept(tmp_path: Path) -> None:
+    measure = '  it: {mean: axis.force}\naccept:\n  it: ["${force} - 0.1 N", "${force} + 0.1 N"]'
+    result = measured([record(tmp_path / "a.mcap", measure, SWEPT)])
+    assert [item.measure.low for item in result.summaries] == pytest.approx([0.9, 1.9])
+    assert result.judgement is not None
+    assert result.judgement.value == "accepted"
+
+
+def test_trials_of_several_recordings_are_one_result(tmp_path: Path) -> None:
+    files = [record(tmp_path / f"{name}.mcap", "  it: {mean: axis.force}") for name in "ab"]
+    summary = only(measured(files))
+    assert [reading.recording.stem for reading in summary.readings] == ["a", "b"]
+    assert "a 1" in [line.trial for line in view_of(measured(files)).trials]
+
+
+def test_recordings_that_measure_otherwise_are_refused(tmp_path: Path) -> None:
+    files = [record(tmp_path / f"{kind}.mcap", f"  it: {{{kind}: axis.force}}") for kind in
+             ("mean", "max")]  # fmt: skip
+    with pytest.raises(DataError, match="measures otherwise"):
+        measured(files)
+
+
+def test_another_procedure_measures_old_recording(tmp_path: Path) -> None:
+    recording = record(tmp_path / "a.mcap", "  it: {mean: axis.force}")
+    other = PROCEDURE.format(measure="  top: {max: axis.position, unit: mm}")
+    result = measured([recording], parse_procedure(other, Path("new.yaml")))
+    assert only(result).mean == pytest.approx(0.1 * 0.799)
+    assert view_of(result).lines[0].mean == "79.9"
+
+
+def test_channel_not_recorded_is_named_with_place(tmp_path: Path) -> None:
+    recording = record(tmp_path / "a.mcap", "  it: {mean: axis.force}")
+    other = PROCEDURE.format(measure="  top: {max: axis.positon}")
+    with pytest.raises(ConfigError, match=r"new.yaml:18:14: .*no channel 'axis.positon'"):
+        measured([recording], parse_procedure(other, Path("new.yaml")))
+
+
+def test_recording_without_measures_is_refused(tmp_path: Path) -> None:
+    recording = record(tmp_path / "a.mcap", "  it: {mean: axis.force}")
+    without = PROCEDURE.format(measure="").replace("measure:\n", "")
+    with pytest.raises(DataError, match="measures nothing"):
+        measured([recording], parse_procedure(without, Path("new.yaml")))
+
+
+def test_temperature_is_in_celsius_its_spread_kelvin(tmp_path: Path) -> None:
+    measure = "  hot: {max: axis.heat, unit: degC, during: rest}\naccept: {hot: [20 degC, 80 °F]}"
+    trials = [(1, 1.0, True), (2, 1.0, True)]
+
+    def warm(rows: np.ndarray) -> np.ndarray:
+        rows["heat"] += 2.0
+        return rows
+
+    view = view_of(measured([record(tmp_path / "a.mcap", measure, trials, {2: warm})]))
+    (line,) = view.lines
+    assert line.name == "hot [degC]"
+    assert line.mean == "25"
+    assert line.std == "1.4"
+    assert line.accept == "20 to 26.6667"
+    assert line.verdict == "not decided"
+
+
+def test_unread_trial_has_no_value_in_export(tmp_path: Path) -> None:
+    measure = "  it: {channel: axis.heat, when: axis.position > 10 mm}"
+
+    def still(rows: np.ndarray) -> np.ndarray:
+        rows["position"] = 0.0
+        return rows
+
+    trials = [(1, 1.0, True), (2, 1.0, True)]
+    result = measured([record(tmp_path / "a.mcap", measure, trials, {2: still})])
+    unit, values = trial_columns(result)["it"]
+    assert (unit, list(values)) == ("K", [1])
+    view = view_of(result)
+    assert view.trials[1].cells == ("–",)
+    assert "it: axis.position > 0.01 m never came (trial 2)" in view.remarks

@@ -1,0 +1,156 @@
+"""What a mean, an interval and a verdict claim, against data whose truth is known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.signal import lfilter
+
+from rigd.analysis.measures.mean import LEAST_INDEPENDENT, mean_of
+from rigd.analysis.measures.result import Judgement, TrialReading, outcome_of, summary_of
+from rigd.model.constants import Uncertainty
+from rigd.procedure.program import Measure, Window
+
+FILE = Path("run.mcap")
+
+
+def correlated(rng: np.random.Generator, n: int, phi: float) -> np.ndarray:
+    """Return a series of an AR(1) process with mean 0, after it has forgotten its beginning."""
+    return lfilter([1.0], [1.0, -phi], rng.standard_normal(n + 500))[500:]
+
+
+@pytest.mark.parametrize("phi", [-0.5, 0.0, 0.5, 0.9])
+def test_uncertainty_of_mean_counts_correlation(phi: float) -> None:
+    rng, n = np.random.default_rng(1), 2000
+    found = [mean_of(correlated(rng, n, phi)) for _ in range(200)]
+    true = 1 / (1 - phi) / math.sqrt(n)  # of the mean of an AR(1) process
+    stated = [mean.u for mean in found if mean.u is not None]
+    assert len(stated) > 190
+    assert np.mean(stated) == pytest.approx(true, rel=0.06)
+    hit = np.mean([abs(mean.value) <= 1.96 * mean.u for mean in found if mean.u is not None])
+    assert 0.90 < hit < 0.99  # 95 % of 200 series, with three standard deviations of that count
+
+
+def test_naive_uncertainty_would_be_far_too_small() -> None:
+    values = correlated(np.random.default_rng(2), 5000, 0.95)
+    naive = values.std() / math.sqrt(len(values))
+    u = mean_of(values).u
+    assert u is not None
+    assert u > 4 * naive
+
+
+@pytest.mark.parametrize("phi", [0.99, 0.999])
+def test_mean_without_independent_samples_claims_nothing(phi: float) -> None:
+    rng = np.random.default_rng(3)
+    wrong = 0
+    for _ in range(100):
+        mean = mean_of(correlated(rng, 500, phi))
+        assert mean.u is not None or "fewer than 30" in mean.reason
+        wrong += mean.u is not None
+    assert wrong < 10
+    drift = mean_of(np.linspace(0, 1, 1000))
+    assert drift.u is None
+    assert drift.value == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("n", [1, 2, 29])
+def test_few_samples_have_mean_without_uncertainty(n: int) -> None:
+    mean = mean_of(np.arange(n, dtype=float))
+    assert mean.value == pytest.approx((n - 1) / 2)
+    assert mean.u is None
+    assert n < LEAST_INDEPENDENT
+
+
+def test_equal_samples_have_uncertainty_zero() -> None:
+    assert mean_of(np.full(100, 2.5)).u == 0.0
+
+
+def measure(
+    low: float = -math.inf, high: float = math.inf, u: Uncertainty | None = None
+) -> Measure:
+    judged = math.isfinite(low) or math.isfinite(high)
+    return Measure("mu", "mean", "a.b", Window(), "1", systematic=u, low=low, high=high,
+                   is_judged=judged)  # fmt: skip
+
+
+def readings(*values: float | None) -> list[TrialReading]:
+    return [TrialReading(FILE, number, value) for number, value in enumerate(values, 1)]
+
+
+def test_interval_is_that_of_students_t() -> None:
+    values = [0.121, 0.118, 0.125, 0.119, 0.122]
+    summary = summary_of(measure(), {}, readings(*values))
+    low, high = stats.t.interval(0.95, 4, np.mean(values), stats.sem(values))
+    assert summary.mean == pytest.approx(np.mean(values))
+    assert summary.std == pytest.approx(np.std(values, ddof=1))
+    assert summary.low == pytest.approx(low)
+    assert summary.high == pytest.approx(high)
+    assert summary.judgement is None
+
+
+def test_systematic_uncertainty_does_not_average_out() -> None:
+    rng = np.random.default_rng(4)
+    halves = {}
+    for n in (4, 400):
+        u = Uncertainty(0.01)
+        summary = summary_of(measure(u=u), {}, readings(*(1 + 0.002 * rng.standard_normal(n))))
+        assert summary.low is not None
+        assert summary.high is not None
+        halves[n] = (summary.high - summary.low) / 2
+    assert halves[400] == pytest.approx(1.96 * 0.01, rel=0.01)
+    assert halves[4] > halves[400]
+
+
+def test_freedom_is_that_of_welch_and_satterthwaite() -> None:
+    values, u = [1.0, 1.2, 1.1], 0.05
+    summary = summary_of(measure(u=Uncertainty(u)), {}, readings(*values))
+    a = stats.sem(values)
+    together = math.hypot(a, u)
+    freedom = together**4 / (a**4 / 2)  # GUM G.2b, the systematic part with infinitely many
+    half = stats.t.ppf(0.975, freedom) * together
+    assert summary.high == pytest.approx(1.1 + half, rel=1e-12)
+
+
+def test_share_is_of_the_mean() -> None:
+    summary = summary_of(measure(u=Uncertainty(0.01, is_share=True)), {}, readings(2.0, 2.0))
+    assert summary.systematic == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("values", "bounds", "expected", "why"),
+    [
+        ([0.12, 0.121, 0.119], (0.10, 0.14), Judgement.ACCEPTED, ""),
+        ([0.12, 0.121, 0.119], (0.13, 0.14), Judgement.REJECTED, "outside"),
+        ([0.12, 0.121, 0.119], (-math.inf, 0.11), Judgement.REJECTED, "outside"),
+        # The mean alone would pass: its interval reaches beyond the bound.
+        ([0.12, 0.13, 0.11], (0.11, 0.14), Judgement.UNDECIDED, "across a bound"),
+        # The mean alone would fail.
+        ([0.12, 0.13, 0.11], (0.125, 0.2), Judgement.UNDECIDED, "across a bound"),
+        # An interval wider than what is allowed is not outside.
+        ([0.12, 0.2, 0.04], (0.119, 0.121), Judgement.UNDECIDED, "across a bound"),
+        ([0.12], (0.10, 0.14), Judgement.UNDECIDED, "one trial shows no repeatability"),
+        ([0.5], (0.10, 0.14), Judgement.UNDECIDED, "one trial shows no repeatability"),
+        ([0.12, 0.121, None], (0.10, 0.14), Judgement.UNDECIDED, "1 of 3 trials could not be"),
+        ([None, None], (0.10, 0.14), Judgement.UNDECIDED, "in no trial"),
+        ([0.12, 0.12], (0.12, 0.14), Judgement.ACCEPTED, ""),
+    ],
+)
+def test_verdict_is_by_the_whole_interval(
+    values: list[float | None], bounds: tuple[float, float], expected: Judgement, why: str
+) -> None:
+    summary = summary_of(measure(*bounds), {}, readings(*values))
+    assert summary.judgement is expected
+    assert why in summary.why
+    assert bool(why) == bool(summary.why)
+
+
+def test_one_rejected_result_rejects_all() -> None:
+    accepted, undecided = Judgement.ACCEPTED, Judgement.UNDECIDED
+    assert outcome_of([None, accepted, Judgement.REJECTED, undecided]) is Judgement.REJECTED
+    assert outcome_of([accepted, undecided]) is undecided
+    assert outcome_of([accepted, None]) is accepted
+    assert outcome_of([None, None]) is None
