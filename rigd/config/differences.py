@@ -62,11 +62,11 @@ def _device(
     if here is None or there is None:
         yield Difference(f"device {name}", _device_text(here), _device_text(there))
         return
-    for one, other, sides in (
+    for side, other, sides in (
         (here, there, ("measured", MISSING)),
         (there, here, (MISSING, "measured")),
     ):
-        for channel in one.channels:
+        for channel in side.channels:
             if _find(other, channel.name) is None:
                 yield Difference(f"channel {name}.{channel.name}", *sides)
     for channel in here.channels:
@@ -83,9 +83,9 @@ def _device(
         yield from _limit(full, setpoint.unit, *limits)
 
 
-def alike(one: Channel, other: Channel) -> bool:
+def alike(channel: Channel, other: Channel) -> bool:
     """Return whether two channels are the same kind of quantity; in SI they have one unit."""
-    return parse_unit(one.unit).same_kind(parse_unit(other.unit))
+    return parse_unit(channel.unit).same_kind(parse_unit(other.unit))
 
 
 def _device_text(device: DeviceConfig | None) -> str:
@@ -111,6 +111,9 @@ def _limit(name: str, unit: str, here: SetpointLimit, there: SetpointLimit) -> I
     yield from _text(f"rate of {name}", *rates)
     rests = (format_quantity(limit.rest, unit) for limit in (here, there))
     yield from _text(f"rest of {name}", *rests)
+    yield from _text(
+        f"{name} at a stop", *("hold" if item.holds else "rest" for item in (here, there))
+    )
 
 
 def _interlock(

@@ -46,7 +46,7 @@ from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Interlock, Priority, SetpointLimit
 from rigd.model.severity import Severity
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import BlockDriver
+from rigd.sdk import BlockDriver, SlowDriver
 
 #: Number of silent cycles that is still normal.
 _CYCLES_OF_SILENCE: Final = 3
@@ -214,7 +214,14 @@ def _device(
         driver_class=driver_class,
         config=config,
         declaration=declaration,
-        limits=_limits(document, path, source.limits, declaration.setpoints, problems),
+        limits=_limits(
+            document,
+            path,
+            source.limits,
+            declaration.setpoints,
+            problems,
+            slow=issubclass(driver_class, SlowDriver),
+        ),
         link=source.link,
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
     )
@@ -261,6 +268,8 @@ def _limits(
     sources: dict[str, LimitSource],
     setpoints: tuple[Channel, ...],
     problems: Problems,
+    *,
+    slow: bool,
 ) -> dict[str, SetpointLimit]:
     known = {setpoint.name for setpoint in setpoints}
     for name in sources:
@@ -273,6 +282,12 @@ def _limits(
     for setpoint in setpoints:
         if setpoint.name in sources:
             path = (*device, "limits", setpoint.name)
+            if sources[setpoint.name].at_stop == "hold" and not slow:
+                problems.add(
+                    document.place((*path, "at_stop")),
+                    f"{device[-1]} is no slow device: a stop must take {setpoint.name} to rest",
+                    "remove the key",
+                )
             limits[setpoint.name] = _limit(
                 document, path, sources[setpoint.name], setpoint, problems
             )
@@ -311,7 +326,7 @@ def _limit(
     if low <= high:
         bounds, owner = (low, high), f"{setpoint.name} in this file"
         check_inside(document, (*path, "rest"), rest, bounds, unit, owner, problems)
-    return SetpointLimit(low, high, rate, rest)
+    return SetpointLimit(low, high, rate, rest, source.at_stop == "hold")
 
 
 def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSetup | None:

@@ -102,8 +102,8 @@ def _load(rig: RigConfig, named: SiblingFile) -> RigConfig:
     return sibling
 
 
-def _same(one: Path, other: Path) -> bool:
-    return one.resolve() == other.resolve()
+def _same(path: Path, other: Path) -> bool:
+    return path.resolve() == other.resolve()
 
 
 def _document(rig: RigConfig) -> Document:

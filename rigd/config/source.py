@@ -82,6 +82,10 @@ class LimitSource(Source):
     """Fastest change per second; faster commands are slowed down to it."""
     rest: QuantityText = "0"
     """Value that a controlled stop ramps to; by default zero."""
+    at_stop: Literal["rest", "hold"] = "rest"
+    """With `hold` a stop, a pause and a prompt keep the value that is reached, and `rest` is only
+    where a run begins; for slow devices, such as an oven. At the end the device is made safe.
+    """
 
 
 class WaiverSource(Source):

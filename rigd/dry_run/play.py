@@ -134,8 +134,8 @@ def _faults_note(count: int) -> tuple[str, ...]:
     return (f"{_count(count, 'fault is', 'faults are')} not shown: only devices at the wire do",)
 
 
-def _count(count: int, one: str, several: str) -> str:
-    return f"{count} {one if count == 1 else several}"
+def _count(count: int, single: str, several: str) -> str:
+    return f"{count} {single if count == 1 else several}"
 
 
 def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:

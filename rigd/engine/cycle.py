@@ -106,6 +106,7 @@ class Cycle:
         self._silent = {item.name for item in rig.mounts if not isinstance(item.driver, before)}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
+        self._holding = [n for n, limit in enumerate(limiter.limits) if limit.holds]
         self._actuators = [
             (mount.name, mount.driver, mount.commands)
             for mount in rig.mounts
@@ -341,7 +342,7 @@ class Cycle:
             self._leave(ended)
         if self._leaving is None and t_ns < self._hold_until_ns:
             return None
-        self._wanted[:] = self._rest
+        self._want_rest()
         return self._stop_completed(t_ns)
 
     def _play(self, player: Player, t_ns: int) -> Outcome | None:
@@ -363,8 +364,14 @@ class Cycle:
         if self._silent:
             self._silent -= self._computing.controllers
         if reason:
-            self._wanted[:] = self._rest
+            self._want_rest()
             self._leave(Outcome(Severity.END_TRIAL, reason))
+
+    def _want_rest(self) -> None:
+        """Let setpoints go to rest; those that hold keep what they have reached."""
+        self._wanted[:] = self._rest
+        for index in self._holding:
+            self._wanted[index] = self.limiter.applied[index]
 
     def _stop_completed(self, t_ns: int) -> Outcome | None:
         """Return the outcome when the stop is complete."""

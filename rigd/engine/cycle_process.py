@@ -28,8 +28,11 @@ from rigd.engine.holding import HoldPhase
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
 from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
+from rigd.engine.rescue import rescue
 from rigd.engine.shared import CycleState, RunFolder, Word
+from rigd.engine.slow.orders import acting_devices
 from rigd.engine.slow.stand_ins import StandIns
+from rigd.engine.stand_in import StandIn
 from rigd.engine.wiring import in_cycle, wire
 from rigd.model.severity import Severity
 from rigd.record.events import NO_TRIAL
@@ -40,6 +43,8 @@ T = TypeVar("T")
 #: Longest time for setpoints to reach rest after the daemon has ended; then all devices are made
 #: safe at once.
 LEAVE_NS: Final = 1_000_000_000
+#: Longest time to make the slow devices safe that the daemon ran, after it has ended.
+BESIDE_S: Final = 5.0
 #: Without a program, the process wakes at this interval to give its sign of life.
 IDLE_S: Final = 0.01
 
@@ -309,6 +314,8 @@ class CycleProcess:
                     waiver = {"by": device.waiver.by, "reason": device.waiver.reason}
                     self._record_event("waiver", {"device": mount.name, **waiver})
                 continue
+            if isinstance(driver, StandIn):
+                continue  # the process that runs it proves it
             try:
                 took_s = driver.prove_watchdog()
             except DEVICE_ERRORS as error:
@@ -357,10 +364,19 @@ class CycleProcess:
             until = time.monotonic_ns() + LEAVE_NS
             while self._cycle.step() is None and time.monotonic_ns() < until:
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
-        for problem in (*self._make_safe(), *close_devices(self._cycle)):
+        problems = [*self._make_safe(), *close_devices(self._cycle), *self._rescue_beside()]
+        for problem in problems:
             self._record_event("fault", {"reason": problem})
         sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that restarts
         self.over = True
+
+    def _rescue_beside(self) -> Sequence[str]:
+        """Make the slow devices that the daemon ran safe over new links; return the problems."""
+        beside = [device.name for device in acting_devices(self._job.rig)]
+        if not beside:
+            return ()
+        self._begin_making_safe()
+        return rescue(self._job.rig, beside, BESIDE_S).problems
 
     def handle_signal(self, number: int, frame: FrameType | None) -> None:
         """Abort on a signal for this process only."""

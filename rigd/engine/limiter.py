@@ -60,4 +60,7 @@ class Limiter:
     def at_rest(self) -> bool:
         """Return whether every setpoint has its rest value."""
         applied, limits = self.applied, self.limits
-        return all(applied[bound[0]] == limits[bound[0]].rest for bound in self._bounds)
+        return all(
+            applied[bound[0]] == limits[bound[0]].rest or limits[bound[0]].holds
+            for bound in self._bounds
+        )

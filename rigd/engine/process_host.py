@@ -149,6 +149,8 @@ class ProcessHost:
             reasons += self._off_cycle.start()
             if not reasons:
                 self._watched.append(self._off_cycle)
+            if judge and not reasons:
+                reasons += self._prove_off_cycle()
             if identities := self._off_cycle.identities:
                 self.event("devices", identities)
         opened = self._ask(partial(m.Open, judge=judge), OPEN_S, kill_on_stop=True)
@@ -166,7 +168,7 @@ class ProcessHost:
 
     def judge(self) -> Sequence[str]:
         """Return the reasons why the open devices cannot be armed; tests every watchdog."""
-        return self._or_lost(self._ask(m.Judge, OPEN_S))
+        return (*self._prove_off_cycle(), *self._or_lost(self._ask(m.Judge, OPEN_S)))
 
     def active_interlocks(self) -> Sequence[str]:
         """Return the names of the interlocks that are tripped."""
@@ -302,9 +304,28 @@ class ProcessHost:
 
     def make_safe(self) -> Sequence[str]:
         """Bring every device to its safe state; return the errors, one sentence each."""
-        if self._end_reason:
-            return self._rescue_problems
-        return self._or_lost(self._ask(m.MakeSafe, recording=False))
+        in_cycle = self._rescue_problems
+        if not self._end_reason:
+            in_cycle = self._or_lost(self._ask(m.MakeSafe, recording=False))
+        return (*in_cycle, *self._make_off_cycle_safe())
+
+    def _make_off_cycle_safe(self) -> Sequence[str]:
+        """Make the slow devices that take setpoints safe: the cycle cannot wait for them."""
+        if self._off_cycle is None or not self._off_cycle.acting:
+            return ()
+        problems = self.meanwhile(self._off_cycle.make_safe)
+        for problem in problems:
+            self.event("fault", {"reason": problem})
+        return problems
+
+    def _prove_off_cycle(self) -> Sequence[str]:
+        if self._off_cycle is None:
+            return ()
+        found, reasons = self._off_cycle.prove_watchdogs()
+        for name, took_s in found.items():
+            bound_s = self._rig.devices[name].declaration.watchdog_s
+            self.event("watchdog", {"device": name, "safe_after_s": took_s, "bound_s": bound_s})
+        return reasons
 
     def close(self) -> None:
         """Close every device, end the cycle process, then complete the recording."""
@@ -443,7 +464,10 @@ class ProcessHost:
         self._cycle.fence()
         # A link that this run has not opened may belong to another program, whose drives must not
         # stop.
-        found = rescue(self._rig) if self._board[Word.OURS] else Rescue()
+        beside = () if self._off_cycle is None else self._off_cycle.acting
+        in_cycle = [name for name in self._rig.devices if name not in beside]
+        found = rescue(self._rig, in_cycle) if self._board[Word.OURS] else Rescue()
+        found.problems += self._make_off_cycle_safe()
         self._rescue_problems = tuple(found.problems)
         whole = "; ".join([reason, *found.done, *found.problems])
         self._lost = Outcome(Severity.FAULT, whole)

@@ -15,8 +15,8 @@ class StandIn(Driver[DriverConfig, None]):
     """Replaces a slow or block device in the cycle, for interlocks and end conditions.
 
     It returns the newest row once, and none until there is a newer row. The time of the row is
-    ``taken_ns``, not its arrival: a block arrives after its samples. There is nothing to make safe:
-    such devices accept no setpoints.
+    ``taken_ns``, not its arrival: a block arrives after its samples. A device that accepts no
+    setpoints has nothing to make safe.
     """
 
     taken_ns: int
@@ -36,7 +36,7 @@ class StandIn(Driver[DriverConfig, None]):
         """Do nothing: the process that runs the device opens it."""
 
     def arm(self) -> None:
-        """Do nothing: it only measures."""
+        """Do nothing if it only measures."""
 
     def make_safe(self) -> None:
-        """Do nothing: it only measures."""
+        """Do nothing if it only measures."""

@@ -14,13 +14,15 @@ class SetpointLimit:
     """Bounds of one setpoint, in its unit; ``rate`` is per second.
 
     ``rest`` is the value to which a stop takes the setpoint (within ``rate``): 0 A for a motor, 1
-    for a clutch that holds when engaged.
+    for a clutch that holds when engaged. With ``holds`` it is only the value at the begin: a stop,
+    a pause and a prompt keep the value that is reached, as of an oven.
     """
 
     low: float
     high: float
     rate: float = math.inf
     rest: float = 0.0
+    holds: bool = False
 
 
 class Priority(IntEnum):

@@ -45,7 +45,8 @@ class Declaration:
     #: Bits of the status word, as masks by name: ``{"stable": 1}``. Procedures wait for them
     #: (``scale is stable``); a reading that is not `stable` is not compared with an answer.
     status_bits: Mapping[str, int] = field(default_factory=dict)
-    #: What a fast driver takes, in the order of ``write``; ``low`` and ``high`` are the device's.
+    #: What a fast or a slow driver takes, in the order of ``write``; ``low`` and ``high`` are the
+    #: device's.
     setpoints: tuple[Channel, ...] = ()
     #: What a fast driver takes of the rest of the rig in every cycle, as ``take_inputs`` gets it.
     inputs: tuple[Input, ...] = ()

@@ -300,10 +300,19 @@ EmitRow = Callable[[Sequence[float]], None]
 
 
 class SlowDriver(AnyDriver[ConfigT, LinkT]):
-    """A driver of a slow device: a coroutine that runs until cancelled; it takes no setpoints.
+    """A driver of a slow device: a coroutine that runs until cancelled.
 
     It runs on the event loop of the daemon, beside other devices: it never blocks.
+
+    With setpoints it also has :meth:`write`, :meth:`make_safe` and mostly :meth:`arm`, which are
+    called one at a time while :meth:`run` goes on: if they share a connection, a lock keeps their
+    questions apart. The cycle limits the setpoints and gives them in every cycle; the device gets
+    the newest, as often as it takes them. Each of these may be cancelled at any await.
     """
+
+    #: Whether a new instance may open the device once more and make it safe after the process that
+    #: ran it was killed. Only for setpoints.
+    second_link: ClassVar[bool] = False
 
     @abstractmethod
     async def open(self) -> None:
@@ -317,6 +326,41 @@ class SlowDriver(AnyDriver[ConfigT, LinkT]):
             DeviceError: the device reports a fault, or is gone.
 
         """
+
+    async def write(self, setpoints: Sequence[float]) -> None:
+        """Send setpoints, already limited, in SI and in the order of the declaration; within 2 s.
+
+        Called first before :meth:`arm`, at rest, then when one has changed.
+
+        Raises:
+            DeviceError: the device refuses a setpoint, or reports a fault.
+            LinkError, ProtocolError: it does not answer, or not as its manual says.
+        """
+        raise NotImplementedError(f"{type(self).__name__} takes no setpoints")
+
+    async def arm(self) -> None:
+        """Enable the output, at rest, and return when it is enabled; within 2 s."""
+
+    async def make_safe(self) -> None:
+        """Bring the device to its safe state and check that it is there; within 3 s.
+
+        Called on every exit, possibly twice, possibly with a dead link. Every author of a driver
+        with setpoints must state what safe means for the device.
+
+        Raises:
+            DeviceError, LinkError, ProtocolError: it is not safe, or does not show whether it is.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no safe state")
+
+    async def prove_watchdog(self) -> float:
+        """Be silent once, and return after how many seconds the device made itself safe.
+
+        Called after :meth:`open`, before :meth:`arm`, at rest, if a watchdog is declared.
+
+        Raises:
+            DeviceError: it did not within ``watchdog_s``.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no watchdog to prove")
 
     async def act(self, action: str) -> str:
         """Perform one of ``actions`` while :meth:`run` continues; return the device's reply.

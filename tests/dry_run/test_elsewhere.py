@@ -177,7 +177,7 @@ def test_without_sibling_only_what_is_written() -> None:
     assert any("not known: peaks" in note for note in found.notes)
 
 
-def test_step_that_waits_at_most_its_time_without_sibling() -> None:
+def test_wait_with_end_is_bounded_without_sibling() -> None:
     text = DRIVE.replace("timeout: 4 s", "for: 2 s")
     row = next(step for step in played(ALONE, text).steps if step.name == "go")
     assert (row.timing, row.longest_s) == ("at_most", 2.0)

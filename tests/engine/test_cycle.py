@@ -58,6 +58,21 @@ def test_with_no_program_setpoints_go_to_rest() -> None:
     assert bench.axis.speed == 0.0
 
 
+def test_setpoint_that_holds_keeps_its_value_at_rest() -> None:
+    bench = Bench(limit=SetpointLimit(-2.0, 2.0, 50.0, holds=True))
+    host = bench.host()
+    host.play(move("go", 1.0))
+    reached = bench.axis.speed
+    assert 0.0 < reached <= 1.0
+    assert host.come_to_rest() is None
+    host.settle(20)
+    assert bench.axis.speed == reached
+    host.cycle.control.request(Severity.STOP, "asked")
+    outcome = host.play(move("back", -1.0))
+    assert outcome.severity is Severity.STOP
+    assert bench.axis.speed == reached
+
+
 @pytest.mark.parametrize("row", [(0.0,), (0.0, 1.0, 2.0)])
 def test_row_of_wrong_width_faults_without_other_changes(row: tuple[float, ...]) -> None:
     bench = Bench()

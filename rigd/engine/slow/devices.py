@@ -1,18 +1,21 @@
 """Runs the drivers of slow devices as coroutines on one event loop, in a thread of the daemon.
 
-A slow device needs longer than a cycle to respond.
+A slow device needs longer than a cycle to respond. One that takes setpoints has a second coroutine,
+which obeys the newest order of the cycle: see :mod:`rigd.engine.slow.orders`.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Collection, Coroutine, Mapping, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any, Final, Protocol, TypeVar
 
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS
+from rigd.engine.slow.orders import DeviceOrders, Done, Order
 from rigd.engine.slow.table import Slot
 from rigd.model.errors import DeviceError, LinkError, RigdError
 from rigd.sdk import EmitRow, SlowDriver
@@ -28,6 +31,17 @@ BLOCKED_S: Final = 2.0
 #: The loop is not judged if the daemon itself was delayed for this time.
 AWAY_S: Final = 0.5
 _TURN_S: Final = 0.1
+#: How often the newest order of the cycle is looked at.
+ORDER_S: Final = 0.02
+#: Longest time for a device to take its setpoints, or to be enabled.
+WRITE_S: Final = 2.0
+#: Longest time for a device to be safe.
+SAFE_S: Final = 3.0
+#: A device that was enabled is made safe if the cycle gives no order for this time; the daemon
+#: kills a silent cycle sooner.
+UNORDERED_S: Final = 1.0
+#: More than its own bound until the watchdog of a device must have acted.
+PROOF_S: Final = 5.0
 
 T = TypeVar("T")
 
@@ -49,6 +63,7 @@ class SlowDevices:
         slots: their places in the table of latest values.
         start_ns: Unix time of the start of the run.
         origin_ns: monotonic time of the same moment.
+        orders: of the cycle, for each device that takes setpoints.
     """
 
     def __init__(
@@ -59,6 +74,7 @@ class SlowDevices:
         slots: Mapping[str, Slot],
         start_ns: int,
         origin_ns: int,
+        orders: Mapping[str, DeviceOrders] | None = None,
     ) -> None:
         self._drivers = dict(drivers)
         self._rings = rings
@@ -68,6 +84,10 @@ class SlowDevices:
         self._loop: asyncio.AbstractEventLoop | None = None  # while it runs
         self._thread: threading.Thread | None = None
         self._running: dict[str, asyncio.Task[None]] = {}
+        self._orders = dict(orders or {})
+        self._obeying: dict[str, asyncio.Task[None]] = {}
+        self._making_safe: set[str] = set()
+        self._unsafe: dict[str, str] = {}  # open devices that were not made safe, and why
         self._turned_ns = self._looked_ns = 0
 
     @property
@@ -88,6 +108,11 @@ class SlowDevices:
     def faults(self) -> Mapping[str, str]:
         """The failures since the start, by device, in order of occurrence."""
         return dict(self._faults)
+
+    @property
+    def acting(self) -> Collection[str]:
+        """The names of the devices that take setpoints."""
+        return self._orders.keys()
 
     def start(self, timeout_s: float = OPEN_S) -> None:
         """Open all devices at once and run them.
@@ -154,13 +179,49 @@ class SlowDevices:
                 f"{device} did not complete the action {action} within {timeout_s:g} s"
             ) from None
 
+    def prove_watchdogs(self) -> tuple[Mapping[str, float], Sequence[str]]:
+        """Test each watchdog that a device declares.
+
+        Returns:
+            After how many seconds each device was safe; why one is not proven, a sentence each.
+        """
+        found: dict[str, float] = {}
+        reasons = []
+        for name in self._orders:
+            driver = self._drivers[name]
+            bound_s = driver.declaration.watchdog_s
+            if bound_s is None:
+                continue
+            limit_s = bound_s + PROOF_S
+            try:
+                found[name] = self._call(
+                    asyncio.wait_for(driver.prove_watchdog(), limit_s), limit_s + 1.0
+                )
+            except (TimeoutError, FutureTimeoutError):
+                reasons.append(f"{name}: its watchdog did not act within {limit_s:g} s")
+            except DEVICE_ERRORS as error:
+                reasons.append(f"{name}: its watchdog is not proven: {error}")
+        return found, reasons
+
+    def make_safe(self) -> Sequence[str]:
+        """Make every open device that takes setpoints safe; return the problems, a sentence each.
+
+        They take no setpoints after that. A device that is safe already is left alone.
+        """
+        if self._loop is None:
+            return ()
+        try:
+            return self._call(self._make_all_safe(), 2 * SAFE_S)
+        except FutureTimeoutError:
+            return [f"{', '.join(self._unsafe)} could not be made safe: a driver blocks the loop"]
+
     def stop(self) -> None:
         """Cancel and close all devices; failures are in :attr:`faults`. Idempotent."""
         loop, thread, self._thread = self._loop, self._thread, None
         if loop is None or thread is None:
             return
         try:
-            ended = self._call(self._close_all(), 3 * CLOSE_S)
+            ended = self._call(self._close_all(), 3 * CLOSE_S + 2 * SAFE_S)
         except FutureTimeoutError:
             self._faults.setdefault("", "a slow device blocks its loop and could not be closed")
             ended = False
@@ -210,6 +271,10 @@ class SlowDevices:
             raise type(failed[0])(message, hint=hints or None)
         for name, driver in self._drivers.items():
             self._running[name] = asyncio.create_task(self._run(name, driver), name=name)
+        for name, orders in self._orders.items():
+            self._unsafe[name] = "it was not asked yet"
+            obeying = self._obey(name, self._drivers[name], orders)
+            self._obeying[name] = asyncio.create_task(obeying, name=f"{name} obeys")
 
     async def _run(self, name: str, driver: SlowDriver) -> None:
         """Run one device; its failure is a fault of the run and does not affect other devices."""
@@ -227,19 +292,96 @@ class SlowDevices:
             reason = f"its driver fails: {type(error).__name__}: {error}"
         self._faults.setdefault(name, f"{name}: {reason}")
 
+    async def _obey(self, name: str, driver: SlowDriver, orders: DeviceOrders) -> None:
+        """Do what the cycle orders, at the pace of the device, until it orders to be safe."""
+        reason = ""
+        try:
+            while not reason:
+                found = orders.given()
+                if found is not None and found[1] is not Order.WAIT:
+                    break
+                await asyncio.sleep(ORDER_S)
+            written: list[float] | None = None
+            while True:
+                t_ns, order, setpoints = orders.given() or (0, Order.ARM, [])
+                if order is Order.SAFE:
+                    break
+                if t_ns and monotonic_ns() - t_ns > UNORDERED_S * 1e9:
+                    reason = f"the cycle gave it no setpoint for {UNORDERED_S:g} s"
+                    break
+                if t_ns and setpoints != written:
+                    await asyncio.wait_for(driver.write(setpoints), WRITE_S)
+                    if written is None:
+                        await asyncio.wait_for(driver.arm(), WRITE_S)
+                        orders.report(Done.ARMED)
+                    written = setpoints
+                await asyncio.sleep(ORDER_S)
+        except TimeoutError:
+            reason = f"it did not take its setpoints within {WRITE_S:g} s"
+        except DEVICE_ERRORS as error:
+            reason = error.one_line
+        except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
+            reason = f"its driver fails: {type(error).__name__}: {error}"
+        if reason:
+            self._faults.setdefault(name, f"{name}: {reason}")
+        await self._make_one_safe(name)
+
+    async def _make_all_safe(self) -> Sequence[str]:
+        """Make all safe at once, those first that obey; return why some are not."""
+        under_way = {
+            name
+            for name, task in self._obeying.items()
+            if name in self._making_safe and not task.done()
+        }
+        for name, task in self._obeying.items():
+            if name not in under_way:
+                task.cancel()
+        if self._obeying:
+            await asyncio.wait(self._obeying.values(), timeout=SAFE_S)
+        self._obeying.clear()
+        waiting = [name for name in self._unsafe if name not in under_way]
+        await asyncio.gather(*(self._make_one_safe(name) for name in waiting))
+        return [f"{name} could not be made safe: {why}" for name, why in self._unsafe.items()]
+
+    async def _make_one_safe(self, name: str) -> None:
+        if name not in self._unsafe:
+            return
+        self._making_safe.add(name)
+        try:
+            await asyncio.wait_for(self._drivers[name].make_safe(), SAFE_S)
+        except TimeoutError:
+            self._unsafe[name] = f"it did not answer within {SAFE_S:g} s"
+        except DEVICE_ERRORS as error:
+            self._unsafe[name] = error.one_line
+        except Exception as error:  # noqa: BLE001 - boundary: told, and the others go on
+            self._unsafe[name] = f"its driver fails: {type(error).__name__}: {error}"
+        else:
+            self._unsafe.pop(name, None)
+            self._orders[name].report(Done.SAFE)
+
     def _emitter(self, name: str) -> EmitRow:
         ring, slot = self._rings.get(name), self._slots[name]
+        orders, has_status = self._orders.get(name), self._drivers[name].declaration.has_status
+        unknown = [math.nan] * len(self._drivers[name].declaration.setpoints)
 
         def emit(row: Sequence[float]) -> None:
             t_ns = monotonic_ns()
             slot.write(t_ns, row)
-            if ring is not None:
-                ring.push(t_ns + self._offset_ns, row)
+            if ring is None:
+                return
+            if orders is not None:  # recorded between values and status, as those of fast devices
+                given = orders.given()
+                setpoints = unknown if given is None else given[2]
+                end = len(row) - has_status
+                row = (*row[:end], *setpoints, *row[end:])
+            ring.push(t_ns + self._offset_ns, row)
 
         return emit
 
     async def _close_all(self) -> bool:
-        """Cancel and close all at once; return whether all have ended."""
+        """Make safe, cancel and close all at once; return whether all have ended."""
+        for problem in await self._make_all_safe():
+            self._faults.setdefault(problem.partition(" ")[0], problem)
         ended = await asyncio.gather(*(self._close(*driver) for driver in self._drivers.items()))
         return all(ended)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,6 +12,7 @@ from rigd.engine.cycle import DEVICE_ERRORS
 from rigd.engine.shared import Job, RowRing, RunFolder
 from rigd.engine.slow.block_helper import BlockHelper
 from rigd.engine.slow.devices import SlowDevices
+from rigd.engine.slow.orders import ORDERS, DeviceOrders, Orders, acting_devices
 from rigd.engine.slow.stand_ins import TABLE, off_cycle_streams
 from rigd.engine.slow.table import LatestTable
 from rigd.engine.windows import Windows
@@ -79,6 +80,7 @@ class OffCycleDevices:
             slots={name: table.slot(name) for name in drivers},
             start_ns=job.start_ns,
             origin_ns=origin_ns,
+            orders=_orders(rig, folder),
         )
         self._has_slow = bool(drivers)
 
@@ -107,6 +109,19 @@ class OffCycleDevices:
         """The identity that each device reported, after the start."""
         return {helper.name: helper.identity for helper in self._helpers} | self._slow.identities
 
+    @property
+    def acting(self) -> Collection[str]:
+        """The names of the slow devices that take setpoints."""
+        return self._slow.acting
+
+    def prove_watchdogs(self) -> tuple[Mapping[str, float], Sequence[str]]:
+        """See :meth:`SlowDevices.prove_watchdogs`."""
+        return self._slow.prove_watchdogs() if self._slow.acting else ({}, ())
+
+    def make_safe(self) -> Sequence[str]:
+        """Make the slow devices that take setpoints safe; see :meth:`SlowDevices.make_safe`."""
+        return self._slow.make_safe() if self._slow.acting else ()
+
     def act(self, device: str, action: str) -> str:
         """Perform an action of a slow device; see :meth:`SlowDevices.act`.
 
@@ -128,6 +143,15 @@ class OffCycleDevices:
             helper.stop()
         if self._has_slow:
             self._slow.stop()
+
+
+def _orders(rig: RigConfig, folder: RunFolder) -> Mapping[str, DeviceOrders]:
+    acting = acting_devices(rig)
+    if not acting:
+        return {}
+    orders = Orders.create(folder.path / ORDERS, acting)
+    found = {device.name: orders.of(device.name) for device in acting}
+    return {name: item for name, item in found.items() if item is not None}
 
 
 class SlowRows:

@@ -11,6 +11,7 @@ from typing import Final
 
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.engine.clock import monotonic_ns
+from rigd.engine.slow.orders import ORDERS, DeviceOrders, Done, Order, Orders, acting_devices
 from rigd.engine.slow.table import LatestTable, Slot
 from rigd.engine.stand_in import StandIn
 from rigd.engine.windows import Windows
@@ -58,12 +59,49 @@ class LatestRowProxy(StandIn):
         return row
 
 
+class OrderingProxy(LatestRowProxy):
+    """Passes the setpoints of a slow device on, too: see :mod:`rigd.engine.slow.orders`.
+
+    The process that runs the device checks that it is safe: that takes longer than a cycle may.
+    """
+
+    def __init__(self, device: DeviceConfig, slot: Slot, orders: DeviceOrders) -> None:
+        super().__init__(device, slot)
+        self._orders = orders
+        self._order = Order.WAIT
+        self._setpoints = [device.limits[item.name].rest for item in device.setpoints]
+
+    def arm(self) -> None:
+        """Order the device to take setpoints and to be enabled."""
+        self._order = Order.ARM
+        self._give()
+
+    def ready(self) -> bool:
+        """Return whether the device has reported that it is enabled."""
+        return self._order is Order.WAIT or self._orders.reported is Done.ARMED
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Pass on the setpoints of this cycle; the device takes the newest at its own pace."""
+        self._setpoints[:] = setpoints
+        self._give()
+
+    def make_safe(self) -> None:
+        """Order the device to be safe; what the cycle writes after that is not taken."""
+        self._order = Order.SAFE
+        self._give()
+
+    def _give(self) -> None:
+        self._orders.give(monotonic_ns(), self._order, self._setpoints)
+
+
 class StandIns:
     """Provides the stand-ins and recording windows of the devices that run outside the cycle."""
 
     def __init__(self, rig: RigConfig, folder: Path) -> None:
         streams = off_cycle_streams(rig)
         self._table = LatestTable.attach(folder / TABLE, streams) if streams else None
+        acting = acting_devices(rig)
+        self._orders = Orders.attach(folder / ORDERS, acting) if acting else None
         self.windows: Mapping[str, Windows] = {}  #: when their rows are recorded, by stream
         if self._table is not None:
             self.windows = {stream.name: self._table.windows(stream.name) for stream in streams}
@@ -72,4 +110,8 @@ class StandIns:
         """Return the driver that replaces ``device`` in the cycle."""
         if self._table is None:
             raise TypeError(f"{device.name} is not an off-cycle device")
-        return LatestRowProxy(device, self._table.slot(device.name))
+        slot = self._table.slot(device.name)
+        orders = None if self._orders is None else self._orders.of(device.name)
+        if orders is None:
+            return LatestRowProxy(device, slot)
+        return OrderingProxy(device, slot, orders)

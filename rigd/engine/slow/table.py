@@ -88,7 +88,7 @@ class LatestTable:
         self._slots: dict[str, Slot] = {}
         start = 0
         for stream in streams:
-            size = _slot_bytes(stream)
+            size = slot_bytes(_width(stream))
             self._slots[stream.name] = Slot(file.payload[start : start + size], _width(stream))
             start += size
         self._windows: dict[str, memoryview] = {}
@@ -103,7 +103,7 @@ class LatestTable:
         Raises:
             RecordingError: it exists already, or there is no room for it.
         """
-        size = sum(_slot_bytes(stream) + Windows.BYTES for stream in streams)
+        size = sum(slot_bytes(_width(stream)) + Windows.BYTES for stream in streams)
         return cls(streams, SharedFile.create(path, _MAGIC, _identity(streams), size))
 
     @classmethod
@@ -136,8 +136,9 @@ def _width(stream: Stream) -> int:
     return len(stream.channels) + stream.has_status
 
 
-def _slot_bytes(stream: Stream) -> int:
-    words = _VALUES + _width(stream)
+def slot_bytes(width: int) -> int:
+    """Return the bytes of a slot with ``width`` values."""
+    words = _VALUES + width
     return 8 * _LINE_WORDS * -(-words // _LINE_WORDS)  # rounded up to whole lines
 
 

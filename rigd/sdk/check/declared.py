@@ -129,10 +129,15 @@ def _setpoints(subject: Subject) -> Iterator[str]:
             bounds = f"{setpoint.low:g} to {setpoint.high:g} {setpoint.unit}"
             yield f"setpoint {setpoint.name!r} has the range {bounds}"
     cls = subject.driver_class
-    if setpoints and not issubclass(cls, Driver):
-        yield "it has setpoints, and only a fast driver can take them"
+    if setpoints and issubclass(cls, BlockDriver):
+        yield "it has setpoints, and a block driver cannot take them"
     elif issubclass(cls, Driver) and setpoints and cls.write is Driver.write:
         yield "it has setpoints, and write() is not its own"
+    elif issubclass(cls, SlowDriver) and setpoints:
+        own = {"write": SlowDriver.write, "make_safe": SlowDriver.make_safe}
+        for name, method in own.items():
+            if getattr(cls, name) is method:
+                yield f"it has setpoints, and {name}() is not its own"
 
 
 def _status_bits(subject: Subject) -> Iterator[str]:
