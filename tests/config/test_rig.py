@@ -226,3 +226,16 @@ def test_constant_is_read_in_every_written_form(
 ) -> None:
     text = f"{rig_text.partition('constants:')[0]}constants:\n  radius: {written}\n"
     assert parse_rig(text, FILE).constants["radius"] == Constant(0.05, parse_unit("mm"), u, source)
+
+
+def test_only_slow_devices_may_hold_at_stop(rig_path: Path) -> None:
+    text = rig_path.read_text().replace(
+        "high: 1.6 A, rate: 2000 A/s}", "high: 1.6 A, rate: 2000 A/s, at_stop: hold}"
+    )
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    assert f"rig.yaml:{place_of(text, 'hold}')}" in str(caught.value)
+    assert "wheel_servo is no slow device: a stop must take current to rest" in str(caught.value)
+    oven = load_rig("oven-1").devices["oven"].limits["temperature"]
+    assert oven.holds
+    assert oven.rest == pytest.approx(293.15)

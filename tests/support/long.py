@@ -428,6 +428,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_signal_stops_run_safe_with_its_file_finished[SIGHUP-SIGHUP]",
             "test_signal_stops_run_safe_with_its_file_finished[SIGTERM-SIGTERM]",
         ),
+        "system/test_slow_setpoints.py": (
+            "test_oven_that_stays_on_is_named",
+            "test_stop_by_a_person_switches_it_off",
+        ),
         "system/test_unauthenticated.py": (),
     },
     "another case of what `make test` shows with one": {

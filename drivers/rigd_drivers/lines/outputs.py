@@ -8,7 +8,7 @@ from string import Formatter
 from typing import Annotated, Self
 
 from annotated_types import Ge, Le, MinLen
-from pydantic import ValidationInfo, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
 from rigd.sdk import Channel, DriverConfig, In
 from rigd_drivers.lines.config import (
@@ -35,6 +35,24 @@ class LineOutput(LineChannel):
         """Return the bytes that set ``value``, in SI."""
         number = (value - self.zero) / self.per_one.value
         return encoded(self.write).decode("latin-1").format_map({name: number}).encode("latin-1")
+
+
+def check_writes(outputs: Mapping[str, LineOutput]) -> None:
+    """Check that the line of each setpoint can be filled in with it.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    for name, item in outputs.items():
+        names = {found for _, found, _, _ in Formatter().parse(item.write) if found is not None}
+        if names != {name}:
+            raise ValueError(
+                f"'write' of {name} must have {{{name}}} in braces and nothing else: {item.write!r}"
+            )
+        try:
+            item.line(name, item.bound(item.low))
+        except (ValueError, KeyError, IndexError) as error:
+            raise ValueError(f"{item.write!r} cannot be filled in: {error}") from error
 
 
 class LineState(DriverConfig):
@@ -73,19 +91,9 @@ class LineOutputsConfig(LinesConfig):
     @field_validator("outputs")
     @classmethod
     def _writes_have_their_setpoint(
-        cls, outputs: Mapping[str, LineOutput], info: ValidationInfo
+        cls, outputs: Mapping[str, LineOutput]
     ) -> Mapping[str, LineOutput]:
-        for name, item in outputs.items():
-            names = {found for _, found, _, _ in Formatter().parse(item.write) if found is not None}
-            if names != {name}:
-                raise ValueError(
-                    f"'write' of {name} must have {{{name}}} in braces and nothing else: "
-                    f"{item.write!r}"
-                )
-            try:
-                item.line(name, item.bound(item.low))
-            except (ValueError, KeyError, IndexError) as error:
-                raise ValueError(f"{item.write!r} cannot be filled in: {error}") from error
+        check_writes(outputs)
         return outputs
 
     def setpoints(self) -> tuple[Channel, ...]:

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from rigd.sdk import In, SimulationConfig
 from rigd_sim.wire.folder import Folder
+from rigd_sim.wire.oven import SimOven
 from rigd_sim.wire.part import Part, State
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.serial_part import PORT_FAULTS, WIRE_FAULTS, SerialPart
@@ -156,6 +157,21 @@ class SupplyOptions(SimulationConfig):
     """Its baud rate."""
 
 
+class OvenOptions(SimulationConfig):
+    """One oven, which takes its temperature by SCPI, on a serial port and perhaps over TCP."""
+
+    port: Annotated[int, Ge(0), Le(65535)] | None = None
+    """TCP port of this machine; 0 for any free one, none for a serial port alone."""
+    highest: Annotated[float, Gt(0), Le(300)] = 200.0
+    """Highest setpoint that it takes, in degC."""
+    ambient: Annotated[float, Ge(0), Le(60)] = 21.0
+    """Temperature of the room, where it begins, in degC."""
+    time_constant: Annotated[float, In("s"), Gt(0), Le(10000)] = 60.0
+    """Of the heated mass."""
+    baud: int = 9600
+    """Its baud rate."""
+
+
 class WeighOptions(SimulationConfig):
     """One scale."""
 
@@ -172,16 +188,18 @@ class WeighOptions(SimulationConfig):
 class WireLinesConfig(WireConfig):
     """The devices that send lines; the port of each is its name in the folder."""
 
-    devices: dict[str, LineOptions]
+    devices: dict[str, LineOptions] = Field(default_factory=dict)
     """Devices by the name of their port."""
     supplies: dict[str, SupplyOptions] = Field(default_factory=dict)
     """Programmable supplies by the name of their port."""
+    ovens: dict[str, OvenOptions] = Field(default_factory=dict)
+    """Ovens by the name of their port."""
     scales: dict[str, WeighOptions] = Field(default_factory=dict)
     """Scales by the name of their port."""
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
-        names = [*self.devices, *self.supplies, *self.scales]
+        names = [*self.devices, *self.supplies, *self.ovens, *self.scales]
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(f"two devices have the port {min(twice)!r}; give each its own")
         return self
@@ -256,6 +274,14 @@ class WireLines(WireSimulation):
                 baud=item.baud, seed=self.config.seed,
             )
             for name, item in self.config.supplies.items()
+        ]  # fmt: skip
+        parts += [
+            SimOven(
+                name, folder.socket(name), port=item.port, highest=item.highest,
+                ambient=item.ambient, time_constant_s=item.time_constant, baud=item.baud,
+                seed=self.config.seed,
+            )
+            for name, item in self.config.ovens.items()
         ]  # fmt: skip
         parts += [
             SimScale(
