@@ -23,12 +23,14 @@ doc: For tests.
 trial:
   steps:
     - step: heat
-      set: {oven.temperature: 301.15 K}
-      until: oven.measured > 300.15 K for 0.5 s and oven.measured < 302.15 K for 0.5 s
+      set: {oven.temperature: 28 degC}
+      until: oven.measured > 27 degC for 0.5 s and oven.measured < 29 degC for 0.5 s
       timeout: 30 s
 """
 #: Never reached, so that a run goes on until something ends it.
-ENDLESS = WARM.replace("301.15", "363.15").replace("300.15", "375.15").replace("302.15", "377.15")
+ENDLESS = (
+    WARM.replace("28 degC", "90 degC").replace("27 degC", "102 degC").replace("29 degC", "104 degC")
+)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Self
 from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, field_validator, model_validator
 
+from rigd.model.units import parse_quantity
 from rigd.sdk import Channel, In
 from rigd.sdk.port import PortConfig
 from rigd_drivers.lines.config import ChannelName, Command, Commands, LineChannel
@@ -38,18 +39,24 @@ class ScpiSetpoint(LineOutput):
     within: str | None = None
     """How far that answer may be from the setpoint; by default 0.1 % of its range."""
 
-    @field_validator("within")
-    @classmethod
-    def _within_is_positive(cls, text: str | None) -> str | None:
-        if text is not None and text.strip().startswith("-"):
-            raise ValueError(f"within {text} is below 0")
-        return text
-
     def apart(self, asked: float, read: float) -> bool:
         """Return whether the setpoint that was read back is not the one that was sent, in SI."""
-        low, high = self.bound(self.low), self.bound(self.high)
-        within = (high - low) * _WITHIN_SHARE
-        return not abs(asked - read) <= (within if self.within is None else self.bound(self.within))
+        return not abs(asked - read) <= self.tolerance
+
+    @property
+    def tolerance(self) -> float:
+        """How far an answer to `read` may be from the setpoint, in SI.
+
+        Raises:
+            ValueError: `within` is no difference of values of the setpoint.
+
+        """
+        if self.within is None:
+            return (self.bound(self.high) - self.bound(self.low)) * _WITHIN_SHARE
+        found, kind = parse_quantity(self.within).as_difference(), self.per_one.unit.difference()
+        if not found.unit.same_kind(kind):
+            raise ValueError(f"'{self.within}' is in {found.unit}, expected {kind}")
+        return found.value
 
 
 def _named(value: object) -> object:
@@ -96,7 +103,7 @@ class ScpiConfig(PortConfig):
     ) -> Mapping[str, ScpiSetpoint]:
         check_writes(setpoints)
         for name, item in setpoints.items():
-            if item.within is not None and not item.bound(item.within) > 0:
+            if not item.tolerance > 0:
                 raise ValueError(f"within {item.within} of {name} must be above 0")
         return setpoints
 

@@ -271,6 +271,8 @@ def test_wrong_question_is_shown_with_its_answer(tmp_path: Path) -> None:
          "must be above 0"),
         ({"setpoints": {"temperature": {**OVEN["setpoints"]["temperature"], "within": "1 V"}}},
          "is in V, expected K"),
+        ({"setpoints": {"temperature": OVEN["setpoints"]["temperature"] | {"within": "1 degC"}}},
+         "a difference is expected"),
         ({"end": "\\q"}, "is no escape"),
         ({"channels": {}}, "at least 1"),
     ],
