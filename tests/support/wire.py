@@ -101,11 +101,8 @@ ANGLE = Shipped(
     ("127.0.0.1:31764",),
 )  # fmt: skip
 LINES = Shipped("wire_lines.yaml", "lines-1", "/tmp/rigd-wire-lines", "", ())
-<<<<<<< HEAD
 NI = Shipped("ni_lugre.yaml", "ni-lugre", "/tmp/rigd-ni-lugre", "lugre.yaml", ("127.0.0.1:31765",))
-=======
 OVEN = Shipped("wire_oven.yaml", "oven-1", "/tmp/rigd-wire-oven", "", ())
->>>>>>> 2e7d8c7c (drivers: ask and set instruments with SCPI by data)
 ROBOT = Shipped(
     "wire_articulated.yaml", "articulated-wire-1", "/tmp/rigd-wire-robot", "articulated.yaml",
     ("port: 31770",),
