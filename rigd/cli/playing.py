@@ -18,7 +18,7 @@ from rigd.daemon.execute import RecordedRun, RunRequest, execute
 from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.result import Progress, TimeLeft
-from rigd.model.errors import Exit, ProcedureError
+from rigd.model.errors import Exit, ProcedureError, RigdError
 from rigd.procedure.program import Answer, CompiledProcedure, Prompt
 
 if TYPE_CHECKING:
@@ -39,12 +39,18 @@ def play(
     them. ``junit`` is the path of the JUnit XML result.
     """
     recorded = record(request, quiet=quiet or as_json, by_person=by_person)
-    measured = _measured(request.procedure, recorded)
+    verdict = Exit.OK
+    try:
+        measured = _measured(request.procedure, recorded)
+    except RigdError as error:  # how the run ended is shown all the same
+        measured, verdict = None, error.exit_code
+        print(f"rigd: the measures cannot be read: {error}", file=sys.stderr)
     if junit is not None:
         write_junit(junit, suite_of(request.procedure, request.rig.name, recorded, measured))
     conclusion = conclusion_of(request.procedure, recorded)
-    if measured is not None and not conclusion.exit_code and not measured.is_right:
-        conclusion = replace(conclusion, exit_code=int(Exit.REJECTED))
+    if measured is not None and not measured.is_right:
+        verdict = Exit.REJECTED
+    conclusion = replace(conclusion, exit_code=conclusion.exit_code or int(verdict))
     if as_json:
         conclusion.print_json({} if measured is None else {"measures": _json(measured)})
     else:

@@ -50,13 +50,16 @@ def read_measures(
     scope: Scope,
     finder: ChannelFinder,
     reachable: Callable[[KeyPath, Condition], None] = lambda path, condition: None,
+    names: Collection[str] | None = None,
 ) -> tuple[Measure, ...]:
     """Return the measures of a trial with ``scope``; problems are noted.
 
-    ``steps`` are the names of the steps of a trial.
+    ``steps`` are the names of the steps of a trial. With ``names``, only these measures.
     """
     found = []
     for name, item in source.measure.items():
+        if names is not None and name not in names:
+            continue
         measure = _Reading(reader, name, item, steps, scope, finder, reachable).measure(
             source.accept.get(name)
         )
@@ -96,11 +99,16 @@ def check_measures(
 
     before = len(reader.problems.found)
     first: tuple[Measure, ...] = ()
-    for scope in scopes:
-        found = read_measures(reader, source, steps, scope, finder, reachable)
-        first = first or found
+    for scope in scopes[:1]:
+        first = read_measures(reader, source, steps, scope, finder, reachable)
+    following = [
+        name for name, item in source.measure.items()
+        if "${" in f"{item} {source.accept.get(name)}"
+    ]  # fmt: skip
+    for scope in scopes[1:] if following else ():
         if len(reader.problems.found) > before:
             break  # the other trials have the same problems
+        read_measures(reader, source, steps, scope, finder, reachable, following)
     for measure in first:
         path = ("measure", measure.name)
         for channel in sorted(measured_channels([measure])):

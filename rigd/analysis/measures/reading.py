@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
 from rigd.procedure.condition_text import describe_until
 from rigd.procedure.program import Condition, Measure, Window
-from rigd.record import Recording, TrialInfo
+from rigd.record import Event, Recording, TrialInfo
 from rigd.record.trials import Step, held
 
 
@@ -28,13 +28,30 @@ class Unread(Exception):
 Rows = Sequence[Sequence[Condition]]
 
 
+@dataclass(frozen=True)
+class Played:
+    """The steps of a recording that may be measured, by trial, and the events of pauses."""
+
+    steps: Mapping[int, Sequence[Step]]
+    pauses: Sequence[Event]
+
+    @classmethod
+    def of(cls, recording: Recording, names: Collection[str]) -> Self:
+        """Return those of ``recording`` with these ``names``."""
+        steps: dict[int, list[Step]] = {}
+        for step in recording.steps:
+            if step.name in names:
+                steps.setdefault(step.trial, []).append(step)
+        return cls(steps, [event for event in recording.all_events if event.kind == "hold"])
+
+
 @dataclass
 class TrialReader:
-    """Reads one trial of a recording; ``steps`` are the names of the steps that may be measured."""
+    """Reads one trial of a recording."""
 
     recording: Recording
     trial: TrialInfo
-    steps: Sequence[str]
+    played: Played
     _rows: dict[tuple[str, int, int], NDArray[Any]] = field(default_factory=dict)
 
     def reading(self, measure: Measure) -> TrialReading:
@@ -44,7 +61,7 @@ class TrialReader:
             if not self.trial.complete:
                 why = self.trial.lost or self.trial.reason or "it has no end"
                 raise Unread(f"the trial is not complete: {why}")
-            if paused := held(self.recording.all_events, self.trial):
+            if paused := held(self.played.pauses, self.trial):
                 raise Unread(f"the trial was {paused}")
             span = self._span(measure.window)
             if measure.kind == "mean":
@@ -95,10 +112,8 @@ class TrialReader:
         end_ns = self.trial.end_ns or self.recording.end_ns
         return [
             step
-            for step in self.recording.steps
-            if step.trial == self.trial.number
-            and self.trial.start_ns <= step.start_ns < end_ns
-            and step.name in self.steps
+            for step in self.played.steps.get(self.trial.number, ())
+            if self.trial.start_ns <= step.start_ns < end_ns
         ]
 
     def _samples(self, name: str, span: tuple[int, int]) -> Samples:

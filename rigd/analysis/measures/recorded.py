@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.analysis.corrections import scope_of
-from rigd.analysis.measures.reading import TrialReader
+from rigd.analysis.measures.reading import Played, TrialReader
 from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems
@@ -42,22 +42,23 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     for recording in recordings:
         own = procedure or recorded_procedure(recording)
         first = first or own
+        if not own.source.measure:
+            raise DataError(
+                f"the procedure of {recording.path} measures nothing",
+                hint="give one with a 'measure' block: --plan PROCEDURE",
+            )
         if (own.source.measure, own.source.accept) != (first.source.measure, first.source.accept):
             raise DataError(
                 f"{recording.path} measures otherwise than {recordings[0].path}",
                 hint="measure them one by one, or give --procedure for all",
             )
+        played = Played.of(recording, _steps(own))
         for trial, measures in _trials(recording, own):
-            reader = TrialReader(recording, trial, _steps(own))
+            reader = TrialReader(recording, trial, played)
             key = tuple((name, trial.text(name)) for name in trial.parameters)
             for measure in measures:
                 found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
-    if first is None or not first.source.measure:
-        raise DataError(
-            f"the procedure of {', '.join(str(item.path) for item in recordings)} measures nothing",
-            hint="give one with a 'measure' block: --plan PROCEDURE",
-        )
-    if not found:
+    if first is None or not found:
         raise DataError("no trial began in these recordings: there is nothing to measure")
     order = list(first.source.measure)
     varied = _varied([dict(key) for _, key in found])
@@ -151,18 +152,18 @@ def _trials(
     for _, trial in sorted(last.items()):
         scope = {**shared, **scope_of(trial, without=own)}
         for parameter, item in source.parameters.items():
-            if parameter not in scope and item.default is not None:
-                value = reader.value(("parameters", parameter, "default"), item.default, shared)
-                scope |= {} if value is None or item.choices else {parameter: value}
+            if parameter in scope or item.default is None:
+                continue
+            path = ("parameters", parameter, "default")
+            read = reader.word if item.choices else reader.value
+            value = read(path, item.default, scope)
+            scope |= {} if value is None else {parameter: value}
         scope |= read_tables(reader, source, scope)
         measures = read_measures(reader, source, _steps(procedure), scope, finder)
         problems.raise_any()
-        found.append((_judged_by(recording, trial, measures), measures))
-    return found
-
-
-def _judged_by(recording: Recording, trial: TrialInfo, measures: Sequence[Measure]) -> TrialInfo:
-    """Return ``trial`` with the losses in the streams that its measures need, and no others."""
-    streams = {name.partition(".")[0] for name in measured_channels(measures)}
-    attempts = [item.info for item in recording.trials_for(streams)]
-    return next(item for item in attempts if item.start_ns == trial.start_ns)
+        found.append((trial, measures))
+    # Only what is lost of the streams that are measured counts.
+    streams = {name.partition(".")[0] for _, measures in found
+               for name in measured_channels(measures)}  # fmt: skip
+    judged = {item.info.start_ns: item.info for item in recording.trials_for(streams)}
+    return [(judged[trial.start_ns], measures) for trial, measures in found]

@@ -38,6 +38,7 @@ doc: For tests.
 parameters:
   force: {{doc: Force, unit: N, default: 2 N}}
   span: {{doc: Span, unit: mm, default: 20 mm}}
+  floor: {{doc: Floor, choices: [stone, pvc], default: stone}}
 sweep: {{grid: {{force: [1 N, 2 N]}}}}
 trial:
   steps:
@@ -251,7 +252,7 @@ def test_another_procedure_measures_old_recording(tmp_path: Path) -> None:
 def test_channel_not_recorded_is_named_with_place(tmp_path: Path) -> None:
     recording = record(tmp_path / "a.mcap", "  it: {mean: axis.force}")
     other = PROCEDURE.format(measure="  top: {max: axis.positon}")
-    with pytest.raises(ConfigError, match=r"new.yaml:18:14: .*no channel 'axis.positon'"):
+    with pytest.raises(ConfigError, match=r"new.yaml:19:14: .*no channel 'axis.positon'"):
         measured([recording], parse_procedure(other, Path("new.yaml")))
 
 
