@@ -88,7 +88,7 @@ UNCHECKED = {
     "drivers.md": 3,
     "analyses.md": 0,
     "friction_laws.md": 1,
-    "new_rig.md": 0,
+    "new_rig.md": 1,
     "mechanism.md": 0,
     "plants.md": 3,
     "models.md": 1,

@@ -96,6 +96,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_the_shipped_calibration_is_what_its_procedures_give",
             "test_the_shipped_scale_is_what_its_procedure_gives",
         ),
+        "sim/wire/test_mechanism.py": ("test_real_drivers_turn_the_described_disk",),
         "system/test_card_wire.py": ("test_run_completes_over_the_served_card",),
         "system/test_faults.py": (
             "test_a_procedure_shows_a_fault_itself",

@@ -9,8 +9,9 @@ import tempfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from rigd.cli.new_rig.at_wire import WIRE_FILE, at_wire
 from rigd.cli.new_rig.description import (
     PLANT_FILE,
     REAL_FILE,
@@ -21,6 +22,7 @@ from rigd.cli.new_rig.description import (
 )
 from rigd.cli.new_rig.yaml_text import yaml_text
 from rigd.config.document import Document, parse_document
+from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_quantity
@@ -31,6 +33,7 @@ FIRST: Final = "procedures/first.yaml"
 _HEADS: Final = {
     PLANT_FILE: "# The mechanism that simulates {name}: docs/mechanism.md.\n",
     REAL_FILE: "# The real rig {name}. Compare every number with its machine first.\n",
+    WIRE_FILE: "# {name} with simulated devices at the wire: `rigd sim wire.yaml` serves them.\n",
     SIM_FILE: "# {name} simulated: sibling of real.yaml, with its names, limits, interlocks.\n",
 }
 
@@ -67,6 +70,11 @@ def _write(name: str, document: Document, folder: Path) -> None:
     _put(folder, DESCRIPTION, document.text)
     _put(folder, REAL_FILE, _headed(REAL_FILE, name, twins.real))
     _put(folder, SIM_FILE, _headed(SIM_FILE, name, twins.sim))
+    devices: Any = document.get(("devices",))
+    wire = at_wire(name, twins.real, devices)
+    if wire:
+        _put(folder, WIRE_FILE, _headed(WIRE_FILE, name, wire))
+        load_rig(folder / WIRE_FILE)
     words = {
         "name": name,
         "title": twins.real["title"],
@@ -140,7 +148,6 @@ def _check_first(folder: Path, document: Document) -> None:
     Raises:
         ConfigError: it does not fit, because of what the description states under ``first``.
     """
-    from rigd.config.loader import load_rig
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 

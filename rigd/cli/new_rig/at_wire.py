@@ -1,0 +1,91 @@
+"""Makes the rig at the wire: the real rig file, with its devices served by `rigd sim`.
+
+For drivers behind which simulated devices stand: `cia402-rotary` on CAN and `ni-daq`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from rigd.cli.new_rig.description import PLANT_FILE
+
+WIRE_FILE: Final = "wire.yaml"
+DRIVE: Final = "cia402-rotary"
+CARD: Final = "ni-daq"
+#: Address of the first simulated card; each further one has the next port.
+_PORT: Final = 31790
+
+
+def at_wire(name: str, real: Mapping[str, Any], described: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the rig file; an empty one if a driver has no simulated device.
+
+    ``real`` is the real rig, ``described`` the devices of the description.
+    """
+    drivers = {item["driver"] for item in described.values()}
+    links = real.get("links", {})
+    if not drivers <= {DRIVE, CARD} or any(item["type"] != "can" for item in links.values()):
+        return {}
+    folder = f"/tmp/rigd-{name}"  # a place for sockets, whose names must be short
+    devices = {key: dict(item) for key, item in real["devices"].items()}
+    drives: dict[str, Any] = {}
+    cards: dict[str, Any] = {}
+    for device, item in described.items():
+        options = item.get("options") or {}
+        if item["driver"] == DRIVE:
+            drives[device] = _drive(item, options)
+            continue
+        address = f"127.0.0.1:{_PORT + len(cards)}"
+        cards[device] = _card(item, options, address)
+        devices[device]["options"] = {**options, "server": address}
+    buses = {
+        key: {**item, "options": {**item["options"], "interface": "hub",
+                                  "channel": f"{folder}/{key}"}}
+        for key, item in links.items()
+    }  # fmt: skip
+    simulation = {
+        "model": "wire-mechanism",
+        "folder": folder,
+        "plant": {"parameters": PLANT_FILE},
+        "buses": {key: {} for key in buses},
+        "drives": drives,
+        "cards": cards,
+    }
+    rest = ("rig", "title", "links", "devices", "interlocks")
+    return {
+        "rig": f"{name}-wire",
+        "title": f"{real['title']}, devices at the wire",
+        **{key: real[key] for key in ("cycle", "sibling")},
+        # For a machine that others use as well.
+        "supervision": {"cycle_silence": "250 ms", "daemon_silence": "1 s"},
+        "simulation": simulation,
+        **({"links": buses} if buses else {}),
+        "devices": devices,
+        **{key: value for key, value in real.items() if key not in (*rest, "cycle", "sibling")},
+        "interlocks": [{**item, "stale_after": "250 ms"} for item in real["interlocks"]],
+    }
+
+
+def _drive(item: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    (drive,) = item["setpoints"].values()
+    same = {key: options[key] for key in ("gear_ratio", "rated_torque") if key in options}
+    return {
+        "bus": item["link"],
+        "node": options["node"],
+        "drive": drive,
+        "counts_per_turn": options["counts_per_revolution"],
+        **same,
+    }
+
+
+def _card(item: Mapping[str, Any], options: Mapping[str, Any], address: str) -> dict[str, Any]:
+    channels = item.get("channels", {})
+    inputs = {}
+    for entry in options["inputs"]:
+        channel = channels.get(entry["name"])
+        sensor = channel.get("sensor") if isinstance(channel, Mapping) else channel
+        if sensor is not None:
+            zero = {"zero": entry["zero"]} if "zero" in entry else {}
+            scale = entry.get("scale", "1 V/V")
+            inputs[entry["channel"]] = {"sensor": sensor, "scale": scale, **zero}
+    return {"address": address, "device": options.get("device", "Dev1"), "inputs": inputs}

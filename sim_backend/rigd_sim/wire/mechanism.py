@@ -1,0 +1,225 @@
+"""Serves a mechanism that a file describes over real protocols: drives on CAN, NI cards."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, ClassVar, Final, Self
+
+from annotated_types import Ge, Gt, Le
+from pydantic import Field, model_validator
+
+from rigd.model.errors import ConfigError
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.sdk import In, SimulationConfig, WrongEntries
+from rigd_sim.plants.mechanism.network import Element, Kind
+from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant, truth_of
+from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
+from rigd_sim.wire.folder import Folder
+from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.lugre import BusOptions, ServoOptions
+from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.ni_card import INPUTS
+from rigd_sim.wire.part import Part, State
+from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation, World
+
+#: How much more current than its nominal one a drive gives.
+OVERLOAD: Final = 3.0
+
+
+class ShaftOptions(ServoOptions):
+    """A drive of CiA 402 in velocity mode that turns a shaft of the mechanism."""
+
+    drive: str
+    """Name of the drive in the file of the mechanism; of mode speed, on a shaft."""
+    gear_ratio: Annotated[float, In("1"), Gt(0), Le(1e4)] = 1.0
+    """Turns of the motor per turn of the shaft."""
+    counts_per_turn: Annotated[float, In("count/rad"), Gt(0), Le(1e8)] = 4096 / (2 * math.pi)
+    """Counts of the motor's encoder per turn, such as `4096 count/rev`."""
+    rated_torque: Annotated[float, In("N m"), Gt(0), Le(1e4)] | None = None
+    """Rated torque on the plate of the motor; by default a third of the largest."""
+    torque_constant: Annotated[float, In("N m/A"), Gt(0), Le(10)] = 0.05
+    """Torque of the motor per ampere."""
+
+
+class InputOptions(SimulationConfig):
+    """What is at an analogue input."""
+
+    sensor: str
+    """Name of the sensor in the file of the mechanism."""
+    scale: str
+    """The quantity for each volt, such as `5 N/V`."""
+    zero: Annotated[float, In("V"), Ge(-100), Le(100)] = 0.0
+    """Volts that mean 0."""
+
+
+class CardOptions(SimulationConfig):
+    """An NI card of eight analogue inputs, on a device server of its own."""
+
+    address: str = "127.0.0.1:31763"
+    """Where it is served, as host:port."""
+    device: str = "Dev1"
+    """Its name in NI MAX."""
+    inputs: dict[str, InputOptions]
+    """What is at its inputs, ai0 to ai7."""
+
+
+class WireMechanismConfig(WirePlantConfig):
+    """The addresses of the simulated devices, their plant, and the options of each device."""
+
+    plant: MechanismConfig = Field(default_factory=MechanismConfig)
+    """The physics."""
+    buses: dict[str, BusOptions] = Field(default_factory=dict)
+    """CAN buses by name; each is a socket of that name in the folder."""
+    drives: dict[str, ShaftOptions] = Field(default_factory=dict)
+    """Drives on these buses, by the name of their part."""
+    cards: dict[str, CardOptions] = Field(default_factory=dict)
+    """NI cards, by the name of their part."""
+
+    @model_validator(mode="after")
+    def _the_mechanism_has_them(self) -> Self:
+        problems: list[tuple[tuple[str | int, ...], str]] = []
+        mechanism = self.plant.mechanism()
+        drives = {item.name: item for item in mechanism.drives}
+        sensors = {item.name: item for item in mechanism.instruments}
+        for name, item in self.drives.items():
+            drive = drives.get(item.drive)
+            if item.bus not in self.buses:
+                words = f"no bus {item.bus!r}; there are {', '.join(self.buses) or 'none'}"
+                problems.append((("drives", name, "bus"), words))
+            if drive is None or drive.kind != Kind.SPEED or drive.strain_unit != "rad":
+                words = f"the mechanism has no drive {item.drive!r} of mode speed on a shaft"
+                problems.append((("drives", name, "drive"), words))
+        for name, card in self.cards.items():
+            for key, entry in card.inputs.items():
+                where = ("cards", name, "inputs", key)
+                sensor = sensors.get(entry.sensor)
+                if key not in INPUTS:
+                    problems.append((where, f"no input {key!r}; there are {', '.join(INPUTS)}"))
+                elif sensor is None:
+                    words = f"the mechanism has no sensor {entry.sensor!r}"
+                    problems.append(((*where, "sensor"), words))
+                elif not _fits(entry.scale, sensor.unit):
+                    words = f"expected a quantity in {sensor.unit}/V, such as '1 {sensor.unit}/V'"
+                    problems.append(((*where, "scale"), words))
+        if problems:
+            raise WrongEntries(problems)
+        return self
+
+
+def _fits(scale: str, unit: str) -> bool:
+    try:
+        given = parse_quantity(scale)
+    except ValueError:
+        return False
+    return given.value != 0.0 and given.unit.same_kind(parse_unit(f"{unit}/V"))
+
+
+class MechanismWorld:
+    """The mechanism that all devices share, in real time; for one thread."""
+
+    def __init__(self, plant: MechanismPlant) -> None:
+        self.plant = plant
+        self.now()
+
+    def at(self, t_ns: int) -> None:
+        """Bring the plant to ``t_ns``, unless a device has looked later."""
+        if not self.plant.begun or t_ns > self.plant.now_ns:
+            self.plant.advance(t_ns)
+
+    def now(self) -> None:
+        """Bring the plant to this moment."""
+        self.at(time.monotonic_ns())
+
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change the bench at this moment; see :meth:`rigd.sdk.Plant.change`."""
+        self.now()
+        self.plant.change(quantity, value)
+
+    def state(self) -> State:
+        """Return the hidden state."""
+        self.now()
+        names = (name for name, _, _ in truth_of(self.plant.mechanism))
+        return dict(zip(names, self.plant.truth(), strict=True))
+
+
+class WireMechanism(WirePlantSimulation):
+    """Serves the devices of a mechanism, and a control socket beside them."""
+
+    Config: ClassVar[type[SimulationConfig]] = WireMechanismConfig
+    title: ClassVar[str] = "a mechanism at the wire: CAN drives and NI cards"
+    config: WireMechanismConfig
+
+    def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
+        """Return the plant in real time and every device; see :class:`WireSimulation`."""
+        config = self.config
+        plant = MechanismPlant(config.plant, period_ns=PLANT_PERIOD_NS, seed=config.seed)
+        world = MechanismWorld(plant)
+        hubs = {
+            name: CanHub(name, folder.socket(name), bitrate=bus.bitrate, seed=config.seed + number)
+            for number, (name, bus) in enumerate(config.buses.items())
+        }
+        drives = [_drive(name, item, world, hubs) for name, item in config.drives.items()]
+        cards = [
+            SimNi(
+                name,
+                {key: _volts(entry, world) for key, entry in card.inputs.items()},
+                address=card.address,
+                device=card.device,
+                seed=config.seed,
+            )
+            for name, card in config.cards.items()
+        ]
+        return world, [*hubs.values(), *drives, *cards]
+
+
+def _volts(entry: InputOptions, world: MechanismWorld) -> Callable[[], float]:
+    place = world.plant.mechanism.instrument(entry.sensor)
+    scale = parse_quantity(entry.scale).value
+
+    def volts() -> float:
+        world.now()
+        return world.plant.readings[place] / scale + entry.zero
+
+    return volts
+
+
+def _drive(
+    name: str, options: ShaftOptions, world: MechanismWorld, hubs: Mapping[str, CanHub]
+) -> Cia402Drive:
+    """Return a drive on a shaft; in its safe state the shaft has no torque and is not braked.
+
+    Raises:
+        ConfigError: its motor would need more current than a drive can state.
+    """
+    plant, ratio = world.plant, options.gear_ratio
+    element: Element = plant.mechanism.element(options.drive)
+    place = [item.name for item in plant.mechanism.drives].index(options.drive)
+    index = plant.mechanism.index[options.drive]
+    (end,) = element.ends
+    speeds = len(plant.mechanism.masses) + 1
+
+    def sense(t_ns: int) -> Sensed:
+        world.at(t_ns)
+        state = plant.memory.state
+        angle = element.offset + end.lever * float(state[end.dof])
+        speed = end.lever * float(state[speeds + end.dof])
+        torque = -float(plant.memory.terms["f"][index])
+        return Sensed(round(angle * ratio * options.counts_per_turn), speed * ratio, torque / ratio)
+
+    def command(t_ns: int, demand: Demand) -> None:
+        world.at(t_ns)
+        plant.command(place, demand.value / ratio, enabled=demand.powered)
+
+    most = element.numbers["limit"] / ratio / options.torque_constant
+    rated = options.rated_torque
+    nominal = most / OVERLOAD if rated is None else rated / options.torque_constant
+    counts = round(options.counts_per_turn * 2 * math.pi)
+    if not 1e-3 <= nominal <= 4e6:
+        raise ConfigError(f"drives.{name}: {nominal:g} A of its motor: check 'torque_constant'")
+    ratings = Ratings(Mode.CSV, nominal, most, options.torque_constant, counts)
+    return Cia402Drive(
+        name, hubs[options.bus], options.node, Motor(sense, command), ratings,
+        serial=options.serial, rpdo_timer=options.rpdo_timer, traits=options.profile,
+    )  # fmt: skip
