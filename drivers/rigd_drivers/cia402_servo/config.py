@@ -6,7 +6,7 @@ from typing import Annotated, TypeVar
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import In
+from rigd.sdk import Declaration, In
 from rigd_drivers.can_sheet import NodeConfig
 from rigd_drivers.cia402_servo.homing import Method
 from rigd_drivers.cia402_servo.profile import DrivePdos, DriveProfile
@@ -41,7 +41,8 @@ class ServoConfig(NodeConfig):
     CiA 402-2 has it in the cyclic modes; false for drives that leave it 0. None: as `profile` has
     it, else true."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
-    """The drive switches itself off after so long without a heartbeat of rigd."""
+    """The drive switches itself off after so long without a heartbeat of rigd. A drive that is silent
+    for longer, and for more than 100 ms, has failed."""
 
     @property
     def pdos(self) -> DrivePdos:
@@ -71,6 +72,11 @@ class ServoConfig(NodeConfig):
     def watchdog_s(self) -> float:
         """Until it is off: half as long again, for its own tick, and 50 ms for the news."""
         return 1.5 * self.watchdog + 0.05
+
+    @property
+    def silent_s(self) -> float:
+        """Time without a row after which the drive has failed, in s: not before its watchdog acts."""
+        return max(Declaration.silent_s, self.watchdog)
 
 
 ServoConfigT = TypeVar("ServoConfigT", bound=ServoConfig)

@@ -99,6 +99,7 @@ class CurrentServo(Servo[CurrentServoConfig]):
             ),
             row=CurrentRow,
             setpoints=(Channel("current", "A", "motor current", -limit, limit),),
+            silent_s=config.silent_s,
             watchdog_s=config.watchdog_s,
             actions=config.actions,
         )

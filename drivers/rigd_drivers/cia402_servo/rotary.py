@@ -75,6 +75,7 @@ class RotaryServo(VelocityServo[RotaryServoConfig]):
             ),
             row=ShaftRow if config.torque else TurningRow,
             setpoints=(speed,),
+            silent_s=config.silent_s,
             watchdog_s=config.watchdog_s,
             actions=config.actions,
         )

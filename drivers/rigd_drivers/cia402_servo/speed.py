@@ -93,6 +93,7 @@ class SpeedServo(VelocityServo[SpeedServoConfig]):
             ),
             row=AxisRow if config.force else MotionRow,
             setpoints=(speed, clutch) if config.clutch else (speed,),
+            silent_s=config.silent_s,
             watchdog_s=config.watchdog_s,
             actions=config.actions,
         )

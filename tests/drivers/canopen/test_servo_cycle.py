@@ -67,6 +67,14 @@ def test_row_contains_the_received_values(
     assert driver.read(0) == pytest.approx(row)
 
 
+@pytest.mark.parametrize(("watchdog_s", "silent_s"), [(0.02, 0.1), (0.1, 0.1), (0.3, 0.3)])
+def test_silent_drive_fails_not_before_its_watchdog(
+    connect: Connect, watchdog_s: float, silent_s: float
+) -> None:
+    bus, _ = connect(servo())
+    assert wheel(bus, watchdog=f"{watchdog_s} s").declaration.silent_s == silent_s
+
+
 def test_cycle_without_data_gives_no_row(connect: Connect) -> None:
     driver, _ = enabled(connect)
     driver.link.begin(0)
