@@ -137,6 +137,7 @@ class PlayedRig:
         self._waiting: list[PromptView] = []
         self._began = 0.0
         self._emitting = threading.Lock()
+        self._showing = threading.Lock()
         self._handlers = self._table()
 
     # What tests see of it, and do to it.
@@ -185,7 +186,7 @@ class PlayedRig:
     @property
     def prompt(self) -> PromptView | None:
         """The question that waits for an answer."""
-        return self._waiting[0] if self._waiting else None
+        return next(iter(self._waiting), None)  # another thread may answer meanwhile
 
     @prompt.setter
     def prompt(self, prompt: PromptView | None) -> None:
@@ -208,7 +209,8 @@ class PlayedRig:
     def show(self) -> None:
         """Publish the status now, rather than with the next heartbeat."""
         if self.publisher is not None:
-            self.publisher.status(self.status())
+            with self._showing:
+                self.publisher.status(self.status())
 
     def become(self, state: State) -> None:
         """Go to a state, and show it."""
