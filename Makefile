@@ -10,7 +10,7 @@ SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo test test-long quick test-days fmt check check-page bench clean
+.PHONY: setup demo test test-long quick test-days fmt check check-page docs bench clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
@@ -70,9 +70,13 @@ node_modules/.ready: package.json
 	npm install --no-package-lock --no-audit --no-fund --ignore-scripts --silent
 	touch $@
 
+docs: setup ## the documentation as a site, with search: build/site/index.html
+	$(BIN)/sphinx-build -q -W --keep-going docs build/site
+	@echo "open build/site/index.html"
+
 bench: setup ## every figure, as ratios from interleaved runs
 	scripts/need cc cyclictest node npm chromium
 	$(BIN)/python benchmarks/all.py
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache .pytest_cache .hypothesis node_modules
+	rm -rf $(VENV) build docs/reference .mypy_cache .ruff_cache .import_linter_cache .pytest_cache .hypothesis node_modules

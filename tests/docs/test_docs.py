@@ -10,7 +10,8 @@ The info string of a fenced block decides what becomes of it:
   which is then checked;
 - ``text output``: what the ``sh`` block before it printed;
 - ``yaml fragment source=PATH``: the file at PATH of the checkout, word for word;
-- ``yaml fragment`` and ``text``: for people; counted, so that none is left unchecked by accident.
+- ``yaml fragment`` and ``text``: for people; counted, so that none is left unchecked by accident;
+- ``{toctree}``: for the site (``make docs``), whose build checks it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from rigd.sdk.shipped import shipped_folder
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DOCUMENTS = (
+    "index.md",
     "procedures.md",
     "rigs.md",
     "derived.md",
@@ -73,6 +75,7 @@ DOCUMENTS = (
 SERVED = frozenset({"remote.md"})
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
+    "index.md": 0,
     "procedures.md": 1,
     "rigs.md": 0,
     "derived.md": 0,
@@ -272,6 +275,8 @@ def check_blocks(name: str, folder: Path) -> None:
                 assert (DOCS.parent / block.options["source"]).read_text("utf-8") == block.body
             case "yaml fragment" | "text":
                 unchecked += 1
+            case "{toctree}":
+                pass
             case other:
                 pytest.fail(f"{where}: nothing is done with a block of {other!r}")
     assert unchecked == UNCHECKED[name]
