@@ -6,9 +6,9 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
-import reference_pages
+import reference_pages  # noqa: E402 - beside this file
 
-import rigd
+import rigd  # noqa: E402
 
 reference_pages.write(DOCS / "reference", DOCS.parent / "schemas")
 

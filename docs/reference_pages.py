@@ -1,7 +1,7 @@
 """Writes the pages of the reference that come from the code: commands, files, plug-ins, Python.
 
-`docs/conf.py` calls :func:`write` before each build, so that no page can be older than the code. The
-pages go to `docs/reference/`, which git ignores.
+`docs/conf.py` calls :func:`write` before each build, so that no page can be older than the code.
+The pages go to `docs/reference/`, which git ignores.
 """
 
 from __future__ import annotations

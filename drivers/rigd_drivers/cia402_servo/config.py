@@ -41,8 +41,8 @@ class ServoConfig(NodeConfig):
     CiA 402-2 has it in the cyclic modes; false for drives that leave it 0. None: as `profile` has
     it, else true."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
-    """The drive switches itself off after so long without a heartbeat of rigd. A drive that is silent
-    for longer, and for more than 100 ms, has failed."""
+    """The drive switches itself off after so long without a heartbeat of rigd. It has failed if
+    it is itself silent for longer, and for more than 100 ms."""
 
     @property
     def pdos(self) -> DrivePdos:
@@ -75,7 +75,7 @@ class ServoConfig(NodeConfig):
 
     @property
     def silent_s(self) -> float:
-        """Time without a row after which the drive has failed, in s: not before its watchdog acts."""
+        """Time without a row after which the drive has failed, in s: its watchdog acts before."""
         return max(Declaration.silent_s, self.watchdog)
 
 
