@@ -82,10 +82,13 @@ def record(
     rows: NDArray[np.void] | None = None,
     run: Mapping[str, str] = RUN,
     rig: str = RIG,
+    procedure: str = "",
     **metadata: Mapping[str, str],
 ) -> Path:
     """Write a recording of one device."""
     attached = [Attachment("rig.yaml", "application/yaml", rig.encode())]
+    if procedure:
+        attached.append(Attachment("procedure.yaml", "application/yaml", procedure.encode()))
     with RecordingWriter.create(
         path, streams=[AXIS], metadata={"run": run, **metadata}, attachments=attached,
         start_ns=START_NS, sync_interval_s=None,
@@ -116,6 +119,32 @@ def test_trial_is_shown_with_parameters_steps_and_end(tmp_path: Path) -> None:
     assert "<strong>current</strong> 0.1 A" in text
     assert "settle 0.00 to 0.20 s; drive 0.20 to 1.00 s" in text
     assert "all steps played" in text
+    assert "axis.position" in text
+
+
+PROCEDURE = """\
+procedure: staircase
+title: A staircase
+doc: For tests.
+parameters: {current: {doc: Current, unit: A}, floor: {doc: Floor, choices: [pvc]}}
+trial: {steps: [{step: settle, for: 0.2 s}, {step: drive, for: 0.8 s}]}
+measure: {way: {max: axis.position, during: drive, unit: mm, doc: "<b>Way</b>"}}
+accept: {way: [1 m, 2 m]}
+"""
+
+
+def test_page_shows_measures_with_verdict(tmp_path: Path) -> None:
+    text = text_of(record(tmp_path / "run.mcap", ONE, procedure=PROCEDURE))
+    assert '<th scope="row">way [mm]</th>' in text
+    assert "not decided" in text
+    assert "one trial shows no repeatability" in text
+    assert "repeatability only (type A)" in text
+
+
+def test_measures_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    other = PROCEDURE.replace("axis.position", "axis.way")
+    text = text_of(record(tmp_path / "run.mcap", ONE, procedure=other))
+    assert "could not be read: the rig bench has no channel 'axis.way'" in text
     assert "axis.position" in text
 
 

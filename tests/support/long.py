@@ -45,6 +45,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),
+        "cli/test_measure.py": ("test_page_of_run_shows_measures",),
         "cli/test_doctor.py": (
             "test_doctor_output_fits_80_columns",
             "test_rig_simulated_in_process_is_watched_at_rest",
