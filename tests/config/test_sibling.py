@@ -48,7 +48,7 @@ def swap(text: str, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "name", ["wire_lugre", "card_lugre", "wire_approach_angle", "wire_articulated"]
+    "name", ["wire_lugre", "card_lugre", "ni_lugre", "wire_approach_angle", "wire_articulated"]
 )
 def test_shipped_real_rig_has_a_sibling(name: str) -> None:
     rig = load_rig(CONFIGS / f"{name}.yaml")
