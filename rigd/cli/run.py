@@ -129,7 +129,7 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.config.loader import load_rig
     from rigd.daemon.calibration import needed, unusable
     from rigd.daemon.execute import RunRequest, day_of
-    from rigd.daemon.resume import read_resume_point
+    from rigd.daemon.resume import left_out, read_resume_point
     from rigd.model.errors import ConfigError
     from rigd.model.extras import require
     from rigd.procedure.compile import compile_procedure
@@ -162,7 +162,8 @@ def _execute(args: argparse.Namespace) -> int:
         )
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
-    procedure = compile_procedure(source, rig, overrides, done=done)
+    unplayed = left_out(rig, args.pace, done)
+    procedure = compile_procedure(source, rig, overrides, done=unplayed)
     if resume is not None:
         resume.check_same("procedure.yaml", source.file.text)
         resume.check_same("rig.yaml", rig.source.text)

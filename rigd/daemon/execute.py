@@ -22,6 +22,7 @@ from rigd.daemon.signals import handle_signals
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
+from rigd.engine.draws import trial_seeds
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.engine.shared import RunFolder
@@ -66,6 +67,11 @@ class RunRequest:
     overrides: Mapping[str, str] = field(default_factory=dict)
     about: About = field(default_factory=About)
     procedure_location: str = ""
+
+    @property
+    def virtual(self) -> bool:
+        """Whether the run plays in virtual time."""
+        return self.pace is None and self.rig.plant is not None
 
     @property
     def title(self) -> str:
@@ -136,6 +142,13 @@ def perform(
     else:
         path = request.output or new_path(request)
     form = _form(request, control, path, len(done), held)
+    procedure = request.procedure
+    seeds = trial_seeds(request.seed, request.rig.name, procedure.name, procedure.trials)
+    if done and request.virtual:
+        control.notices.append(
+            f"{len(done)} recorded trials are simulated again first, unrecorded: the others are "
+            "then as in a run without an interruption"
+        )
     try:
         announce(path)
         run = Run(
@@ -145,7 +158,10 @@ def perform(
             answers or OwnAnswers(),
             change=form.change,
             faults=form.faults,
+            draw=form.draw or (lambda _: None),
+            seeds={} if form.draw is None else seeds,
             done=done,
+            given={} if resume is None else resume.given,
             watch=watch,
             extra_checks=(
                 lambda: _disk_check(path.parent),

@@ -51,6 +51,8 @@ class RunSetup:
 
     host: Host
     change: ChangePlant | None
+    #: Lets the plant of a rig that is simulated in process draw from the seed of a trial.
+    draw: Callable[[int], None] | None = None
     #: Makes devices that are simulated at the wire show faults; None for other devices.
     faults: ShownFaults | None = None
     #: Ends everything that was started for the run, however it ended.
@@ -80,7 +82,10 @@ def in_process(
             compression=kept.compression,
         )
     host = InProcessHost(wiring.cycle, clock, virtual=virtual, sink=writer, record=kept.record)
-    return RunSetup(host, None if wiring.plant is None else wiring.plant.change)
+    plant = wiring.plant
+    if plant is None:
+        return RunSetup(host, None)
+    return RunSetup(host, plant.change, plant.begin_trial)
 
 
 def processes(
@@ -147,7 +152,9 @@ def processes(
         release.close()
         raise
     if rig.simulation is None:
-        return RunSetup(host, host.change if rig.plant is not None else None, None, release.close)
+        if rig.plant is None:
+            return RunSetup(host, None, release=release.close)
+        return RunSetup(host, host.change, host.draw, release=release.close)
     simulation = rig.simulation.simulation_class(rig.simulation.config)
 
     def ask(request: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -155,7 +162,7 @@ def processes(
 
     faults = ShownFaults(ask)
     release.callback(faults.clear)  # before the rig is free for another run
-    return RunSetup(host, _change(ask), faults, release.close)
+    return RunSetup(host, _change(ask), faults=faults, release=release.close)
 
 
 class _KeptAlive:

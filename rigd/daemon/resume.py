@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from rigd.config.rig import RigConfig
+from rigd.engine.answers import Given
 from rigd.engine.recorder import drain_into
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.record import Recording, recover
@@ -17,7 +19,8 @@ class ResumePoint:
 
     ``done`` are the numbers of complete trials; a trial that lost rows is not complete.
     ``overrides`` are its ``--set`` values. ``texts`` are its attached files by name.
-    ``answered_by`` is the source of the last answer to a prompt, "" without prompts.
+    ``answered_by`` is the source of the last answer to a prompt, "" without prompts; ``given`` are
+    all answers in the complete trials, by their number.
     """
 
     path: Path
@@ -29,6 +32,7 @@ class ResumePoint:
     texts: Mapping[str, bytes]
     end_ns: int
     answered_by: str = ""
+    given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
 
     def check_same(self, name: str, text: str) -> None:
         """Raise unless the attached file ``name`` is ``text``.
@@ -58,15 +62,33 @@ def read_resume_point(path: Path) -> ResumePoint:
     if not {"procedure", "rig", "seed"} <= run.keys():
         raise RecordingError(f"{path} does not name its run, so it cannot be resumed")
     events = recording.events()
-    answers = [event.data for event in events if event.kind == "answer"]
+    answers = [event for event in events if event.kind == "answer"]
+    complete = {trial.number: trial for trial in recording.trials if trial.complete}
     return ResumePoint(
         path=path,
         procedure=run["procedure"],
         rig=run["rig"],
         seed=int(run["seed"]),
         overrides=recording.metadata.get("overrides", {}),
-        done=frozenset(trial.number for trial in recording.trials if trial.complete),
+        done=frozenset(complete),
         texts={name: attachment.data for name, attachment in recording.attachments.items()},
         end_ns=recording.end_ns,
-        answered_by=str(answers[-1]["by"]) if answers else "",
+        answered_by=str(answers[-1].data["by"]) if answers else "",
+        given={
+            number: [
+                (str(event.data["name"]), event.data["answer"])
+                for event in answers
+                if event.trial == number and event.t_ns >= trial.start_ns
+            ]
+            for number, trial in complete.items()
+        },
     )
+
+
+def left_out(rig: RigConfig, pace: float | None, done: frozenset[int]) -> frozenset[int]:
+    """Return which of the trials ``done`` a resumed run does not play, not even unrecorded.
+
+    In virtual time it simulates all of them again, so that prompts shown once per value are shown
+    where they would be without an interruption.
+    """
+    return frozenset() if pace is None and rig.plant is not None else done

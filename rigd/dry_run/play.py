@@ -26,6 +26,7 @@ from rigd.dry_run.swings import PASSAGES, Swings
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
+from rigd.engine.draws import trial_seeds
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.result import RunResult
@@ -188,9 +189,13 @@ def _play(
     host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=record)
     if spans_ns is not None:
         host = HoldingHost(wiring.cycle, clock, sink=sink, record=record, spans_ns=spans_ns)
-    change = None if wiring.plant is None else wiring.plant.change
     answering = replace(procedure, record=record)
-    return sink, clock, Run(answering, host, control, OwnAnswers(), change).execute()
+    run = Run(answering, host, control, OwnAnswers())
+    plant = wiring.plant
+    if plant is not None:
+        seeds = trial_seeds(seed, rig.name, procedure.name, procedure.trials)
+        run = replace(run, change=plant.change, draw=plant.begin_trial, seeds=seeds)
+    return sink, clock, run.execute()
 
 
 def _refusals(sink: PeakSink, result: RunResult, rig: RigConfig) -> list[str]:

@@ -5,11 +5,16 @@ The operator or the procedure file gives an answer.
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
 from typing import Protocol
 
 from rigd.model.errors import ProcedureError
 from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.procedure.program import Answer, AnswerKind, Prompt
+
+#: The name of a prompt, and an answer that was given to it.
+Given = tuple[str, Answer]
 
 
 class AnswerRefused(ProcedureError):
@@ -20,7 +25,11 @@ class Answers(Protocol):
     """A source of answers: the operator, or the procedure file itself."""
 
     by: str  #: recorded beside each answer: ``operator`` or ``procedure``
-    asks_again: bool  #: whether it can give another answer if an answer was refused
+
+    @property
+    def asks_again(self) -> bool:
+        """Whether it can give another answer if an answer was refused."""
+        ...
 
     def can_answer(self, prompt: Prompt) -> bool:
         """Return whether :meth:`answer` can return an answer."""
@@ -58,6 +67,33 @@ class OwnAnswers:
         if prompt.kind is AnswerKind.CONFIRM:
             return True
         raise ProcedureError(f"prompt {prompt.name!r} has no answer of its own")
+
+    def withdraw(self) -> None:
+        """Do nothing: no question ever waits."""
+
+
+class GivenBefore:
+    """Gives the answers of a recorded trial again, in their order, those refused included."""
+
+    by = "recording"
+
+    def __init__(self, given: Sequence[Given]) -> None:
+        self._given = deque(given)
+
+    @property
+    def asks_again(self) -> bool:
+        """Whether a further answer is recorded."""
+        return bool(self._given)
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """Return whether there is an answer: a recorded one, or the procedure's own."""
+        return bool(self._given) or OwnAnswers().can_answer(prompt)
+
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
+        """Return the next recorded answer if it is one to this prompt, else the procedure's own."""
+        if self._given and self._given[0][0] == prompt.name:
+            return self._given.popleft()[1]
+        return OwnAnswers().answer(prompt)
 
     def withdraw(self) -> None:
         """Do nothing: no question ever waits."""

@@ -185,6 +185,9 @@ class CycleProcess:
                 self._control.request(stop, reason)
             case m.Pause(_, wanted, last_trial):
                 self._control.pause_wanted, self._control.last_trial = wanted, last_trial
+            case m.Draw(_, seed):
+                if self._plant is not None:
+                    self._plant.begin_trial(seed)
             case m.Acknowledge(_, interlock):
                 self._cycle.interlocks.acknowledge(interlock)
             case m.Arm(serial, last_received):

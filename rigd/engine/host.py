@@ -34,6 +34,14 @@ class Host(Protocol):
         ...
 
     @property
+    def muted(self) -> bool:
+        """Whether rows and events are dropped instead of recorded; only in virtual time."""
+        ...
+
+    @muted.setter
+    def muted(self, muted: bool) -> None: ...
+
+    @property
     def t_ns(self) -> int:
         """Unix time of the present slot, in ns."""
         ...

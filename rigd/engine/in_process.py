@@ -19,7 +19,8 @@ from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Outcome
 from rigd.engine.question import PendingQuestion
 from rigd.engine.shared import RowRing
-from rigd.engine.sink import Sink
+from rigd.engine.sink import Rows, Sink
+from rigd.model.rows import TIME_FIELD
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
 
@@ -75,6 +76,8 @@ class InProcessHost:
         blocks = {item.name: BlockQueue(item) for item in streams if item.name in in_blocks}
         cycle.connect(rings, record, self._emit, blocks=blocks)
         self._rings: dict[str, RowRing | BlockQueue] = {**rings, **blocks}
+        self._muted = False
+        self._present: dict[str, Rows] = {}  #: those of the present slot, while muted
         self._trial = NO_TRIAL
         self._cycles = 0
         self._flushed_ns = monotonic_ns()
@@ -89,6 +92,22 @@ class InProcessHost:
         if number not in (self._trial, NO_TRIAL):
             self.cycle.begin_trial()
         self._trial = number
+
+    @property
+    def muted(self) -> bool:
+        """Whether rows and events are dropped: what plays is recorded already.
+
+        Set to False, the rows of the present slot are recorded: the next trial begins with them.
+        """
+        return self._muted
+
+    @muted.setter
+    def muted(self, muted: bool) -> None:
+        self._muted = muted
+        for name, rows in self._present.items():
+            if len(rows):
+                self._sink.write(name, rows)
+        self._present = {}
 
     @property
     def t_ns(self) -> int:
@@ -228,7 +247,11 @@ class InProcessHost:
     def _hand_over(self) -> None:
         for name, ring in self._rings.items():
             rows = ring.drain()
-            if len(rows):
+            if not len(rows):
+                continue
+            if self._muted:
+                self._present[name] = rows[rows[TIME_FIELD] >= self.t_ns]
+            else:
                 self._sink.write(name, rows)
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
@@ -236,7 +259,8 @@ class InProcessHost:
         self._emit(self.cycle.t_ns, kind, data)
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
-        self._sink.event(t_ns, kind, self._trial, data)
+        if not self._muted:
+            self._sink.event(t_ns, kind, self._trial, data)
 
     def make_safe(self) -> Sequence[str]:
         """Bring every device to its safe state; return the errors, one sentence each."""

@@ -170,6 +170,13 @@ class Pause(Command):
 
 
 @dataclass(frozen=True)
+class Draw(Command):
+    """Let the plant of a simulated rig draw from the seed of a trial; has no reply."""
+
+    seed: int
+
+
+@dataclass(frozen=True)
 class Acknowledge(Command):
     """Permit a latched interlock to clear; has no reply."""
 

@@ -94,6 +94,7 @@ class ProcessHost:
         finish: Callable[[], None] | None = None,
     ) -> None:
         self.trial = NO_TRIAL
+        self.muted = False  # what devices did cannot be played again
         self.on_drain: Callable[[], None] = lambda: None
         self.segment = ""
         self.trips: list[Trip] = []
@@ -230,6 +231,10 @@ class ProcessHost:
         problems = self._or_lost(self._ask(change))
         if problems:
             raise ValueError("; ".join(problems))
+
+    def draw(self, seed: int) -> None:
+        """Let the plant of a rig simulated in the cycle process draw from the seed of a trial."""
+        self._send(m.Draw(0, seed))
 
     def arm(self) -> Outcome | None:
         """Enable every device, at rest."""

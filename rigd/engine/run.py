@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 
-from rigd.engine.answers import Answers
+from rigd.engine.answers import Answers, Given, GivenBefore
 from rigd.engine.asking import Asking, ChangePlant
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
@@ -41,7 +41,10 @@ MISSED_SHARE = 0.05
 class Run:
     """Plays ``procedure`` on the rig behind ``host``.
 
-    ``done`` are the numbers of trials that an earlier, interrupted run has completed. ``change`` is
+    ``done`` are the numbers of trials that an earlier, interrupted run has completed. In virtual
+    time they are simulated again, unrecorded, with the answers ``given`` (by trial): what follows
+    then is bit for bit as if nothing had interrupted the run. ``draw`` gets the seed of each trial
+    that begins, by number in ``seeds``: the plant of a simulated rig draws from it. ``change`` is
     None for a real rig, ``faults`` for a rig that is not simulated at the wire.
     """
 
@@ -51,7 +54,10 @@ class Run:
     answers: Answers
     change: ChangePlant | None = None
     faults: ShownFaults | None = None
+    draw: Callable[[int], None] = lambda _: None
+    seeds: Mapping[int, int] = field(default_factory=dict)
     done: frozenset[int] = frozenset()
+    given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
     watch: Callable[[Progress], None] = lambda _: None
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     identity_check: IdentityCheck = lambda _: ()
@@ -202,6 +208,8 @@ class Run:
                 return outcome
             if trial.number not in self.done:
                 outcome = self._between_trials() or self._play_trial(trial)
+            elif self.host.virtual:
+                outcome = self._between_trials() or self._play_again(trial)
         if outcome.severity is not Severity.DONE:
             return outcome
         return Outcome(Severity.DONE, "all trials played")
@@ -251,9 +259,25 @@ class Run:
             idle(0.05)
         return self.control.pauses
 
+    def _play_again(self, trial: TrialPlan) -> Outcome:
+        """Simulate a trial that is recorded, for the state in which it leaves rig and plant."""
+        asking = self._asking
+        self.host.drain()
+        self.host.muted = True
+        answers = GivenBefore(self.given.get(trial.number, ()))
+        self._asking = Asking(self.host, answers, self.change)
+        try:
+            return self._play_trial(trial)
+        finally:
+            self._asking = asking
+            self.host.muted = False
+
     def _play_trial(self, trial: TrialPlan) -> Outcome:
         """Play a trial and its `after`; return DONE if the next trial may follow."""
         self._trial = trial
+        seed = self.seeds.get(trial.number)
+        if seed is not None:
+            self.draw(seed)
         self.host.trial = trial.number
         parameters = dict(trial.parameters)
         self._event(
@@ -263,7 +287,8 @@ class Run:
                 "repeat": trial.repeat,
                 "parameters": parameters,
                 "units": {k: u for k, u in self.procedure.units.items() if k in parameters},
-            },
+            }
+            | ({} if seed is None else {"seed": seed}),
         )
         complete, reason = False, "interrupted"
         try:
@@ -271,7 +296,8 @@ class Run:
             complete = outcome.severity is Severity.DONE
             reason = outcome.reason or "all steps played"
             if outcome.severity is Severity.END_TRIAL and not outcome.latched:
-                self._incomplete.append((trial.number, outcome.reason))
+                if trial.number not in self.done:
+                    self._incomplete.append((trial.number, outcome.reason))
                 if self.host.held:  # nothing moves before a person resumes
                     stopped = self._rest_in_pause()
                     if stopped is not None:
@@ -284,7 +310,8 @@ class Run:
             if outcome.severity is not Severity.DONE:
                 complete, reason = False, outcome.reason
                 return outcome
-            self._trials_done += 1
+            if trial.number not in self.done:
+                self._trials_done += 1
             return outcome
         finally:
             self.host.drain()

@@ -84,6 +84,7 @@ class Plant(ABC):
     def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
         self.config = config
         self.period_ns = period_ns
+        #: What noise and scatter are drawn from; another one from each trial on.
         self.seed = seed
         #: The time of the first call of :meth:`advance`, and the present time of the plant.
         self.origin_ns = self.now_ns = 0
@@ -118,6 +119,14 @@ class Plant(ABC):
 
         The first call is that of ``t_ns`` 0, with nothing elapsed: sensors show the start.
         """
+
+    def begin_trial(self, seed: int) -> None:
+        """Draw noise and scatter from ``seed``, that of a trial, from now on; nothing else changes.
+
+        A trial then draws the same numbers in every run that plays it. An author who counts what
+        was drawn begins the count anew here.
+        """
+        self.seed = seed
 
     def change(self, quantity: str, value: float | str) -> None:
         """Change one of the settings; a number is in SI.

@@ -92,6 +92,17 @@ class Seedless(Cart):
         return normal_pair(1, self.now_ns - self.origin_ns)[0]
 
 
+class Stubborn(Cart):
+    """Keeps the seed with which it was made."""
+
+    def __init__(self, config: CartConfig, *, period_ns: int, seed: int) -> None:
+        super().__init__(config, period_ns=period_ns, seed=seed)
+        self.kept = seed
+
+    def noise(self) -> float:
+        return normal_pair(self.kept, self.now_ns - self.origin_ns)[0]
+
+
 class Absolute(Cart):
     def noise(self) -> float:
         return normal_pair(self.seed, self.now_ns)[0]
@@ -223,6 +234,7 @@ def test_a_correct_plant_keeps_every_rule() -> None:
         (Gullible, "settings", "change('no_such_setting_', 1.0) is accepted"),
         (Dice, "same seed", "same seed show other rows of ruler"),
         (Seedless, "other seed", "give the same rows"),
+        (Stubborn, "other trial", "show the same rows"),
         (Absolute, "origin of time", "shows other rows than begun at 0"),
         (Reversible, "one way", "earlier time is accepted"),
         (Restless, "one way", "changes what devices show"),

@@ -77,7 +77,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "system/test_angle_wire.py": ("test_the_shipped_campaign_at_the_wire",),
         "system/test_approach_angle.py": (
-            "test_interrupted_campaign_resumes_and_asks_set_up_again",
+            "test_resumed_simulation_asks_no_set_up_again",
             "test_person_is_asked_again_and_typed_text_recorded",
             "test_platform_not_pushed_back_is_not_driven",
             "test_scale_never_at_rest_leaves_run_undriven",

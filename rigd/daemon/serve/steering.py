@@ -17,7 +17,7 @@ from typing import Final
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
-from rigd.daemon.resume import ResumePoint, read_resume_point
+from rigd.daemon.resume import ResumePoint, left_out, read_resume_point
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
@@ -145,7 +145,7 @@ class Steering:
             parse_procedure(_text(point), Path("procedure.yaml")),
             self._rig,
             point.overrides,
-            done=point.done,
+            done=left_out(self._rig, self._pace, point.done),
         )
         if len(point.done) >= len(procedure.trials):
             raise Refusal(Code.REFUSED, f"{recording.name} is complete: no trial is missing")

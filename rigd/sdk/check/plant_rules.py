@@ -212,6 +212,18 @@ def _seeds(subject: PlantSubject) -> Iterator[str]:
         yield "seeds 1 and 2 give the same rows of all devices"
 
 
+def _trials(subject: PlantSubject) -> Iterator[str]:
+    first, other = subject.make(), subject.make()
+    first.begin_trial(1)
+    other.begin_trial(2)
+    if _bytes_of(subject, first) == _bytes_of(subject, other):
+        yield "after begin_trial(1) and begin_trial(2) all devices show the same rows"
+
+
+def _bytes_of(subject: PlantSubject, plant: Plant) -> bytes:
+    return PlantBench(subject, plant).play(CYCLES, gentle).bytes()
+
+
 def _origin(subject: PlantSubject) -> Iterator[str]:
     if driven(subject).bytes() != driven(subject, start_ns=LATE_NS).bytes():
         yield f"begun at {LATE_NS} ns it shows other rows than begun at 0"
@@ -397,6 +409,12 @@ PLANT_RULES: Final = (
         needs_devices,
     ),
     PlantRule("other seed", "another seed gives other noise; use the seed", _seeds, needs_seed),
+    PlantRule(
+        "other trial",
+        "another trial has other noise: draw from `self.seed`, which begin_trial() sets",
+        _trials,
+        needs_seed,
+    ),
     PlantRule(
         "origin of time",
         "time counts from the first call of advance(): use the t_ns that evolve() is given",

@@ -167,6 +167,11 @@ class AnglePlant(Plant):
         )  # fmt: skip
         self.steps = last
 
+    def begin_trial(self, seed: int) -> None:
+        """Draw load, scatter and noise from ``seed`` from now on, counted anew."""
+        super().begin_trial(seed)
+        self._loads = self._runs = 0
+
     def command(self, closed: bool) -> None:
         """Command the relay to close or to open, from now on.
 

@@ -90,7 +90,7 @@ class ArticulatedPlant(Plant):
         self.modules: tuple[str, ...] = tuple(self.parameters.modules)
         #: Motor speed in rad/s and whether enabled, a row for each spin; held until written again.
         self.commands: NDArray[np.float64] = self._robot.commands()
-        #: Steps taken, and how often the robot was put to its start.
+        #: Steps taken, and how often the robot was put to its start in this trial.
         self.steps = self.placed = 0
         self._slides, self._scratch = self._robot.slides(), self._robot.scratch()
         self._track = np.zeros((layout.HISTORY_STEPS, 3 * len(self.modules)))
@@ -112,6 +112,11 @@ class ArticulatedPlant(Plant):
             self.steps, self.step_ns * 1e-9, steps, self._motors, self.seed, t_ns,
         )  # fmt: skip
         self.steps += steps
+
+    def begin_trial(self, seed: int) -> None:
+        """Draw noise and placing from ``seed`` from now on, counted anew."""
+        super().begin_trial(seed)
+        self.placed = 0
 
     def energy(self) -> Energy:
         """Return where the energy is."""

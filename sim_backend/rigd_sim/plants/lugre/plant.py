@@ -85,7 +85,7 @@ class LugrePlant(Plant):
     config: LugreConfig
 
     def __init__(self, config: LugreConfig, *, period_ns: int, seed: int) -> None:
-        super().__init__(config, period_ns=period_ns, seed=seed)
+        super().__init__(config, period_ns=period_ns, seed=seed % 2**63)
         import numpy as np
 
         from rigd_sim.plants.lugre import draws, kernel, records
@@ -96,7 +96,6 @@ class LugrePlant(Plant):
         self._pack = records.constants
         self._floor: str = config.floor
         self._mass = self.parameters.carriage.mass if config.mass is None else config.mass
-        self._seed = seed % 2**63
         self._state = records.state_at_rest()
         self._state["theta"], self._state["x"] = start.wheel_rad, start.carriage_m
         self._commands = np.zeros(1, records.COMMANDS)
@@ -119,7 +118,7 @@ class LugrePlant(Plant):
             self._state,
             self._commands,
             self._readings,
-            self._seed,
+            self.seed,
             t_ns,
             elapsed_ns,
         )
