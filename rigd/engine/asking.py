@@ -6,7 +6,7 @@ If the procedure itself gives an answer and that answer is refused, the run ends
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from rigd.engine.answers import AnswerRefused, Answers, check_answer
@@ -25,13 +25,15 @@ ChangePlant = Callable[[str, float | str], None]
 class Asking:
     """Asks prompts of ``answers`` on the rig behind ``host``, which stays at rest meanwhile.
 
-    ``change`` is None for a real rig. An operator whose answer is refused gets the reason and is
+    ``change`` is None for a real rig. ``set_up`` gets the last answer for each quantity that
+    prompts set up. An operator whose answer is refused gets the reason and is
     asked again; if the procedure's own answer is refused, the run ends as failed.
     """
 
     host: Host
     answers: Answers
     change: ChangePlant | None = None
+    set_up: dict[str, Answer] = field(default_factory=dict)
 
     def ask(self, prompt: Prompt) -> Outcome | None:
         """Return when the rig may move on: None, or the outcome that ends the program."""
@@ -75,6 +77,8 @@ class Asking:
                 "by": self.answers.by,
             },
         )
+        if prompt.changes is not None:
+            self.set_up[prompt.changes] = answer
         if prompt.changes is not None and self.change is not None:
             try:
                 self.change(prompt.changes, answer)

@@ -65,6 +65,7 @@ class Run:
     _trial: TrialPlan | None = None
     _trials_done: int = field(init=False)
     _asking: Asking = field(init=False)
+    _played_again: bool = False  #: whether the trial before was played again, unrecorded
     _incomplete: list[tuple[int, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -265,7 +266,7 @@ class Run:
         self.host.drain()
         self.host.muted = True
         answers = GivenBefore(self.given.get(trial.number, ()))
-        self._asking = Asking(self.host, answers, self.change)
+        self._asking = Asking(self.host, answers, self.change, asking.set_up)
         try:
             return self._play_trial(trial)
         finally:
@@ -288,8 +289,10 @@ class Run:
                 "parameters": parameters,
                 "units": {k: u for k, u in self.procedure.units.items() if k in parameters},
             }
-            | ({} if seed is None else {"seed": seed}),
+            | ({} if seed is None else {"seed": seed})
+            | ({"answers": dict(self._asking.set_up)} if self._played_again else {}),
         )
+        self._played_again = trial.number in self.done
         complete, reason = False, "interrupted"
         try:
             outcome = self._play(trial.steps, trial.after)

@@ -104,12 +104,13 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
             done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
             current = None
         if event.kind == "run_start":
-            answers = {}  # a resumed run asks its prompts again
+            answers = {}  # a resumed run asks its prompts again, or states what holds
         if event.kind == "answer" and event.data.get("changes"):
             answers = {**answers, event.data["changes"]: event.data.get("answer")}
             if current is not None:
                 current = replace(current, answers=answers)
         if event.kind == "trial_start":
+            answers = event.data.get("answers") or answers  # of trials simulated again
             current = TrialInfo(
                 number=event.trial,
                 start_ns=event.t_ns,
