@@ -143,8 +143,8 @@ def test_a_person_is_asked_before_anything_is_replaced(
 
 @pytest.mark.dates
 def test_implausible_or_newer_value_is_remarked_on(torque: Path, bench: Path) -> None:
-    text = (bench / FILE).read_text().replace("2.03539 N m/V", "2.10 N m/V")
-    (bench / FILE).write_text(text.replace("made: 2026-11-21", "made: 2100-01-01", 1))
+    text = (bench / FILE).read_text().replace("2.03537 N m/V", "2.10 N m/V")
+    (bench / FILE).write_text(text.replace("made: 2026-11-26", "made: 2100-01-01", 1))
     done = rigd("calibrate", "--from", torque, "--rig", "bench.yaml", *OPERATOR, cwd=bench)
     told = " ".join(done.out.split())
     assert "torque_scale: more than 3 u from the old value" in told
@@ -186,8 +186,8 @@ def test_a_run_records_which_calibration_it_had(bench: Path) -> None:
 def test_expired_value_blocks_run_that_needs_it(bench: Path) -> None:
     text = (bench / FILE).read_text()
     (bench / FILE).write_text(
-        text.replace("made: 2026-11-21", "made: 2020-01-01", 1).replace(
-            "valid_until: 2126-10-28", "valid_until: 2021-01-01", 1
+        text.replace("made: 2026-11-26", "made: 2020-01-01", 1).replace(
+            "valid_until: 2126-11-02", "valid_until: 2021-01-01", 1
         )
     )
     done = campaign(bench)

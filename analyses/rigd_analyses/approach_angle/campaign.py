@@ -106,12 +106,12 @@ def _both(
 
 def _cells(runs: Sequence[KnownRun]) -> Mapping[tuple[str, float, float], int]:
     """Return how often each set, load, and voltage was recorded, 0 if never."""
-    sets = dict.fromkeys(k.run.set_name for k in runs)
-    loads = sorted({k.run.announced_load_kg for k in runs})
-    voltages = sorted({k.run.voltage_v for k in runs})
+    sets = dict.fromkeys(known.run.set_name for known in runs)
+    loads = sorted({known.run.cell[1] for known in runs})
+    voltages = sorted({known.run.voltage_v for known in runs})
     cells = {(s, load, v): 0 for s in sets for load in loads for v in voltages}
     for known in runs:
-        cells[known.run.set_name, known.run.announced_load_kg, known.run.voltage_v] += 1
+        cells[known.run.cell] += 1
     return cells
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -113,7 +114,7 @@ class AngleRun:
     label: str
     set_name: str  #: such as clean_45
     alpha_rad: float  #: between rolling direction and movement
-    announced_load_kg: float
+    announced_load_kg: float  #: what the answer to the prompt was, else what was planned
     voltage_v: float
     repeat: int
     t_s: FloatArray
@@ -128,7 +129,16 @@ class AngleRun:
     wheel: str = ""  #: which wheel ran, such as clean; the sets of one wheel make a trend
     number: int = 0  #: of the trial
     recording: str = ""
+    planned_load_kg: float = math.nan  #: NaN if it is the one announced
     flags: tuple[Flag, ...] = ()  #: what is wrong with the run by its recording, such as incomplete
+
+    @property
+    def cell(self) -> tuple[str, float, float]:
+        """Set, planned load in kg and voltage in V: which runs repeat each other."""
+        load_kg = self.planned_load_kg
+        if math.isnan(load_kg):
+            load_kg = self.announced_load_kg
+        return self.set_name, load_kg, self.voltage_v
 
 
 @dataclass(frozen=True)

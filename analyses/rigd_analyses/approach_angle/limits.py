@@ -26,7 +26,9 @@ class Limits:
     gap: float = 1.5  #: of the usual time between samples
     rail_v: float = 9.99  #: of the converter's +-10 V
     watchdog_s: float = 1.4  #: the procedure's own is 1.5 s
-    load: float = 0.05  #: relative; bolts and scale scatter by 1 %, loads differ by 20 %
+    #: Scale against the load that was announced, relative: the rule by which the prompt of
+    #: ``approach_angles`` agrees; bolts and scale scatter by 1 %, loads differ by 20 %.
+    load: float = 0.05
     early_s: float = 0.1
     torque_nm: float = 0.05
     zero_nm: float = 0.15

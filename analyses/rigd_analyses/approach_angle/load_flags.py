@@ -31,15 +31,17 @@ def load_flags(
     elif not 0.0 < run.load_n < math.inf:
         yield Flag("load_missing", "The scale gave no load before the start.")
         return
-    load, announced = calibration.load.value * run.load_n, run.announced_load_kg * rig.gravity
-    if math.isfinite(load) and not abs(load - announced) <= limits.load * announced:
+    # As shown, not as calibrated: what the prompt accepted is not left out.
+    shown, announced = run.load_n, run.announced_load_kg * rig.gravity
+    if math.isfinite(shown) and not abs(shown - announced) <= limits.load * announced:
         yield Flag(
             "load_disagrees",
-            f"The scale showed {load:.1f} N, announced were {run.announced_load_kg:g} kg "
+            f"The scale showed {shown:.1f} N, announced were {run.announced_load_kg:g} kg "
             f"({announced:.1f} N): other weights, a wrong tare, or kg taken for N.",
         )
     cell = calibration.normal_force
     if run.normal_force_v is not None and cell is not None:
+        load = calibration.load.value * run.load_n
         yield from _load_cell(run, run.normal_force_v, load, calibration, cell, limits)
 
 

@@ -60,7 +60,7 @@ class _Drive:
 def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
     """Return ``trial`` as a run. What its recording lacks becomes a flag, not an error.
 
-    The angle is the one that was mounted, if a prompt asked, not the one that was planned.
+    Angle and load are those that were answered, if a prompt asked, not those that were planned.
 
     Raises:
         RecordingError: a chunk of the recording is damaged.
@@ -68,7 +68,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
     """
     drive = _drive(sweep, trial, signals)
     load_kg, planned_rad = _number(sweep, trial, "load"), sweep.constant(trial, "angle")
-    mounted_rad = trial.answers.get("angle")
+    put_on_kg, mounted_rad = trial.answers.get("load"), trial.answers.get("angle")
     planned = {"load": (load_kg, "kg"), "angle": (planned_rad, "deg")}
     flags = [*_unfinished(trial, drive), *_answered(trial, planned)]
     card = _card_rows(sweep, trial, signals, drive)
@@ -82,7 +82,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         label=_label(sweep, trial),
         set_name=_set_name(sweep, trial),
         alpha_rad=mounted_rad if _is_number(mounted_rad) else planned_rad,
-        announced_load_kg=load_kg,
+        announced_load_kg=put_on_kg if _is_number(put_on_kg) else load_kg,
         voltage_v=_number(sweep, trial, "voltage"),
         repeat=trial.repeat or 1,
         t_s=t_s,
@@ -97,6 +97,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         wheel=_wheel(sweep, trial),
         number=trial.number,
         recording=sweep.path.name,
+        planned_load_kg=load_kg,
         flags=tuple(flags),
     )
 

@@ -337,6 +337,17 @@ def test_undriven_run_is_not_also_called_short(
     assert found_in(run) == (undriven,)
 
 
+@pytest.mark.parametrize("share", [0.951, 1.0, 1.049])
+def test_load_beside_plan_is_judged_by_answer(
+    golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]], share: float
+) -> None:
+    """The prompt takes 10 % from the plan, and a scale that shows the answer to 5 %."""
+    run = golden("r2").whole
+    answered = run.load_n / 9.81 / share
+    honest = replace(run, announced_load_kg=answered, planned_load_kg=answered / 1.09)
+    assert found_in(honest) == ()
+
+
 def test_record_like_the_papers_is_accepted_on_request(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:

@@ -109,7 +109,7 @@ def test_objection_in_recording_becomes_flag(
     assert flag.severity is Severity.EXCLUDED
 
 
-def test_the_angle_that_was_mounted_counts(campaign: Sequence[Recorded], record: Record) -> None:
+def test_angle_and_load_as_answered_count(campaign: Sequence[Recorded], record: Record) -> None:
     mounted = {"name": "mount_angle", "changes": "angle", "planned": 0.0, "answer": 0.01}
     loaded = {"name": "put_on_weights", "changes": "load", "planned": 4.0, "answer": 4.1}
     refused = {**mounted, "answer": 0.02}
@@ -117,7 +117,7 @@ def test_the_angle_that_was_mounted_counts(campaign: Sequence[Recorded], record:
     path = record(trials)
     for index in (0, 1):  # what was mounted stays
         run = read(path, index)
-        assert run.alpha_rad == 0.01
+        assert (run.alpha_rad, run.announced_load_kg, run.planned_load_kg) == (0.01, 4.1, 4.0)
         (flag,) = run.flags
         assert flag.severity is Severity.NOTE
         assert "load 4.1 kg (planned 4 kg)" in flag.reason
