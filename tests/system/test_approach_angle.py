@@ -193,6 +193,30 @@ def test_person_is_asked_again_and_typed_text_recorded(
     assert 0.2 < closed_s(recording) < 0.7
 
 
+@pytest.mark.parametrize("where", [("clean_0", "4 kg"), ("clean_45", "8 kg")])
+def test_wheel_comes_to_rest_before_its_potentiometer_ends(
+    where: tuple[str, str], tmp_path: Path
+) -> None:
+    """Where the travel stops no drive: a dead potentiometer, or a platform that does not move."""
+    changed = campaign(
+        tmp_path,
+        {
+            "        - daq.platform_position > ${farthest}\n": "",
+            "    set: {relay.closed: 0}\n      for: 0.5 s": "    set: {relay.closed: 0}\n      for: 2 s",
+            "during: [ready, drive, stopped]": "during: [drive, stopped, come to rest]",
+            "  relay: 1\n": "  relay: 1\n  truth: 1\n",
+            "\nrepeats: 2\n": "\nrepeats: 1\n",
+        },
+    )
+    name, load = where
+    chosen = ("--set", f"set={name}", "--set", f"load={load}", "--set", "voltage=10 V")
+    done = run(tmp_path, changed, *chosen)
+    assert done.code == 0, done.err + done.out
+    truth = recorded(tmp_path).read("truth")
+    assert abs(truth["wheel_speed"][-1]) < 0.1
+    assert 30.0 < truth["wheel_angle"].max() < 50.0
+
+
 def test_platform_not_pushed_back_is_not_driven(tmp_path: Path) -> None:
     done = run(tmp_path, campaign(tmp_path, {"      changes: platform\n": ""}), *ONE)
     assert done.code == 6
