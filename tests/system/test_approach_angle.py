@@ -202,7 +202,7 @@ def test_wheel_comes_to_rest_before_its_potentiometer_ends(
         tmp_path,
         {
             "        - daq.platform_position > ${farthest}\n": "",
-            "    set: {relay.closed: 0}\n      for: 0.5 s": "    set: {relay.closed: 0}\n      for: 2 s",
+            "      for: 0.5 s": "      for: 2 s",
             "during: [ready, drive, stopped]": "during: [drive, stopped, come to rest]",
             "  relay: 1\n": "  relay: 1\n  truth: 1\n",
             "\nrepeats: 2\n": "\nrepeats: 1\n",

@@ -70,13 +70,12 @@ class MechanismPlant(Plant):
     config: MechanismConfig
 
     def __init__(self, config: MechanismConfig, *, period_ns: int, seed: int) -> None:
-        super().__init__(config, period_ns=period_ns, seed=seed)
+        super().__init__(config, period_ns=period_ns, seed=seed % 2**63)
         from rigd_sim.plants.mechanism import kernel, records
 
         self.mechanism = config.mechanism()
         self._kernel = kernel
         self.memory = records.memory(self.mechanism, noise=config.noise)
-        self._seed = seed % 2**63
         self._step_ns = self.step_ns / self.mechanism.parts
         self._drives = [item.name for item in self.mechanism.drives]
         #: What the sensors show, in the order of the file; then the true temperatures.
@@ -104,7 +103,7 @@ class MechanismPlant(Plant):
         self._kernel.advance(
             m.masses, m.elements, m.sensors, m.warm, m.heat, m.ambient, m.commands, m.state,
             m.terms, m.again, m.work, m.filters, m.tally, m.readings,
-            self._seed, t_ns, elapsed_ns, self._step_ns,
+            self.seed, t_ns, elapsed_ns, self._step_ns,
         )  # fmt: skip
         self.readings = m.readings.tolist()
 
