@@ -192,6 +192,22 @@ class CanBus(Link):
         """Hand the data of every frame with ``identifier`` to ``handler``."""
         self._handlers[identifier] = handler
 
+    def listen(self, identifier: int, handler: Callable[[bytes], None]) -> None:
+        """Hand the data of every frame with ``identifier`` to ``handler`` as well.
+
+        An identifier of 29 bits has the flag :data:`frames.EXTENDED`.
+        """
+        before = self._handlers.get(identifier)
+        if before is None:
+            self._handlers[identifier] = handler
+            return
+
+        def both(data: bytes) -> None:
+            before(data)
+            handler(data)
+
+        self._handlers[identifier] = both
+
     def on_resume(self, node: int, action: Callable[[], None]) -> None:
         """Call ``action`` for ``node`` in the first cycle, and after a pause without heartbeats."""
         self._resume[node] = action
@@ -368,7 +384,11 @@ class CanBus(Link):
     def _no_canopen(self, frame: Frame) -> None:
         identifier, data = frame
         if not identifier & frames.ERROR:
-            self.foreign += 1
+            handler = self._handlers.get(identifier)
+            if handler is None:
+                self.foreign += 1
+            else:
+                handler(data)
             return
         if frames.is_only_news(identifier):
             return

@@ -19,6 +19,7 @@ MODULES: Final[Mapping[str, tuple[str, ...]]] = {
     "ni": ("nidaqmx", "grpc"),
     "foxglove": ("foxglove",),
     "fmu": ("fmpy",),
+    "dbc": ("cantools",),
 }
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from rigd_sim.cards.lugre import LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers
+from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive
 from rigd_sim.wire.can.encoder import Cia406Encoder
 from rigd_sim.wire.can.misbehaviour import FAULTS
@@ -38,6 +39,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "CiA 402 servo": beyond(Cia402Drive.faults, FAULTS),
     "CiA 406 encoder": beyond(Cia406Encoder.faults, FAULTS),
     "CiA 404 transmitter": beyond(Cia404Transmitter.faults, FAULTS),
+    "Sensor of a DBC file": SimDbcSensor.faults,
     "NI card": SimNi.faults,
     "NI card that drives": {**Terminals.faults, "stall": "answers are held back (seconds)"},
     "Relay": SimRelay.faults,

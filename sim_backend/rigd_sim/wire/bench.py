@@ -33,6 +33,12 @@ class WireLugreConfig(WirePlantConfig, DeviceOptions):
             bus = getattr(getattr(self, name), "bus", None)
             if bus is not None and bus not in self.buses:
                 raise ValueError(f"{name} is on bus {bus!r}; `buses` has {', '.join(self.buses)}")
+        for name, sensor in self.can_sensors.items():
+            if sensor.bus not in self.buses:
+                known = ", ".join(self.buses) or "none"
+                raise ValueError(f"{name} is on bus {sensor.bus!r}; `buses` has {known}")
+            if name in {*DeviceOptions.model_fields, *self.buses}:
+                raise ValueError(f"{name} of `can_sensors` is the name of another part: rename it")
         return self
 
 

@@ -6,15 +6,17 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
 from annotated_types import Ge, Gt, Le
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from rigd.sdk import In, SimulationConfig
 from rigd_sim.cards.lugre import ONE_SHOT_S, LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.plants.lugre import layout
+from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
@@ -172,6 +174,29 @@ class NiCardOptions(SimulationConfig):
     watchdog timer guards them."""
     guards_volts: bool = True
     """Whether that timer can act on analogue outputs, too."""
+
+
+class CanSensorOptions(SimulationConfig):
+    """A sensor that sends a message of a DBC file by itself, with values that stand still."""
+
+    bus: str
+    """The bus of `buses` that it is on."""
+    dbc: str
+    """The DBC file, beside the rig file."""
+    message: str
+    """Name of the message in it."""
+    values: dict[str, float]
+    """Value of every signal of the message, in the unit of the DBC."""
+    rate: Annotated[float, In("Hz"), Gt(0), Le(1000)] = 100.0
+    """Frames per second."""
+
+    @field_validator("dbc")
+    @classmethod
+    def _is_there(cls, name: str, info: ValidationInfo) -> str:
+        path = Path((info.context or {}).get("folder") or Path.cwd()) / name
+        if not path.is_file():
+            raise ValueError(f"there is no file {path}")
+        return str(path.resolve())
 
 
 @dataclass(frozen=True)
@@ -364,6 +389,8 @@ class DeviceOptions(SimulationConfig):
     """Scale on which the quarter model rests, with its weights."""
     card: RegisterCardOptions | None = None
     """Register card that drives the rig in place of the three servo drives."""
+    can_sensors: dict[str, CanSensorOptions] = Field(default_factory=dict)
+    """Sensors that send messages of DBC files on a bus, by name."""
     ni_card: NiCardOptions | None = None
     """NI card that drives the rig in place of the three servo drives."""
 
@@ -382,11 +409,19 @@ class DeviceOptions(SimulationConfig):
 
 def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:
     """Return every device that ``options`` name, not yet started."""
-    return [
+    devices = [
         build(name, found, bench)
         for name, build in BUILDERS.items()
         if (found := getattr(options, name)) is not None
     ]
+    sensors = [
+        SimDbcSensor(
+            name, bench.buses[item.bus], Path(item.dbc), item.message, item.values,
+            period_s=1 / item.rate,
+        )
+        for name, item in options.can_sensors.items()
+    ]  # fmt: skip
+    return [*devices, *sensors]
 
 
 def with_makes(config: DeviceOptions, makes: Mapping[str, str]) -> dict[str, ServoOptions]:
