@@ -45,7 +45,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 #: Drivers whose options need a file or plant that is not shipped; their own tests hold them to the
 #: suite.
-ELSEWHERE = {"fmu-in-loop", "sim-mechanism", "sim-mechanism-truth"}
+ELSEWHERE = {"can-message", "fmu-in-loop", "sim-mechanism", "sim-mechanism-truth"}
 
 
 def devices() -> list[Any]:
