@@ -29,7 +29,7 @@ Rows = Sequence[Sequence[Condition]]
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedSteps:
     """The steps of a recording that may be measured, by trial, and the events of pauses."""
 
     steps: Mapping[int, Sequence[Step]]
@@ -51,7 +51,7 @@ class TrialReader:
 
     recording: Recording
     trial: TrialInfo
-    played: Played
+    played: PlayedSteps
     _rows: dict[tuple[str, int, int], NDArray[Any]] = field(default_factory=dict)
 
     def reading(self, measure: Measure) -> TrialReading:

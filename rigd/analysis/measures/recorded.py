@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.analysis.corrections import scope_of
-from rigd.analysis.measures.reading import Played, TrialReader
+from rigd.analysis.measures.reading import PlayedSteps, TrialReader
 from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems
@@ -52,7 +52,7 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
                 f"{recording.path} measures otherwise than {recordings[0].path}",
                 hint="measure them one by one, or give --procedure for all",
             )
-        played = Played.of(recording, _steps(own))
+        played = PlayedSteps.of(recording, _steps(own))
         for trial, measures in _trials(recording, own):
             reader = TrialReader(recording, trial, played)
             key = tuple((name, trial.text(name)) for name in trial.parameters)
