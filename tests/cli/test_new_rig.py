@@ -29,6 +29,12 @@ def spoilt(old: str, new: str) -> str:
     return TEXT.replace(old, new, 1)
 
 
+def with_first(line: str) -> str:
+    """Return the description with another first procedure."""
+    head, _, rest = TEXT.partition("first:")
+    return f"{head}{line}\n\nconstants:{rest.partition('constants:')[2]}"
+
+
 def piped(lines: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "rigd", "new", "rig", "mine"]
     return subprocess.run(
@@ -56,7 +62,9 @@ def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
         done = rigd(*command, cwd=lab)
         assert done.code == 0, done.out + done.err
     assert "played on the plant of the sibling" in done.out
-    assert (lab / "first.mcap").stat().st_size > 10_000
+    done = rigd("measure", "first.mcap", cwd=lab)
+    assert "mu" in done.out
+    assert "0.12" in done.out
 
 
 def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> None:
@@ -144,14 +152,14 @@ def test_wrong_description_is_refused_with_its_place(
     ],
 )
 def test_wrong_first_procedure_is_refused(tmp_path: Path, first: str, words: str) -> None:
-    said = refused(tmp_path, f"{TEXT}\nfirst: {first}\n")
+    said = refused(tmp_path, with_first(f"first: {first}"))
     assert words in said or "at least 1" in said
-    assert said.startswith("rig.yaml:127:")
+    assert said.startswith("rig.yaml:122:")
 
 
 def test_first_procedure_is_what_is_described(tmp_path: Path) -> None:
     first = "first: {setpoint: spindle.speed, values: [5 rad/s], for: 1 s}"
-    lab = made(tmp_path, f"{TEXT}\n{first}\n")
+    lab = made(tmp_path, with_first(first))
     assert "value: [5 rad/s]" in (lab / "procedures" / "first.yaml").read_text("utf-8")
 
 

@@ -57,7 +57,9 @@ class FirstSource(Source):
     setpoint: str
     """The setpoint that it sets, as `device.setpoint`."""
     seconds: Annotated[str, Field(alias="for")] = "5 s"
-    """How long each is held."""
+    """How long each is held, in the step `hold`."""
+    measure: dict[str, Any] = Field(default_factory=dict)
+    """What is read off each trial, as `measure` of a procedure."""
 
 
 class RigDescription(Source):

@@ -112,8 +112,16 @@ def _first(twins: Twins, document: Document) -> dict[str, str]:
         "unit": unit,
         "values": ", ".join(first.values),
         "seconds": first.seconds,
+        "measure": _measured(first),
         "rest": f"0 {unit}".removesuffix(" 1"),
     }
+
+
+def _measured(first: FirstSource) -> str:
+    """Return the part of the procedure with its measures; repeated, they have an interval."""
+    if not first.measure:
+        return ""
+    return f"\nrepeats: 3\n{yaml_text({'measure': first.measure})}"
 
 
 def _chosen(rig: RigConfig, document: Document) -> FirstSource:

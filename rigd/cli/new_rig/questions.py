@@ -103,6 +103,8 @@ def _derived(answers: Mapping[str, str]) -> dict[str, str]:
         ("speed", "rad/s"), ("force", "N"), ("load", "kg")))  # fmt: skip
     return {
         "fastest": f"{0.8 * speed:.6g} rad/s",
+        "slow": f"{0.2 * speed:.6g} rad/s",
+        "fast": f"{0.4 * speed:.6g} rad/s",
         "rate": f"{0.8 * speed:.6g} rad/s^2",
         "band": f"{0.1 * speed:.6g} rad/s",
         "overload": f"{0.9 * force:.6g} N",

@@ -17,13 +17,20 @@ from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError
 from rigd.record.reader import Recording
 
-FIRST = "first: {setpoint: spindle.speed, values: [5 rad/s], for: 1.5 s}\n"
+TEXT = (
+    described("bench", defaults)
+    .replace("values: [12 rad/s, 24 rad/s]", "values: [5 rad/s]")
+    .replace("for: 5 s", "for: 1.5 s")
+    .replace("last 2 s of hold", "last 1 s of hold")
+)
 
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("lab") / "bench"
-    write_rig("bench", described("bench", defaults) + "\n" + FIRST, Path("rig.yaml"), folder)
+    write_rig("bench", TEXT, Path("rig.yaml"), folder)
+    first = folder / "procedures" / "first.yaml"
+    first.write_text(first.read_text("utf-8").replace("repeats: 3", "repeats: 1"), "utf-8")
     return folder
 
 
