@@ -238,7 +238,7 @@ class Window:
         return f"{self.begin_s:g} s to {self.end_s:g} s of {step}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measure:
     """A quantity read off one trial; all numbers in SI.
 

@@ -10,10 +10,12 @@ from pathlib import Path
 RIGD = Path(__file__).parents[2] / "rigd"
 #: Words that only a family has.
 WORDS = re.compile(
-    r"lugre|\bomni.?wheel|gauge|\brails?\b|rail_|\broller|approach.?angle|articulated", re.I
+    r"lugre|\bomni.?wheel|gauge(?! pressure)|\brails?\b|rail_|\broller|approach.?angle|articulated",
+    re.I,
 )
-#: Names of shipped rigs, which examples and hints use.
-RIGS = re.compile(r"lugre-\d|(sim|wire)_lugre")
+#: Names of shipped rigs, which examples and hints use, and of a friction law, which a rig of any
+#: family may have.
+RIGS = re.compile(r"lugre-\d|(sim|wire)_lugre|kind: lugre")
 SUFFIXES = {".py", ".jinja", ".html", ".css", ".js", ".service"}
 
 

@@ -45,7 +45,7 @@ class PlayedSteps:
         return cls(steps, [event for event in recording.all_events if event.kind == "hold"])
 
 
-@dataclass
+@dataclass(eq=False)
 class TrialReader:
     """Reads one trial of a recording."""
 

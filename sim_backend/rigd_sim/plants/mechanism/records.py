@@ -50,7 +50,7 @@ FILTER: Final = _doubles("out last keep slope")
 TALLY: Final = _doubles("counting supplied dissipated given lost begun")
 
 
-@dataclass
+@dataclass(eq=False)
 class Memory:
     """All arrays of one plant; the kernel writes those of the second half."""
 
