@@ -17,7 +17,7 @@ _TEMPLATE: Final = Path(__file__).parents[1] / "templates" / "rig" / "pin_on_dis
 
 
 @dataclass(frozen=True)
-class Question:
+class BenchQuestion:
     """One number: what it is, its SI unit, its default, and what it may be in SI."""
 
     key: str
@@ -42,29 +42,33 @@ class Question:
 
 
 QUESTIONS: Final = (
-    Question("radius", "Radius of the track on the disk", "m", "30 mm", 1e-3, 1.0),
-    Question("inertia", "Inertia of the disk with its drive", "kg m^2", "6e-3 kg m^2", 1e-5, 10.0),
-    Question("speed", "Largest speed of the disk", "rad/s", "60 rad/s", 1.0, 1e4),
-    Question("torque", "Largest torque of the drive at the disk", "N m", "4 N m", 1e-2, 1e4),
-    Question("load", "Dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
-    Question("force", "Range of the load cell", "N", "50 N", 1e-2, 1e5),
-    Question("stiffness", "Stiffness of the load cell with its arm", "N/m", "200 kN/m", 1e3, 1e7),
-    Question("force_scale", "Force for each volt of its amplifier", "N/V", "5 N/V", 1e-3, 1e5),
+    BenchQuestion("radius", "Radius of the track on the disk", "m", "30 mm", 1e-3, 1.0),
+    BenchQuestion(
+        "inertia", "Inertia of the disk with its drive", "kg m^2", "6e-3 kg m^2", 1e-5, 10.0
+    ),
+    BenchQuestion("speed", "Largest speed of the disk", "rad/s", "60 rad/s", 1.0, 1e4),
+    BenchQuestion("torque", "Largest torque of the drive at the disk", "N m", "4 N m", 1e-2, 1e4),
+    BenchQuestion("load", "Dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
+    BenchQuestion("force", "Range of the load cell", "N", "50 N", 1e-2, 1e5),
+    BenchQuestion(
+        "stiffness", "Stiffness of the load cell with its arm", "N/m", "200 kN/m", 1e3, 1e7
+    ),
+    BenchQuestion("force_scale", "Force for each volt of its amplifier", "N/V", "5 N/V", 1e-3, 1e5),
 )
 
 
-def described(name: str, ask: Callable[[Question], str]) -> str:
+def described(name: str, ask: Callable[[BenchQuestion], str]) -> str:
     """Return the description of a pin-on-disk, with the answers of ``ask``."""
     answers = {question.key: ask(question) for question in QUESTIONS}
     return _rendered({"name": name, **answers, **_derived(answers)})
 
 
-def defaults(question: Question) -> str:
+def defaults(question: BenchQuestion) -> str:
     """Return the default answer."""
     return question.accepted("")
 
 
-def asked(question: Question) -> str:
+def asked(question: BenchQuestion) -> str:
     """Return the answer of the next line of standard input; at a terminal asks until it is right.
 
     Without further lines the default holds.

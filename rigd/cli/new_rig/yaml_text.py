@@ -13,7 +13,7 @@ _COLUMNS: Final = 96
 
 
 def yaml_text(data: Mapping[str, Any]) -> str:
-    """Return ``data`` as a YAML file; small mappings stand in braces, in one line."""
+    """Return ``data`` as a YAML file; small mappings stand in braces, on a line."""
     lines: list[str] = []
     for key, value in data.items():
         entry = _entry(f"{key}:", value, "")
@@ -38,9 +38,9 @@ def _entry(head: str, value: Any, indent: str) -> list[str]:
         return [head, *_block(value, inner)]
     lines = [head]
     for item in value:
-        one = f"{inner}- {_flow(item)}"
-        if not isinstance(item, Mapping) or len(one) <= _COLUMNS:
-            lines.append(one)
+        flat = f"{inner}- {_flow(item)}"
+        if not isinstance(item, Mapping) or len(flat) <= _COLUMNS:
+            lines.append(flat)
             continue
         first, *rest = _block(item, inner + "  ")
         lines += [f"{inner}- {first.strip()}", *rest]

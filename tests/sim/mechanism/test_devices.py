@@ -101,7 +101,7 @@ def test_wrong_plant_file_is_reported_once(tmp_path: Path) -> None:
     assert "mine.yaml:1:13: bodies.a: a has no mass" in str(caught.value)
 
 
-def test_raw_value_is_what_the_scale_makes_of_it() -> None:
+def test_raw_value_follows_from_the_scale() -> None:
     plant = MechanismPlant(MechanismConfig(noise=False), period_ns=MS, seed=1)
     spindle = device(dict(DEVICES["spindle"][1]), plant)
     cell = device(

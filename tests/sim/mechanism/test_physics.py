@@ -42,14 +42,14 @@ def chain_rates(_: float, y: np.ndarray) -> list[float]:
     def g(v: float) -> float:
         return 0.1 + 0.05 * math.exp(-((v / 0.05) ** 2))
 
-    one, two = 800 * x1 + 2 * v1, 500 * (x2 - x1)
+    first, two = 800 * x1 + 2 * v1, 500 * (x2 - x1)
     three = 1200 * (x3 - x2) + (v3 - v2)
     slide = 10 * (g(v1) * math.tanh(v1 / 0.01) + 0.2 * v1)
     slip = v2 - v3
     bend = slip - 2000 * abs(slip) * z / g(slip)
     rub = 10 * (2000 * z + 5 * bend + 0.1 * slip)
     return [
-        v1, v2, v3, (two - one - slide) / 2, three - two - rub, (rub - three - 0.5 * v3) / 3, bend
+        v1, v2, v3, (two - first - slide) / 2, three - two - rub, (rub - three - 0.5 * v3) / 3, bend
     ]  # fmt: skip
 
 
