@@ -7,7 +7,6 @@ made safe by its watchdog.
 
 from __future__ import annotations
 
-import asyncio
 import threading
 import time
 from collections.abc import Collection
@@ -66,6 +65,8 @@ def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
         link = None if setup is None else setup.link_class(setup.config)
         driver = device.driver_class(device.config, link)
         if isinstance(driver, SlowDriver) and driver.second_link:
+            import asyncio  # the cycle, which may do this once it is over, does without
+
             asyncio.run(_rescue_slow(driver))
         elif isinstance(driver, Driver) and driver.second_link:
             insist(driver.rescue)

@@ -70,7 +70,8 @@ def compile_procedure(
     reader = replace(reader, units=units)
     known, rig = rig.devices, with_derived(reader, source, rig, base, hidden)
     if source.derived and rig.devices is known:
-        _raise_any(problems, source, rig)  # uncomputed channels would all seem unknown
+        # Uncomputed channels would all seem unknown; on another rig, all that it lacks is named.
+        _raise_any(problems, source, rig, unless_other=True)
     compiler = StepCompiler(reader, rig, source.parameters)
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)
@@ -101,11 +102,16 @@ def compile_procedure(
     )
 
 
-def _raise_any(problems: Problems, source: ProcedureSource, rig: RigConfig) -> None:
+def _raise_any(
+    problems: Problems, source: ProcedureSource, rig: RigConfig, *, unless_other: bool = False
+) -> None:
     try:
         problems.raise_any()
     except ConfigError as error:
-        raise other_rig(error, source.procedure, rig) or error from None
+        own = {name.partition(".")[0] for name in source.derived}
+        other = other_rig(error, source.procedure, rig, own)
+        if other is None or not unless_other:
+            raise other or error from None
 
 
 def _constants(rig: RigConfig) -> dict[str, Value]:

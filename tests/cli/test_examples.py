@@ -280,6 +280,7 @@ NEVER: dict[str, str] = {
     "make test": "this is it",
     "make test-long": "`.ci/run` does",
     "make check": "`.ci/run` does",
+    "make docs": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
     "rigd identify before.mcap after.mcap --group-by recording": (
         "15 s of CPU; tests/analysis/test_several_recordings.py evaluates so, without the command"
