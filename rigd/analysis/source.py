@@ -283,7 +283,8 @@ def open_sweep(path: Path) -> RecordedSweep:
     if plan is None:
         raise DataError(
             f"{path} does not state what to identify" + _damaged(recording),
-            hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
+            hint="the procedure needs an `identify` block; `rigd info` shows what the file holds, "
+            "`rigd measure` what is measured without a fit",
         )
     signals: dict[str, str] = json.loads(plan["signals"])
     trials = needed_trials(recording, signals)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import pytest
 from support.command import rigd
 
+from rigd.cli.main import build_parser
 from rigd.cli.new_rig.folder import write_rig
 from rigd.cli.new_rig.questions import QUESTIONS, defaults, described
 from rigd.cli.new_rig.yaml_text import yaml_text
@@ -48,6 +51,15 @@ def refused(folder: Path, text: str) -> str:
         made(folder, text)
     assert list(folder.iterdir()) == []
     return str(caught.value)
+
+
+def test_commands_of_the_readme_are_commands(tmp_path: Path) -> None:
+    text = (made(tmp_path) / "README.md").read_text("utf-8")
+    shell = "\n".join(re.findall(r"^```sh\n(.*?)^```", text, re.M | re.S))
+    commands = re.findall(r"^rigd .*", shell, re.M) + re.findall(r"`(rigd [^`]*)`", text)
+    assert len(commands) > 5
+    for command in commands:
+        build_parser().parse_args(shlex.split(command, comments=True)[1:])
 
 
 def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
