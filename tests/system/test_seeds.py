@@ -34,7 +34,7 @@ def shipped() -> list[Pair]:
 
 def test_each_rig_and_procedure_is_in_some_pair(shipped: list[Pair]) -> None:
     assert {pair.rig.name for pair in shipped} == {"lugre-1", "angle-1", "articulated-1"}
-    assert len({pair.procedure for pair in shipped}) == 13
+    assert len({pair.procedure for pair in shipped}) == 14
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
@@ -51,6 +51,7 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
     }
     assert ended == {
         "approach_angles on angle-1": "",
+        "breakaway on lugre-1": "",
         "robot_manoeuvres on articulated-1": "",
         "straight_speeds on articulated-1": "",
     }

@@ -117,7 +117,7 @@ def _fitted(system: System, theta: FloatArray) -> Branch:
     model = OutputErrorModel(system, noise_at(system, theta))
     ended = fit(
         model, theta, max_iterations=ITERATIONS, relative_decrease=ENOUGH, damping=NEAR,
-        thorough=True,
+        thorough=True, ridges=True,
     )  # fmt: skip
     return model, ended
 
