@@ -158,6 +158,22 @@ def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
                     )
 
 
+def _saturated(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
+    """Yield measured channels that come to the end of their range: their peaks may be beyond."""
+    for peak in peaks:
+        channel = rig.channel(peak.channel)
+        if channel is None:
+            continue
+        low, high = channel.ends
+        for end, is_reached in (
+            (channel.low, peak.lowest <= low),
+            (channel.high, peak.highest >= high),
+        ):
+            if is_reached:
+                shown = format_quantity(end, channel.unit)
+                yield f"{peak.channel} reaches the end of its range, {shown}: its peak is not known"
+
+
 def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     sink, clock, result = _play(procedure, rig, seed)
     refusals = _refusals(sink, result, rig)
@@ -168,6 +184,7 @@ def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
             f"with each step held once: {reason}" for reason in _refusals(held, ending, rig)
         ]
     peaks = tuple(_peaks(procedure, rig, sink))
+    refusals += _saturated(rig, peaks)
     steps = step_rows(procedure, rig, sink.steps, clock.now())
     return DryRunResult(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
 

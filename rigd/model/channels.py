@@ -12,6 +12,8 @@ from rigd.model.units import parse_unit
 STATUS_FIELD: Final = "status"
 #: Suffix of the channel that records a setpoint as it was written in the cycle.
 ECHO: Final = "_setpoint"
+#: Share of an end of a range within which a value is at it: it was converted from the raw one.
+_NEAR: Final = 1e-9
 #: Bit of the status word that belongs to rigd: the row repeats the values of an earlier cycle,
 #: because the device returned no row for this cycle.
 STALE: Final = 1 << 31
@@ -35,6 +37,19 @@ class Channel:
     def __post_init__(self) -> None:
         if not parse_unit(self.unit).is_si:
             raise ValueError(f"channel {self.name!r}: {self.unit} is not an SI unit")
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The values from which on, down and up, a reading stands for all that lies beyond.
+
+        Infinite where the range has no end. An end at 0, where many sensors rest, is none, nor are
+        those of a range from 0 to 1, of a switch or a share.
+        """
+        if (self.low, self.high) == (0.0, 1.0):
+            return -math.inf, math.inf
+        low = self.low if self.low else -math.inf
+        high = self.high if self.high else math.inf
+        return low + _NEAR * abs(low), high - _NEAR * abs(high)
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,23 @@ def test_setpoint_beyond_the_siblings_device_refuses(tmp_path: Path) -> None:
     assert refusal.startswith("wheel_servo.current leaves -1 A to 1 A, which the device of the sib")
 
 
+def test_sensor_at_end_of_its_range_refuses() -> None:
+    carriage = SIMULATED.devices["carriage"]
+    (position,) = carriage.declaration.channels[:1]
+    narrow = replace(
+        carriage.declaration,
+        row=None,
+        channels=(replace(position, high=0.15), *carriage.declaration.channels[1:]),
+    )
+    devices = {**SIMULATED.devices, "carriage": replace(carriage, declaration=narrow)}
+    short = DRIVE.replace("> 0.2 m", "> 0.14 m")
+    found = played(replace(SIMULATED, devices=devices), short)
+    assert found.refusals == (
+        "carriage.position reaches the end of its range, 0.15 m: its peak is not known",
+    )
+    assert played(SIMULATED, short).refusals == ()
+
+
 def test_channel_that_sibling_lacks_blocks_the_procedure() -> None:
     text = DRIVE.replace("carriage.position > 0.2 m", "traction.force > 1 N")
     with pytest.raises(Blocked, match=r"drive uses traction\.force, and the sibling has not"):

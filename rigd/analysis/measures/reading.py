@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigd.analysis.measures.events import Samples, first_time, holds_at
 from rigd.analysis.measures.mean import mean_of
+from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import TrialReading
 from rigd.analysis.resample import stale_rows
 from rigd.model.channels import STATUS_FIELD
@@ -52,6 +53,7 @@ class TrialReader:
     recording: Recording
     trial: TrialInfo
     played: PlayedSteps
+    sensors: Sensors
     _rows: dict[tuple[str, int, int], NDArray[Any]] = field(default_factory=dict)
 
     def reading(self, measure: Measure) -> TrialReading:
@@ -145,7 +147,25 @@ class TrialReader:
         least = _LEAST.get(measure.kind, 1)
         if len(values) < least:
             raise Unread(f"{len(values)} sample of {measure.channel}: {least} are needed")
+        self._refuse_saturated(measure.channel, span)
         return times, values
+
+    def _refuse_saturated(
+        self, name: str, span: tuple[int, int], at_s: float | None = None
+    ) -> None:
+        """Check the sensors behind a channel, in a whole span or in the samples about a time.
+
+        Raises:
+            Unread: a value at the end of a range stands for all that lie beyond it.
+        """
+        for sensor in self.sensors.behind(name):
+            times, values = self._samples(sensor.name, span)
+            if at_s is not None:
+                after = int(np.searchsorted(times, at_s))
+                values = values[max(after - 1, 0) : after + 1]
+            count, words = sensor.end(values)
+            if count:
+                raise Unread(f"{count} of {len(values)} samples have {words}")
 
     def _event(self, rows: Rows, span: tuple[int, int], begin_s: float) -> float:
         """Return when a condition begins to hold after ``begin_s``, in s since the trial began.
@@ -182,6 +202,7 @@ class TrialReader:
         value = float(np.interp(at_s, times[pair], values[pair]))
         if np.isnan(values[pair]).any():
             raise Unread(f"{name} has no value at the event")
+        self._refuse_saturated(name, span, at_s)
         return value
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.analysis.corrections import scope_of
+from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.reading import PlayedSteps, TrialReader
 from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
-from rigd.config.loader import parse_constants
+from rigd.config.loader import parse_constants, parse_formulas
 from rigd.config.problems import Problems
-from rigd.model.channels import Channel
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.conditions import ChannelFinder
@@ -53,8 +52,9 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
                 hint="measure them one by one, or give --procedure for all",
             )
         played = PlayedSteps.of(recording, _steps(own))
+        sensors = Sensors.of(recording, _formulas(recording, own))
         for trial, measures in _trials(recording, own):
-            reader = TrialReader(recording, trial, played)
+            reader = TrialReader(recording, trial, played, sensors)
             key = tuple((name, trial.text(name)) for name in trial.parameters)
             for measure in measures:
                 found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
@@ -109,19 +109,14 @@ def _varied(points: Sequence[dict[str, str]]) -> set[str]:
     return {name for name in names if len({point.get(name) for point in points}) > 1}
 
 
-@dataclass(frozen=True)
-class _Recorded:
-    """The channels of a recording by name."""
-
-    channels: dict[str, Channel]
-
-    @classmethod
-    def of(cls, recording: Recording) -> _Recorded:
-        return cls({
-            f"{stream.name}.{channel.name}": channel
-            for stream in recording.streams.values()
-            for channel in stream.channels
-        })  # fmt: skip
+def _formulas(recording: Recording, procedure: Procedure) -> dict[str, str]:
+    """Return the formulas of the derived channels of a recording's rig, and of ``procedure``."""
+    found: dict[str, str] = {}
+    rig = recording.attachments.get("rig.yaml")
+    if rig is not None:
+        with suppress(ConfigError):  # of another version of rigd: only what is recorded is known
+            found = parse_formulas(rig.data.decode(errors="replace"), Path("rig.yaml"))
+    return found | {name: item.formula for name, item in procedure.source.derived.items()}
 
 
 def _trials(
@@ -141,7 +136,7 @@ def _trials(
     shared: dict[str, Value] = {
         f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
     }
-    known = _Recorded.of(recording).channels
+    known = Sensors.of(recording, {}).channels
     name = recording.metadata.get("run", {}).get("rig", "") or str(recording.path)
     finder = ChannelFinder(name, known.get, lambda: list(known))
     own = {table: item.unit or "1" for table, item in source.tables.items()}

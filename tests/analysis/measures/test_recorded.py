@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,15 @@ from rigd.record import Attachment, Recording, RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000
 AXIS = Stream(
-    "axis", (Channel("position", "m"), Channel("force", "N"), Channel("heat", "K")),
+    "axis",
+    (
+        Channel("position", "m"), Channel("force", "N"), Channel("heat", "K"),
+        Channel("load", "N", low=0.0, high=5.0),
+        Channel("load_raw", "V", low=-10.0, high=10.0, raw_of="load"),
+    ),
     has_status=True,
 )  # fmt: skip
+FRICTION = Stream("friction", (Channel("mu", "1"),), source="derived")
 RIG = """\
 rig: bench
 title: A bench
@@ -30,6 +36,9 @@ cycle: 1 kHz
 devices: {axis: {driver: not-installed-here}}
 interlocks: []
 constants: {limit: {value: 30 mm, u: 1 mm}}
+derived:
+  half.load: {is: axis.load / 2}
+  friction.mu: {is: half.load / 50 N}
 """
 PROCEDURE = """\
 procedure: pull
@@ -81,7 +90,7 @@ def record(
         Attachment("rig.yaml", "application/yaml", RIG.encode()),
     ]
     with RecordingWriter.create(
-        path, streams=[AXIS], metadata={"run": {"procedure": "pull", "rig": "bench"}},
+        path, streams=[AXIS, FRICTION], metadata={"run": {"procedure": "pull", "rig": "bench"}},
         attachments=attachments, start_ns=START_NS, sync_interval_s=None,
     ) as writer:  # fmt: skip
         for place, (number, force, complete) in enumerate(trials, 1):
@@ -95,6 +104,9 @@ def record(
             if change and place in change:
                 rows = change[place](rows)
             writer.write("axis", rows)
+            ratio = np.zeros(len(rows), row_dtype(FRICTION))
+            ratio[TIME_FIELD], ratio["mu"] = rows[TIME_FIELD], rows["load"] / 100
+            writer.write("friction", ratio)
             reason = "all steps played" if complete else "timeout of step pull"
             end = {"complete": complete, "reason": reason}
             writer.event(begin + ROWS * PERIOD_NS - 1, "trial_end", number, end)
@@ -156,6 +168,45 @@ def reason(tmp_path: Path, measure: str, **options: Any) -> str:
 )
 def test_measure_is_its_value_in_closed_form(tmp_path: Path, measure: str, expected: float) -> None:
     assert value(tmp_path, measure) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def loaded(load: float, raw: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what sets the load sensor and its raw value from 0.9 s to 0.92 s."""
+
+    def change(rows: np.ndarray) -> np.ndarray:
+        rows["load"][900:920], rows["load_raw"][900:920] = load, raw
+        return rows
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("channel", "load", "raw", "end"),
+    [
+        ("axis.load", 5.0, 1.0, "axis.load at the end of its range, 5 N"),
+        ("axis.load", 4.0, -10.0, "axis.load_raw at the end of its range, -10 V"),
+        ("friction.mu", 5.0, 1.0, "axis.load at the end of its range, 5 N"),  # through half.load
+        ("friction.mu", 4.0, 10.0, "axis.load_raw at the end of its range, 10 V"),
+    ],
+)
+def test_saturated_sensor_gives_no_number(
+    tmp_path: Path, channel: str, load: float, raw: float, end: str
+) -> None:
+    change = {1: loaded(load, raw)}
+    for kind in ("mean", "max"):
+        (folder := tmp_path / kind).mkdir()
+        why = reason(folder, f"{{{kind}: {channel}, during: pull}}", change=change)
+        assert why == f"20 of 800 samples have {end}"
+    at = f"{{channel: {channel}, when: axis.position > 71 mm}}"
+    assert reason(tmp_path, at, change=change) == f"2 of 2 samples have {end}"
+
+
+def test_sensor_that_rests_at_zero_is_measured(tmp_path: Path) -> None:
+    change = {1: loaded(4.9, 9.9)}  # and 0 N before and after, the lower end of its range
+    assert value(tmp_path, "{max: axis.load}", change=change) == pytest.approx(4.9)
+    (early := tmp_path / "early").mkdir()
+    before = "{mean: friction.mu, during: first 0.5 s of pull}"
+    assert value(early, before, change={1: loaded(5.0, 10.0)}) == 0.0
 
 
 @pytest.mark.parametrize(

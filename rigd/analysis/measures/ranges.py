@@ -1,0 +1,75 @@
+"""Finds the sensors behind a channel, and their samples at the end of what they can measure."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.model.channels import Channel
+from rigd.model.units import format_quantity
+from rigd.record import Recording
+
+#: A channel in a formula; units and functions have no dot.
+_NAME = re.compile(r"\b[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*\b")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A channel with a range, by its name in the recording."""
+
+    name: str
+    channel: Channel
+
+    def end(self, values: NDArray[np.float64]) -> tuple[int, str]:
+        """Return how many of ``values`` (n,) are at an end of the range, and which, in words."""
+        low, high = self.channel.ends
+        for bound, beyond in (
+            (self.channel.low, values <= low),
+            (self.channel.high, values >= high),
+        ):
+            if beyond.any():
+                shown = format_quantity(bound, self.channel.unit)
+                return int(beyond.sum()), f"{self.name} at the end of its range, {shown}"
+        return 0, ""
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """The sensors behind each channel of a recording: itself, its raw value, those of a formula."""
+
+    channels: Mapping[str, Channel]
+    formulas: Mapping[str, str]
+
+    @classmethod
+    def of(cls, recording: Recording, formulas: Mapping[str, str]) -> Self:
+        """Return those of ``recording``; ``formulas`` are those of its derived channels."""
+        channels = {
+            f"{stream.name}.{channel.name}": channel
+            for stream in recording.streams.values()
+            for channel in stream.channels
+        }
+        return cls(channels, formulas)
+
+    def behind(self, name: str) -> Sequence[Sensor]:
+        """Return the sensors that a channel rests on, those without an end left out."""
+        reached, waiting = dict[str, None](), [name]
+        while waiting:
+            item = waiting.pop()
+            if item in reached:
+                continue
+            reached[item] = None
+            waiting += _NAME.findall(self.formulas.get(item, ""))
+            device, _, short = item.partition(".")
+            waiting += [
+                other
+                for other, channel in self.channels.items()
+                if channel.raw_of == short and other.partition(".")[0] == device
+            ]
+        found = (Sensor(item, self.channels[item]) for item in reached if item in self.channels)
+        return [sensor for sensor in found if any(map(math.isfinite, sensor.channel.ends))]
