@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -20,6 +19,7 @@ from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lugre import BusOptions, ServoOptions
 from rigd_sim.wire.part import Part, State
+from rigd_sim.wire.plant_world import PlantWorld
 from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation, World
 from rigd_sim.wire.tracker import Poses, SimTracker
 
@@ -79,26 +79,8 @@ class WireArticulatedConfig(WirePlantConfig):
         return self
 
 
-class RobotWorld:
-    """The simulated robot that all devices share, in real time; for one thread."""
-
-    def __init__(self, plant: ArticulatedPlant) -> None:
-        self.plant = plant
-        self.now()
-
-    def at(self, t_ns: int) -> None:
-        """Bring the plant to ``t_ns``, unless a device has looked later."""
-        if not self.plant.begun or t_ns > self.plant.now_ns:
-            self.plant.advance(t_ns)
-
-    def now(self) -> None:
-        """Bring the plant to this moment."""
-        self.at(time.monotonic_ns())
-
-    def change(self, quantity: str, value: float | str) -> None:
-        """Change the bench at this moment; see :meth:`rigd.sdk.Plant.change`."""
-        self.now()
-        self.plant.change(quantity, value)
+class RobotWorld(PlantWorld[ArticulatedPlant]):
+    """The simulated robot that all devices share."""
 
     def state(self) -> State:
         """Return the hidden state of every module."""

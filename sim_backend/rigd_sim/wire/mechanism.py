@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, ClassVar, Final, Self
 
@@ -22,6 +21,7 @@ from rigd_sim.wire.lugre import BusOptions, ServoOptions
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.ni_card import INPUTS
 from rigd_sim.wire.part import Part, State
+from rigd_sim.wire.plant_world import PlantWorld
 from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation, World
 
 #: How much more current than its nominal one a drive gives.
@@ -116,26 +116,8 @@ def _fits(scale: str, unit: str) -> bool:
     return given.value != 0.0 and given.unit.same_kind(parse_unit(f"{unit}/V"))
 
 
-class MechanismWorld:
-    """The mechanism that all devices share, in real time; for one thread."""
-
-    def __init__(self, plant: MechanismPlant) -> None:
-        self.plant = plant
-        self.now()
-
-    def at(self, t_ns: int) -> None:
-        """Bring the plant to ``t_ns``, unless a device has looked later."""
-        if not self.plant.begun or t_ns > self.plant.now_ns:
-            self.plant.advance(t_ns)
-
-    def now(self) -> None:
-        """Bring the plant to this moment."""
-        self.at(time.monotonic_ns())
-
-    def change(self, quantity: str, value: float | str) -> None:
-        """Change the bench at this moment; see :meth:`rigd.sdk.Plant.change`."""
-        self.now()
-        self.plant.change(quantity, value)
+class MechanismWorld(PlantWorld[MechanismPlant]):
+    """The mechanism that all devices share."""
 
     def state(self) -> State:
         """Return the hidden state."""

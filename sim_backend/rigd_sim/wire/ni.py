@@ -87,7 +87,9 @@ class SimNi(Part):
         self._pump = asyncio.create_task(self._run())
         self._pump.add_done_callback(self._ended)
         host = self._address.rpartition(":")[0]
-        return f"{self.name}: NI {PRODUCT} {self._card.device} at {host}:{self.port} (gRPC)"
+        return (
+            f"{self.name}: NI {PRODUCT} {self._card.identity.device} at {host}:{self.port} (gRPC)"
+        )
 
     async def stop(self) -> None:
         """Stop serving; stopping twice is silent."""

@@ -14,18 +14,16 @@ from typing import Any, Final, Protocol
 
 from rigd_sim.wire.ni_card import DaqFault
 from rigd_sim.wire.ni_grpc import Call, GrpcServer, looked_up, session
+from rigd_sim.wire.ni_identity import Identity
 from rigd_sim.wire.ni_terminals import COUNTERS, INPUTS, LINES, OUTPUTS, RANGE_V, Terminals
 from rigd_sim.wire.part import Part, State
 
 PRODUCT: Final = "PCIe-6363"
-DRIVER_VERSION: Final = (24, 5, 0)
 #: The card is brought to now this often, so that its watchdog acts when nobody calls, in s.
 _TICK_S: Final = 0.002
 
 # Numbers of NI-DAQmx: attributes (nidaqmx.proto, enums *Attribute) and values.
-_SYSTEM_NUMBERS: Final = dict(zip((0x1272, 0x1923, 0x2F22), DRIVER_VERSION, strict=True))
-_DEVICE_NAMES: Final = 0x193B
-_PRODUCT_TYPE, _SERIAL_NUMBER, _OUTPUT_RANGES = 0x0631, 0x0632, 0x299B
+_OUTPUT_RANGES: Final = 0x299B
 _TASK_NAME: Final = 0x1276
 _EXPIRED: Final = 0x21A8
 _RESET_TIMER, _CLEAR_EXPIRATION = 0, 1
@@ -115,8 +113,7 @@ class SimNiIo(Part):
         self._terminals = terminals
         self._bench = bench
         self._address = address
-        self._device = device
-        self._serial = serial
+        self._identity = Identity(device, PRODUCT, serial, lambda: terminals.removed)
         self._quadrature = quadrature
         self._server = GrpcServer(name, address)
         self._tasks: dict[str, _Task] = {}
@@ -124,10 +121,7 @@ class SimNiIo(Part):
         self._calls = 0
         self._timer: asyncio.TimerHandle | None = None
         calls: dict[str, Call] = {
-            "GetSystemInfoAttributeUInt32": self._system_number,
-            "GetSystemInfoAttributeString": self._system_text,
-            "GetDeviceAttributeString": self._device_text,
-            "GetDeviceAttributeUInt32": self._device_number,
+            **self._identity.calls,
             "GetDeviceAttributeDoubleArray": self._device_numbers,
             "CreateTask": self._create_task,
             "CreateWatchdogTimerTaskEx": self._create_watchdog,
@@ -160,7 +154,7 @@ class SimNiIo(Part):
         self.port = await self._server.start(self._served)
         self._tick()
         host = self._address.rpartition(":")[0]
-        return f"{self.name}: NI {PRODUCT} {self._device} at {host}:{self.port} (gRPC)"
+        return f"{self.name}: NI {PRODUCT} {self._identity.device} at {host}:{self.port} (gRPC)"
 
     async def stop(self) -> None:
         """Stop serving; stopping twice is silent."""
@@ -223,16 +217,12 @@ class SimNiIo(Part):
 
         return served
 
-    def _known(self, device: str) -> None:
-        if device != self._device or self._terminals.removed:
-            raise DaqFault(-200220, f"Device identifier is invalid. Device Specified: {device}")
-
     def _channels(self, names: str) -> list[str]:
         """Return every channel in ``Dev1/ao0:1, Dev1/ao3``, without the name of the card."""
         found = []
         for item in names.split(","):
             device, _, rest = item.strip().partition("/")
-            self._known(device)
+            self._identity.check(device)
             match = _CHANNELS.fullmatch(rest)
             if match is None:
                 raise DaqFault(-200170, f"Physical channel specified does not exist: {rest}")
@@ -255,23 +245,8 @@ class SimNiIo(Part):
                 raise DaqFault(-200170, f"Physical channel specified does not exist: {name}")
         return channels
 
-    def _system_number(self, request: Any) -> dict[str, Any]:
-        return {"value": looked_up(_SYSTEM_NUMBERS, request)}
-
-    def _system_text(self, request: Any) -> dict[str, Any]:
-        present = "" if self._terminals.removed else self._device
-        return {"value": looked_up({_DEVICE_NAMES: present}, request)}
-
-    def _device_text(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
-        return {"value": looked_up({_PRODUCT_TYPE: PRODUCT}, request)}
-
-    def _device_number(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
-        return {"value": looked_up({_SERIAL_NUMBER: self._serial}, request)}
-
     def _device_numbers(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
+        self._identity.check(request.device_name)
         ranges = [-5.0, 5.0, -RANGE_V, RANGE_V]
         return {"value": looked_up({_OUTPUT_RANGES: ranges}, request)}
 
@@ -281,7 +256,7 @@ class SimNiIo(Part):
         return {"task": {"name": name}, "new_session_initialized": new}
 
     def _create_watchdog(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
+        self._identity.check(request.device_name)
         answer = self._create_task(request)
         self._tasks[answer["task"]["name"]].timeout_s = request.timeout
         return answer

@@ -25,15 +25,12 @@ from rigd_sim.wire.ni_card import (
     span_for,
 )
 from rigd_sim.wire.ni_grpc import Call, looked_up, session
+from rigd_sim.wire.ni_identity import Identity
 from rigd_sim.wire.ni_lines import Lines, parsed
 
 PRODUCT: Final = "USB-6009"
-DRIVER_VERSION: Final = (24, 5, 0)
 
 # Numbers of NI-DAQmx: attributes (nidaqmx.proto, enums *Attribute) and values.
-_SYSTEM_NUMBERS: Final = dict(zip((0x1272, 0x1923, 0x2F22), DRIVER_VERSION, strict=True))
-_DEVICE_NAMES: Final = 0x193B
-_PRODUCT_TYPE, _SERIAL_NUMBER = 0x0631, 0x0632
 _TASK_NAME, _TASK_CHANNELS, _TASK_DEVICES = 0x1276, 0x1273, 0x230E
 _CHANNEL_COUNTS: Final = frozenset({0x2181, 0x217B})  # of the task, of what is read
 _AVAILABLE: Final = frozenset({0x1223, 0x31E8})  # samples waiting, samples read by default
@@ -84,8 +81,7 @@ class DeviceServer:
         *,
         drift_ppm: float,
     ) -> None:
-        self.device = device
-        self.serial = serial
+        self.identity = Identity(device, PRODUCT, serial, lambda: faults.removal)
         self._connected = connected
         self._sample = sample
         self._lines = lines
@@ -95,10 +91,7 @@ class DeviceServer:
         self._advanced = asyncio.Condition()
         #: The calls that are served, by their names in nidaqmx.proto.
         self.calls: Mapping[str, Call] = {
-            "GetSystemInfoAttributeUInt32": self._system_number,
-            "GetSystemInfoAttributeString": self._system_text,
-            "GetDeviceAttributeString": self._device_text,
-            "GetDeviceAttributeUInt32": self._device_number,
+            **self.identity.calls,
             "CreateTask": self._create_task,
             "ClearTask": self._clear_task,
             "CreateAIVoltageChan": self._create_voltage_channel,
@@ -148,25 +141,6 @@ class DeviceServer:
         if self._shown.removal:
             raise DaqFault(-201003, "Device cannot be accessed. It may have been disconnected.")
 
-    def _system_number(self, request: Any) -> dict[str, Any]:
-        return {"value": looked_up(_SYSTEM_NUMBERS, request)}
-
-    def _system_text(self, request: Any) -> dict[str, Any]:
-        present = "" if self._shown.removal else self.device
-        return {"value": looked_up({_DEVICE_NAMES: present}, request)}
-
-    def _device_text(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
-        return {"value": looked_up({_PRODUCT_TYPE: PRODUCT}, request)}
-
-    def _device_number(self, request: Any) -> dict[str, Any]:
-        self._known(request.device_name)
-        return {"value": looked_up({_SERIAL_NUMBER: self.serial}, request)}
-
-    def _known(self, device: str) -> None:
-        if device != self.device or self._shown.removal:
-            raise DaqFault(-200220, f"Device identifier is invalid. Device Specified: {device}")
-
     def _create_task(self, request: Any) -> dict[str, Any]:
         name, new = session(request, self._tasks)
         self._tasks.setdefault(name, _Task(name))
@@ -179,7 +153,7 @@ class DeviceServer:
     def _create_voltage_channel(self, request: Any) -> dict[str, Any]:
         task = self._task(request)
         device, _, channel = request.physical_channel.partition("/")
-        self._known(device)
+        self.identity.check(device)
         asked = max(abs(request.min_val), abs(request.max_val))
         span = span_for(channel, request.terminal_config_raw, asked)
         task.inputs[request.physical_channel] = span
@@ -247,13 +221,13 @@ class DeviceServer:
 
     def _create_output_lines(self, request: Any) -> dict[str, Any]:
         task = self._task(request)
-        task.lines += parsed(request.lines, self.device)
+        task.lines += parsed(request.lines, self.identity.device)
         task.drives = True
         return {}
 
     def _create_input_lines(self, request: Any) -> dict[str, Any]:
         task = self._task(request)
-        task.lines += parsed(request.lines, self.device)
+        task.lines += parsed(request.lines, self.identity.device)
         self._lines.release(task.lines)
         return {}
 
@@ -299,7 +273,7 @@ class DeviceServer:
         texts = {
             _TASK_NAME: task.name,
             _TASK_CHANNELS: ", ".join(task.inputs),
-            _TASK_DEVICES: self.device if task.inputs else "",
+            _TASK_DEVICES: self.identity.device if task.inputs else "",
         }
         return {"value": looked_up(texts, request)}
 
