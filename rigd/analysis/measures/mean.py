@@ -45,7 +45,7 @@ def mean_of(values: NDArray[np.float64]) -> Mean:
     deviations = values - value
     variance = float(np.mean(deviations**2))
     if variance <= (1e-15 * abs(value)) ** 2:  # all are one number
-        return Mean(value, 0.0, float(n))
+        return Mean(value, None, 0.0, "its samples are all equal: a step of the sensor hides noise")
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(deviations, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[:n] / (n - np.arange(n))
