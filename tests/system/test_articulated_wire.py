@@ -78,12 +78,11 @@ def test_run_with_dropouts_records_the_robot(bench: WireRig, tmp_path: Path) -> 
     trial = library.load(tmp_path / "run.mcap").trial(1)
     marker, motor = trial["front_marker"], trial["right_motor"]
     assert (marker["status"] & 1).any()  # lost, in the frame before
-    # Rows have the pace of the camera, whatever a busy machine does.
+    # Rows have the pace of the camera, whatever a busy machine does. Arrivals are known to a cycle
+    # of 4 ms, and the least delay may be found by and by: that is one step, once.
     frames = marker["frame"] - marker["frame"][0]
-    period_ns, start_ns = np.polyfit(frames, marker["t_ns"] - marker["t_ns"][0], 1)
-    assert period_ns == pytest.approx(40e6, rel=1e-3)
-    off_ns = marker["t_ns"] - marker["t_ns"][0] - start_ns - period_ns * frames
-    assert np.abs(off_ns).max() < 5e6
+    off_ns = marker["t_ns"] - marker["t_ns"][0] - 40e6 * frames
+    assert np.ptp(off_ns) < 5e6
     # 0.39836 m/s: the closed form, docs/physics/articulated.md, section 5.
     steady = marker["trial_time"] > 1.3
     gone = np.hypot(*(marker[axis][steady] for axis in "xy"))

@@ -46,8 +46,8 @@ def test_terminal_can_start_and_answer_a_run(folder: Path) -> None:
         terminal.expect("outside")  # the daemon's own words, before the run hears of it
         terminal.expect("What does the scale show?")
         terminal.type("3900 g")
-        terminal.expect("complete")
-        terminal.expect("rigd remote fetch")
+        ending = terminal.expect("rigd remote fetch")
+        assert "incomplete" not in ending, ending
         assert terminal.end() == 0
     finally:
         terminal.close()
