@@ -135,11 +135,14 @@ def test_failing_model_is_named_in_real_time(flywheel: Path, fault: str, said: s
 @pytest.mark.parametrize("fault", ["hang", "sleep"])
 def test_model_that_never_returns_is_late(flywheel: Path, fault: str) -> None:
     start = {"fault": fault, "after": "0 s"}
-    with opened(flywheel, lockstep=False, start=start, budget="0.5 ms") as model:
+    options = {"start": start, "budget": "0.5 ms", "deadline": f"{2 * PATIENCE_S} s"}
+    with opened(flywheel, lockstep=False, **options) as model:
         exchanged(model, 0, 0.0)
+        begun = time.monotonic()
         assert [model.read(cycle * MS) for cycle in (1, 2, 3)] == [None] * 3
         with pytest.raises(DeviceError) as failed:
             model.read(4 * MS)
+        assert time.monotonic() - begun < PATIENCE_S, "a cycle has waited for the model"
     assert str(failed.value) == (
         "Flywheel.fmu: the step at 0 s is late by 4 cycles; late or above its budget of 0.5 ms in "
         "4 cycles in succession, and 'late' allows 3"

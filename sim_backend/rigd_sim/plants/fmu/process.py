@@ -135,8 +135,10 @@ class FmuProcess:
         """
         if self._failure is not None:
             raise self._failure
+        # Python waits for a socket that has a timeout, MSG_DONTWAIT or not.
+        self._socket.settimeout(0.0)
         try:
-            answer = self._socket.recv(LARGEST, socket.MSG_DONTWAIT)
+            answer = self._socket.recv(LARGEST)
         except BlockingIOError:
             return None
         except OSError:
