@@ -26,11 +26,12 @@ FILES: Final = (
     ("calibration", "Calibration file: every key", "calibration.md"),
 )
 
-#: Packages whose names a user imports, and for what.
+#: Packages whose names a user imports, for what, and which names; "": all.
 MODULES: Final = (
-    ("rigd.record", "read, check and export recordings"),
-    ("rigd.remote.client", "steer a rig from a program"),
-    ("rigd.sdk", "write a driver, a link, a plant or a simulation"),
+    ("rigd", "open, run in virtual time, identify", "open, run, identify, Result, Estimate"),
+    ("rigd.record", "read, check and export recordings", ""),
+    ("rigd.remote.client", "steer a rig from a program", ""),
+    ("rigd.sdk", "write a driver, a link, a plant or a simulation", ""),
 )
 
 #: What kinds of plug-in are called in the headings.
@@ -236,9 +237,14 @@ def _title(name: str) -> str:
 def python() -> str:
     """Return the page of the Python interface, which Sphinx fills from the docstrings."""
     lines = ["# Python", "", "What a program imports of rigd.", ""]
-    for module, purpose in MODULES:
+    for module, purpose, names in MODULES:
         lines += [f"## {module}: {purpose}", ""]
-        options = (":members:", ":undoc-members:", ":show-inheritance:", ":imported-members:")
+        options = (
+            f":members: {names}".strip(),
+            ":undoc-members:",
+            ":show-inheritance:",
+            ":imported-members:",
+        )
         directive = [f".. automodule:: {module}", *(f"   {option}" for option in options)]
         lines += _block("{eval-rst}", "\n".join(directive))
     return "\n".join(lines)

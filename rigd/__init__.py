@@ -1,27 +1,65 @@
 """rigd: controller and data-acquisition daemon for friction and traction test rigs.
 
-In a notebook: ``recording = rigd.load("runs/pvc.mcap")``.
+In a notebook::
+
+    import rigd
+
+    recording = rigd.open("runs/pvc.mcap")
+    frame = recording.trial(3)["carriage"].to_pandas()
+    result = rigd.identify([recording])
+
+``import rigd`` loads nothing else: each name is imported when it is used first.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from os import PathLike
-
-    from rigd.record import Recording
+    from rigd.analysis.estimates import Estimate
+    from rigd.analysis.front import Result, identify
+    from rigd.daemon.requested import run
+    from rigd.record import Recording, Table, Trial, Trials
+    from rigd.record.reader import open_recording as open
 
 __version__ = "0.1.0"
 
+__all__ = [
+    "Estimate",
+    "Recording",
+    "Result",
+    "Table",
+    "Trial",
+    "Trials",
+    "identify",
+    "open",
+    "run",
+]
 
-def load(path: str | PathLike[str]) -> Recording:
-    """Return a recording, opened to read.
+#: The module of each name, and its name there.
+_PLACES: Final = {
+    "Estimate": ("rigd.analysis.estimates", "Estimate"),
+    "Recording": ("rigd.record", "Recording"),
+    "Result": ("rigd.analysis.front", "Result"),
+    "Table": ("rigd.record", "Table"),
+    "Trial": ("rigd.record", "Trial"),
+    "Trials": ("rigd.record", "Trials"),
+    "identify": ("rigd.analysis.front", "identify"),
+    "open": ("rigd.record.reader", "open_recording"),
+    "run": ("rigd.daemon.requested", "run"),
+}
 
-    Raises:
-        RecordingError: the file is missing, empty, cut short, or no MCAP file.
 
-    """
-    from rigd.record import Recording  # numpy and mcap take 0.2 s: only reading needs them
+def __getattr__(name: str) -> Any:
+    """Import a name when it is used first."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, there = _PLACES[name]
+    found = getattr(import_module(module), there)
+    globals()[name] = found
+    return found
 
-    return Recording.open(path)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

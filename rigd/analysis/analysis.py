@@ -12,6 +12,7 @@ from rigd.sdk.analysis import DeclaredAnalysis
 
 if TYPE_CHECKING:
     from rigd.analysis.designing import Designed, DesignRequest
+    from rigd.analysis.estimates import Estimate
     from rigd.analysis.report import Heading, Opening
     from rigd.analysis.source import RecordedSweep
     from rigd.analysis.terminal import TerminalReport
@@ -68,6 +69,11 @@ class Evaluation(ABC):
     def heading(self) -> Heading | None:
         """Origin of the data: simulated or not, rig, operator, specimen, dates."""
         return None
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Each number that is given or refused; none if the analysis gives no numbers."""
+        return ()
 
     @abstractmethod
     def report(self) -> str:

@@ -10,6 +10,7 @@ from shlex import quote
 from typing import Final, TypeVar
 
 from rigd.analysis.analysis import Evaluation, Options
+from rigd.analysis.estimates import Estimate
 from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
@@ -149,6 +150,15 @@ class ParameterEvaluation(Evaluation):
     def heading(self) -> Heading:
         """Origin of the data."""
         return self.provenance.heading
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The parameters of each group, then what follows from them, as the report has them."""
+        return tuple(
+            item.told(section.label)
+            for section in self.sections
+            for item in (*section.result.parameters, *section.result.derived)
+        )
 
     @classmethod
     def of(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.credible import Posterior
+from rigd.analysis.estimates import Estimate
 from rigd.analysis.plain import plain_object
 
 FloatArray = NDArray[np.float64]
@@ -82,6 +83,16 @@ class ParameterEstimate:
         if self.verdict in _WITHOUT_NUMBER:
             return None
         return self.estimate if self.low is not None or self.high is not None else None
+
+    def told(self, group: str) -> Estimate:
+        """Return it as a parameter of ``group``; no number if none may be quoted."""
+        known = self.quoted is not None
+        return Estimate(
+            group, self.name, self.unit, self.quoted,
+            self.low if known else None, self.high if known else None,
+            self.identifiable, self.verdict.value, f"{self.sentence} {self.advice}".strip(),
+            self.meaning, self.symbol,
+        )  # fmt: skip
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object; no number if none may be quoted."""

@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from rigd.cli.evaluated import Remarks, add_evaluated, one_thread, read_corrections, show
+from rigd.cli.evaluated import add_evaluated, one_thread, read_corrections, show
 
 HELP = "identify friction parameters from recordings, and write a report"
 EXAMPLES = """\
@@ -106,26 +106,21 @@ def execute(args: argparse.Namespace) -> int:
     one_thread()
 
     from rigd.analysis.analysis import Options
-    from rigd.analysis.evaluation import evaluate
+    from rigd.analysis.front import identified
     from rigd.analysis.side_by_side import cores
-    from rigd.model.errors import ConfigError, Exit
+    from rigd.model.errors import Exit
 
-    if not 1 <= args.starts <= 1000:
-        raise ConfigError(f"--starts {args.starts} must be between 1 and 1000")
     corrections = read_corrections(args)
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
         args.law, args.compare, args.joint, args.posterior, cores(), args.model,
     )  # fmt: skip
-    remarks = Remarks()
-    evaluation = evaluate(
+    result = identified(
         args.files,
         options,
+        corrections,
         notify=lambda line: print(f"identifying {line}", file=sys.stderr),
-        passed_over=remarks.losses.append,
-        corrections=corrections,
-        changed=remarks.corrected.append,
     )
-    show(args, evaluation, remarks, args.files[0].with_suffix(".html"))
-    return Exit.OK if evaluation.fits else Exit.MISFIT
+    show(args, result, args.files[0].with_suffix(".html"))
+    return Exit.OK if result.fits else Exit.MISFIT

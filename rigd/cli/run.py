@@ -123,17 +123,14 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    from rigd.analysis.plan import analysis_of
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
-    from rigd.config.loader import load_rig
     from rigd.daemon.calibration import needed, unusable
-    from rigd.daemon.execute import RunRequest, day_of
-    from rigd.daemon.resume import left_out, read_resume_point
+    from rigd.daemon.execute import day_of
+    from rigd.daemon.requested import requested
+    from rigd.daemon.resume import read_resume_point
     from rigd.model.errors import ConfigError
     from rigd.model.extras import require
-    from rigd.procedure.compile import compile_procedure
-    from rigd.procedure.loader import load_procedure
 
     about = options.read_about(args.operator, args.note, args.meta)
     resume = None if args.resume is None else read_resume_point(args.resume)
@@ -154,49 +151,27 @@ def _execute(args: argparse.Namespace) -> int:
             "procedure or rig is missing",
             hint="rigd run procedures/quick.yaml --rig lugre-1",
         )
-    rig = load_rig(rig_name)
-    if rig.plant is None and (args.pace not in (None, 1.0) or args.start is not None):
-        raise ConfigError(
-            f"rig {rig.name} is not simulated in process: its devices run in real time",
-            hint="remove --pace and --start",
-        )
-    source = load_procedure(procedure_name)
-    done = frozenset[int]() if resume is None else resume.done
-    unplayed = left_out(rig, args.pace, done)
-    procedure = compile_procedure(source, rig, overrides, done=unplayed)
-    if resume is not None:
-        resume.check_same("procedure.yaml", source.file.text)
-        resume.check_same("rig.yaml", rig.source.text)
-    if resume is not None and len(done) == len(procedure.trials):
-        print(f"{resume.path}: all {len(done)} trials are complete, nothing is missing")
+    request = requested(
+        procedure_name,
+        rig_name,
+        overrides=overrides,
+        about=about,
+        seed=args.seed,
+        pace=args.pace,
+        start_ns=args.start,
+        output=args.output,
+        folder=args.runs,
+        resume=resume,
+        compression=args.compression,
+    )
+    procedure, rig = request.procedure, request.rig
+    if resume is not None and len(resume.done) == len(procedure.trials):
+        print(f"{resume.path}: all {len(resume.done)} trials are complete, nothing is missing")
         if args.junit is not None:
             write_junit(args.junit, suite_of_complete(procedure, rig.name, resume.path))
         return 0
-    if procedure.identify is not None:
-        analysis_of(
-            procedure.identify,
-            source.document.key_place(("identify",)),
-            procedure.trials[0].parameters,
-            procedure.on(rig),
-        )
     if procedure.measures and not args.dry_run:
         require("analysis", "a procedure that measures")
-    seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
-    request = RunRequest(
-        procedure,
-        source.file.text,
-        rig,
-        seed,
-        pace=args.pace,
-        folder=args.runs,
-        output=args.output,
-        resume=resume,
-        start_ns=args.start,
-        compression=args.compression,
-        overrides=overrides,
-        about=about,
-        procedure_location=source.location,
-    )
     if args.dry_run:
         unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
         return _dry_run(request, unfit, as_json=args.json)

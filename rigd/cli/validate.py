@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from rigd.cli.evaluated import Remarks, add_evaluated, one_thread, read_corrections, show
+from rigd.cli.evaluated import add_evaluated, one_thread, read_corrections, show
 
 HELP = "try an identified model on other recordings: confirmed, rejected, or a constant is off"
 EXAMPLES = """\
@@ -41,21 +41,25 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd validate")
     one_thread()
 
+    from rigd.analysis.front import Result
+    from rigd.analysis.source import Correction
     from rigd.analysis.validation.evaluation import validate
     from rigd.model.errors import Exit
 
-    remarks = Remarks()
+    losses: list[str] = []
+    corrected: list[Correction] = []
     evaluation = validate(
         args.model,
         args.files,
         group=args.group,
         notify=lambda line: print(f"validating {line}", file=sys.stderr),
-        passed_over=remarks.losses.append,
+        passed_over=losses.append,
         corrections=read_corrections(args),
-        changed=remarks.corrected.append,
+        changed=corrected.append,
     )
     first: Path = args.files[0]
-    show(args, evaluation, remarks, first.with_name(f"{first.stem}-validation.html"))
+    result = Result(evaluation, tuple(losses), tuple(corrected))
+    show(args, result, first.with_name(f"{first.stem}-validation.html"))
     if not evaluation.fits:
         return Exit.MISFIT
     return Exit.OK if evaluation.telling else Exit.BAD_DATA

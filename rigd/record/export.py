@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 import scipy.io
@@ -127,14 +126,14 @@ def _write_csv(table: Table, recording: Recording, path: Path) -> None:
 
 def _arrow(table: Table, recording: Recording, *, with_units: bool) -> Any:
     """Return an Arrow table; units in the names for CSV, which has no other place for them."""
-    arrays = [pa.array(column) for column in table.columns.values()]
-    fields = []
-    for name, array in zip(table.columns, arrays, strict=True):
-        unit, doc = table.units.get(name, ""), table.docs.get(name, "")
-        shown = f"{name} [{unit}]" if with_units and unit else name
-        fields.append(pa.field(shown, array.type, metadata={"unit": unit, "doc": doc}))
+    plain = table.to_arrow()
+    if with_units:
+        plain = plain.rename_columns([
+            f"{name} [{table.units[name]}]" if table.units.get(name) else name
+            for name in table.columns
+        ])  # fmt: skip
     about = {f"rigd.{name}": json.dumps(values) for name, values in recording.metadata.items()}
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
+    return plain.replace_schema_metadata(about)
 
 
 def _write_mat(table: Table, recording: Recording, path: Path) -> None:

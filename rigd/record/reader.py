@@ -6,11 +6,12 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from shlex import quote
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from mcap import records as mcap
@@ -47,6 +48,9 @@ from rigd.record.tables import Table, stream_table
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
 from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
+
+if TYPE_CHECKING:
+    from rigd.record.info import RunInfo
 
 #: Under this name a run attaches its procedure.
 PROCEDURE_FILE: Final = "procedure.yaml"
@@ -103,6 +107,63 @@ class Recording:
         """Return a description in one line."""
         span_s = (self.end_ns - self.start_ns) * 1e-9
         return f"<Recording {self.path}: {span_s:.1f} s of {', '.join(self.streams) or 'nothing'}>"
+
+    @cached_property
+    def info(self) -> RunInfo:
+        """The summary of the run, as ``rigd info`` prints it.
+
+        Raises:
+            RecordingError: the events are damaged.
+        """
+        from rigd.record.info import run_info  # it reads recordings
+
+        return run_info(self)
+
+    @property
+    def rig(self) -> str:
+        """Name of the rig that was recorded; "" if the file does not state it."""
+        return self.info.rig
+
+    @property
+    def procedure(self) -> str:
+        """Name of the procedure that was run; "" if the file does not state it."""
+        return self.info.procedure
+
+    @property
+    def started(self) -> datetime | None:
+        """When the run began, by the clock of the run; None if the file does not state it.
+
+        The clock of a run in virtual time begins at a date that its seed gives.
+        """
+        try:
+            return datetime.fromisoformat(self.info.started)
+        except ValueError:
+            return None
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """Values of the procedure's parameters that all trials share, as a person writes them."""
+        return self.info.parameters
+
+    @property
+    def state(self) -> str:
+        """How the run ended, such as "complete"; "interrupted" if the file has no end of it."""
+        return self.info.state
+
+    @property
+    def reason(self) -> str:
+        """Why the run ended so."""
+        return self.info.reason
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What is damaged or lost in the file, as sentences; empty if nothing is known to be."""
+        return self.info.losses
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run ended as its procedure plans, and nothing is damaged or lost."""
+        return self.state == "complete" and not self.losses
 
     @property
     def written_by_rigd(self) -> bool:
@@ -341,6 +402,20 @@ class Recording:
             return unpack_chunk(parse_chunk(record.content), check_crc=check_crc)
         except Malformed as error:
             raise damaged(self.path, error) from error
+
+
+def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recording:
+    """Open a recording to read it: ``rigd.open``.
+
+    Args:
+        path: an MCAP file, of rigd or of another program.
+        partial: open a damaged file too, as far as it is intact; ``recording.losses`` states what
+            is missing. Every byte of the file is then checked.
+
+    Raises:
+        RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
+    """
+    return Recording.open(path, partial=partial)
 
 
 def damaged(path: Path, problem: object) -> RecordingError:

@@ -84,6 +84,31 @@ class Table:
         frame.attrs["units"] = dict(self.units)
         return frame
 
+    def to_arrow(self) -> Any:
+        """Return a ``pyarrow.Table``; the metadata of a field are its ``unit`` and its ``doc``.
+
+        Raises:
+            RecordingError: pyarrow is not installed.
+
+        """
+        try:
+            import pyarrow as pa
+        except ImportError as error:
+            raise RecordingError(
+                "pyarrow is not installed",
+                hint="`pip install 'rigd[analysis]'`, or use to_numpy().",
+            ) from error
+        arrays = [pa.array(column) for column in self.columns.values()]
+        fields = [
+            pa.field(
+                name,
+                array.type,
+                metadata={"unit": self.units.get(name, ""), "doc": self.docs.get(name, "")},
+            )
+            for name, array in zip(self.columns, arrays, strict=True)
+        ]
+        return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+
 
 def stream_table(
     recording: Recording,

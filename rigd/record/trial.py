@@ -57,6 +57,11 @@ class Trial:
         return self.info.reason
 
     @property
+    def verdict(self) -> str:
+        """Whether it is complete, in words; if not, with the reason."""
+        return "complete" if self.complete else f"incomplete: {self.reason or 'no end'}"
+
+    @property
     def start_ns(self) -> int:
         """When it began, in ns since the Unix epoch."""
         return self.info.start_ns
@@ -102,8 +107,8 @@ class Trial:
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value}" for name, value in self.parameters.items())
-        state = "complete" if self.complete else f"incomplete: {self.reason or 'no end'}"
-        return f"<trial {self.number}: {values or 'no sweep'}; {self.duration_s:.3g} s, {state}>"
+        shown = f"{values or 'no sweep'}; {self.duration_s:.3g} s, {self.verdict}"
+        return f"<trial {self.number}: {shown}>"
 
 
 class Trials(Sequence[Trial]):

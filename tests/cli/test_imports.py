@@ -54,6 +54,17 @@ def test_command_line_loads_no_libraries() -> None:
     assert not modules & (NOT_AT_WORK | {"numpy", "pydantic", "rigd.record"})
 
 
+def test_importing_rigd_loads_nothing_else() -> None:
+    before = loaded("from __future__ import annotations\nimport importlib, typing")
+    assert loaded("import rigd") - before == {"rigd"}
+
+
+def test_opening_a_recording_loads_no_analysis() -> None:
+    modules = loaded("import rigd\nrigd.open")
+    assert "rigd.record" in modules
+    assert not modules & (NOT_AT_WORK | {"pandas", "rigd.engine", "rigd.procedure"})
+
+
 def test_checking_a_rig_loads_no_procedures() -> None:
     modules = loaded(check("configs/sim_lugre.yaml"))
     assert "rigd.config.loader" in modules

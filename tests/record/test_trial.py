@@ -42,7 +42,7 @@ def recording(create: Create, moved: NDArray[np.void], start_ns: int, tmp_path: 
             ended = {"complete": complete, "reason": reason}
             writer.event(start_ns + end * MS, "trial_end", number, ended)
         writer.event(start_ns + 3500 * MS, "trial_start", 3, {"parameters": {}})
-    return rigd.load(str(tmp_path / "run.mcap"))
+    return rigd.open(str(tmp_path / "run.mcap"))
 
 
 def test_the_last_complete_attempt_is_the_trial(recording: Recording, start_ns: int) -> None:

@@ -25,6 +25,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_every_block_gives_its_printed_result[lateral.md]",
             "test_every_block_gives_its_printed_result[models.md]",
             "test_every_block_gives_its_printed_result[plants.md]",
+            "test_every_block_gives_its_printed_result[python.md]",
             "test_every_block_gives_its_printed_result[robot.md]",
             "test_every_block_gives_its_printed_result[recordings.md]",
             "test_every_block_gives_its_printed_result[remote.md]",
@@ -44,6 +45,12 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/articulated/test_random_robots.py": (),
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
+        "analysis/test_front.py": (
+            "test_identified_numbers_are_those_of_json",
+            "test_report_never_overwrites_a_recording",
+            "test_undetermined_parameter_has_reason_and_no_number",
+            "test_unknown_parameter_names_those_there_are",
+        ),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),
         "cli/test_measure.py": ("test_page_of_run_shows_measures",),
         "cli/test_doctor.py": (

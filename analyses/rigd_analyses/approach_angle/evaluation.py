@@ -8,6 +8,7 @@ from pathlib import Path
 from shlex import quote
 
 from rigd.analysis import Evaluation, Options
+from rigd.analysis.estimates import Estimate
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.source import COMPLETE, RecordedSweep
@@ -40,6 +41,11 @@ class CampaignEvaluation(Evaluation):
     def opening(self) -> Opening:
         """Which maxima may be used, and which may not."""
         return campaign_opening(self.result)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The three coefficients of each set, dimensionless, with value ± 2 u."""
+        return tuple(item for found in self.result.sets for item in found.estimates)
 
     @property
     def heading(self) -> Heading:

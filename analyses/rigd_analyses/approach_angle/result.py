@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from rigd.analysis import estimates
 from rigd.analysis.plain import plain_object
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.budget import Budget
@@ -191,6 +192,26 @@ class SetResult:
     budget: Budget | None
     missing: tuple[str, ...] = ()  #: repeats that the campaign lacks, one sentence each
     warnings: tuple[str, ...] = ()
+
+    @property
+    def estimates(self) -> tuple[estimates.Estimate, ...]:
+        """The coefficients as any analysis gives its numbers; none without a maximum."""
+        why = " ".join((*self.missing, *self.warnings))
+        return tuple(
+            estimates.Estimate(
+                self.name, name, "1", None, None, None, False, "not determined", why, meaning
+            )
+            if found is None
+            else estimates.Estimate(
+                self.name, name, "1", found.value, found.low, found.high, True, "determined", why,
+                meaning,
+            )
+            for name, found, meaning in (
+                ("maximum", self.maximum, _MEANING[Coefficient.ROLLING]),
+                ("usable", self.usable, _MEANING[Coefficient.USABLE]),
+                ("resultant", self.resultant, _MEANING[Coefficient.RESULTANT]),
+            )
+        )  # fmt: skip
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object; the name is the key of the whole."""

@@ -11,6 +11,7 @@ from shlex import quote
 from rigd.analysis.analysis import Evaluation
 from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, Measured
+from rigd.analysis.estimates import Estimate
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Heading, Opening, Provenance
@@ -46,6 +47,26 @@ class CalibrationEvaluation(Evaluation):
                 "nothing that this recording measures",
             ),
         )
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The values with value ± 2 u, and those that are not measured; no value if refused."""
+        refused = " ".join(self.result.refusals)
+        return (
+            *(
+                Estimate("", name, item.unit, None, None, None, False, "refused", refused)
+                if refused
+                else Estimate(
+                    "", name, item.unit, item.value,
+                    item.value - 2.0 * item.u, item.value + 2.0 * item.u, True, "measured",
+                )
+                for name, item in self.result.measured.items()
+            ),
+            *(
+                Estimate("", name, "", None, None, None, False, "not measured", why)
+                for name, why in self.result.kept.items()
+            ),
+        )  # fmt: skip
 
     @property
     def heading(self) -> Heading:

@@ -1,0 +1,35 @@
+"""Defines one number of an evaluation, or the reason why the data give none, for any analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of one group of trials: ``value`` with its 95 % interval in ``unit``.
+
+    ``value``, ``low`` and ``high`` are None if the data do not determine it, an end alone if the
+    data leave that end open. ``verdict`` is how well it is determined, in the words of the table;
+    ``reason`` is why, in a sentence or more, with what would help.
+    """
+
+    group: str
+    name: str
+    unit: str
+    value: float | None
+    low: float | None
+    high: float | None
+    determined: bool
+    verdict: str
+    reason: str = ""
+    meaning: str = ""
+    symbol: str = ""
+
+    def __repr__(self) -> str:
+        shown = f"{self.group} {self.name}".strip()
+        if self.value is None:
+            return f"<{shown}: {self.verdict}>"
+        low, high = ("open" if end is None else f"{end:.6g}" for end in (self.low, self.high))
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"<{shown}: {self.value:.6g}{unit}, {low} to {high}, {self.verdict}>"
