@@ -18,7 +18,7 @@ from rigd.model.units import format_difference, format_quantity, parse_quantity,
 from rigd.procedure.expression import Number, Value, number_in
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
-from rigd.procedure.parameters import read_tables
+from rigd.procedure.parameters import choices_of, read_tables
 from rigd.procedure.program import IdentifyPlan
 from rigd.procedure.reader import Reader
 from rigd.record import TrialInfo
@@ -128,7 +128,7 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
             if all(scope[name] == scopes[0][name] for scope in scopes)}  # fmt: skip
     hidden = {name for name in everywhere if "." not in name}
     reader = Reader(document, problems, {**units, **own}, frozenset(hidden - set(same)))
-    plan = read_plan(reader, source, source.identify, of_rig, (same, scopes[0]), hidden)
+    plan = read_plan(reader, choices_of(source), source.identify, of_rig, (same, scopes[0]), hidden)
     problems.raise_any()
     plan = replace(plan, group_by=sweep.plan.group_by)
     analysis = find_analysis(plan.model)

@@ -26,6 +26,7 @@ from rigd.cli import (
     export,
     filter,
     identify,
+    import_,
     info,
     jog,
     measure,
@@ -63,6 +64,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     runs,
     info,
     export,
+    import_,
     filter,
     verify,
     recover,
@@ -124,6 +126,11 @@ class Parser(argparse.ArgumentParser):
         super().error(message)
 
 
+def command_name(command: ModuleType) -> str:
+    """Return the name of a command, from that of its module: `import_` is one that Python needs."""
+    return command.__name__.rpartition(".")[2].rstrip("_")
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the complete parser; import nothing that only a running command needs."""
     parser = Parser(
@@ -135,7 +142,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"rigd {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
-        name = command.__name__.rpartition(".")[2]
+        name = command_name(command)
         subparser = subparsers.add_parser(
             name,
             help=command.HELP,

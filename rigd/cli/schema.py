@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-HELP = "print the JSON Schema of procedure, rig or calibration files, or of remote messages"
+HELP = "print the JSON Schema of procedure, rig, calibration or map files, or of remote messages"
 EXAMPLES = """\
 examples:
   rigd schema procedure > procedure.schema.json
@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
         "kind",
-        choices=("procedure", "rig", "calibration", "remote"),
+        choices=("procedure", "rig", "calibration", "map", "remote"),
         help="kind of file; remote: the messages of the remote protocol",
     )
 
@@ -31,6 +31,8 @@ def execute(args: argparse.Namespace) -> int:
         from rigd.config.schema import rig_schema as schema
     elif args.kind == "calibration":
         from rigd.config.schema import calibration_schema as schema
+    elif args.kind == "map":
+        from rigd.importing.source import map_schema as schema
     elif args.kind == "remote":
         from rigd.remote.protocol.schema import remote_schema as schema
     else:

@@ -11,7 +11,7 @@ from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
 from rigd.sdk.shipped import Kind, shipped_folder
 
-_KEYS: Final = {"configs": "rig", "procedures": "procedure"}
+_KEYS: Final = {"configs": "rig", "maps": "map", "procedures": "procedure"}
 _HEAD_BYTES: Final = 4096  # the name is near the top of a file
 
 

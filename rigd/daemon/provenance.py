@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import platform
 import shutil
 import subprocess
 from collections.abc import Mapping
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,6 +14,7 @@ import numpy as np
 from rigd import __version__
 from rigd.config.rig import RigConfig
 from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.identify import plan_metadata
 from rigd.procedure.program import CompiledProcedure, TrialPlan
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -56,18 +55,7 @@ def run_metadata(
     }
     plan = procedure.identify
     if plan is not None:
-        records["identify"] = {
-            "model": plan.model,
-            "signals": json.dumps(dict(plan.signals), sort_keys=True),
-            "constants": json.dumps(dict(plan.constants), sort_keys=True),
-            "group_by": json.dumps(list(plan.group_by)),
-            "reference": json.dumps(dict(plan.reference), sort_keys=True),
-            "reference_label": plan.reference_label,
-            "uncertainties": json.dumps(
-                {name: asdict(u) for name, u in plan.uncertainties.items()}, sort_keys=True
-            ),
-            "units": json.dumps(dict(plan.units), sort_keys=True),
-        }
+        records["identify"] = plan_metadata(plan)
     return records
 
 

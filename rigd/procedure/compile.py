@@ -21,7 +21,13 @@ from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.measures import check_measures
 from rigd.procedure.other_rig import other_rig
-from rigd.procedure.parameters import Parameters, read_parameters, read_tables, read_unit
+from rigd.procedure.parameters import (
+    Parameters,
+    choices_of,
+    read_parameters,
+    read_tables,
+    read_unit,
+)
 from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,
@@ -230,4 +236,4 @@ def _identify(
         if name not in source.parameters:
             reader.note(("identify", "group_by", index), f"unknown parameter {name!r}",
                         suggest(name, source.parameters))  # fmt: skip
-    return read_plan(reader, source, plan, rig.constants, scopes, hidden)
+    return read_plan(reader, choices_of(source), plan, rig.constants, scopes, hidden)

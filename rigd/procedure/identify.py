@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
@@ -14,7 +15,7 @@ from rigd.model.units import parse_quantity, parse_unit
 from rigd.procedure.expression import Literal, Number, Reference, Scope
 from rigd.procedure.program import IdentifyPlan
 from rigd.procedure.reader import Reader, describe_unit
-from rigd.procedure.source import IdentifySource, ProcedureSource, ReferenceSource
+from rigd.procedure.source import IdentifySource, ReferenceSource
 
 
 @dataclass
@@ -26,7 +27,7 @@ class _Known:
 
 def read_plan(
     reader: Reader,
-    source: ProcedureSource,
+    choices: Mapping[str, Sequence[str]],
     plan: IdentifySource,
     of_rig: Mapping[str, Constant],
     scopes: tuple[Scope, Scope],
@@ -34,14 +35,15 @@ def read_plan(
 ) -> IdentifyPlan:
     """Return ``plan`` with its constants and published values; problems are noted in ``reader``.
 
-    ``scopes`` are those of the whole run and of one trial; ``hidden`` are the names with a value of
-    their own in each trial. ``of_rig`` are the constants of the rig: the uncertainty of such a
-    constant applies if the procedure gives none.
+    ``choices`` are the words that each parameter may take. ``scopes`` are those of the whole run
+    and of one trial; ``hidden`` are the names with a value of their own in each trial. ``of_rig``
+    are the constants of the rig: the uncertainty of such a constant applies if the procedure gives
+    none.
     """
     known = _read_constants(reader, plan, of_rig, scopes, hidden)
     published: dict[str, float] = {}
     if plan.reference is not None:
-        published = _read_reference(reader, source, plan.reference, scopes[0], hidden)
+        published = _read_reference(reader, choices, plan.reference, scopes[0], hidden)
     return IdentifyPlan(
         plan.model,
         plan.signals,
@@ -52,6 +54,22 @@ def read_plan(
         known.uncertainties,
         known.units,
     )
+
+
+def plan_metadata(plan: IdentifyPlan) -> dict[str, str]:
+    """Return the plan as a metadata record of a recording, which `rigd identify` reads."""
+    return {
+        "model": plan.model,
+        "signals": json.dumps(dict(plan.signals), sort_keys=True),
+        "constants": json.dumps(dict(plan.constants), sort_keys=True),
+        "group_by": json.dumps(list(plan.group_by)),
+        "reference": json.dumps(dict(plan.reference), sort_keys=True),
+        "reference_label": plan.reference_label,
+        "uncertainties": json.dumps(
+            {name: asdict(u) for name, u in plan.uncertainties.items()}, sort_keys=True
+        ),
+        "units": json.dumps(dict(plan.units), sort_keys=True),
+    }
 
 
 def _read_constants(
@@ -95,7 +113,7 @@ def _read_constants(
 
 def _read_reference(
     reader: Reader,
-    source: ProcedureSource,
+    choices: Mapping[str, Sequence[str]],
     reference: ReferenceSource,
     base: Scope,
     hidden: Collection[str],
@@ -115,17 +133,17 @@ def _read_reference(
         return {}
     if reference.by is None:
         return _quantities(reader, (*path, "parameters"), reference.parameters, base)
-    parameter = source.parameters.get(reference.by)
-    if parameter is None or not parameter.choices:
-        with_choices = [name for name, item in source.parameters.items() if item.choices]
+    known = choices.get(reference.by, ())
+    if not known:
+        with_choices = [name for name, words in choices.items() if words]
         reader.note((*path, "by"), f"{reference.by!r} is not a parameter with choices",
                     suggest(reference.by, with_choices))  # fmt: skip
         return {}
     for choice in reference.values:
-        if choice not in parameter.choices:
+        if choice not in known:
             reader.note_key((*path, "values", choice),
                             f"{choice!r} is not a choice of {reference.by}",
-                            suggest(choice, parameter.choices))  # fmt: skip
+                            suggest(choice, known))  # fmt: skip
     values: dict[str, float] = {}
     for choice, texts in reference.values.items():
         found = _quantities(reader, (*path, "values", choice), texts, base)

@@ -21,6 +21,11 @@ from rigd.procedure.reader import Reader
 from rigd.procedure.source import ParameterSource, ProcedureSource
 
 
+def choices_of(source: ProcedureSource) -> dict[str, tuple[str, ...]]:
+    """Return the words that each parameter of ``source`` may take; none for a quantity."""
+    return {name: tuple(item.choices or ()) for name, item in source.parameters.items()}
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A parameter with its range; ``choices`` is empty for a quantity. Bounds are in SI."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 #: The folders of shipped files.
-Kind = Literal["configs", "procedures", "schemas"]
+Kind = Literal["configs", "maps", "procedures", "schemas"]
 _PACKAGE: Final = Path(__file__).resolve().parent.parent
 
 

@@ -1,0 +1,10 @@
+"""Makes recordings of the data files of other programs, as a map describes them.
+
+``rigd import`` uses :func:`load_map` and :func:`import_files`.
+"""
+
+from rigd.importing.importer import Imported, import_files
+from rigd.importing.map import ImportMap
+from rigd.importing.map_reader import load_map, parse_map
+
+__all__ = ["ImportMap", "Imported", "import_files", "load_map", "parse_map"]

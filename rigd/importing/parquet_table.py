@@ -1,0 +1,116 @@
+"""Reads Parquet files batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rigd.importing.table import Batch, Kind
+from rigd.model.errors import ConfigError, Place
+
+#: Rows that are read at once.
+BATCH_ROWS: Final = 131_072
+
+
+class ParquetTable:
+    """One Parquet file; see :class:`rigd.importing.table.SourceTable`.
+
+    A place in it is its row, from 1, and the number of the column.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the schema.
+
+        Raises:
+            ConfigError: the file cannot be read, or is no Parquet.
+        """
+        self._path = path
+        try:
+            self._file = pq.ParquetFile(path)
+        except (OSError, pa.ArrowException) as error:
+            raise unreadable(path, "Parquet", error) from error
+        self._schema: Any = self._file.schema_arrow
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The names of the columns."""
+        return list(self._schema.names)
+
+    def unit(self, column: int) -> str:
+        """Return the unit in the metadata of the column, as rigd exports it."""
+        metadata = self._schema.field(column).metadata or {}
+        return str(metadata.get(b"unit", b""), "utf-8", "replace")
+
+    def is_whole(self, column: int) -> bool:
+        """Return whether the column has whole numbers."""
+        kind = self._schema.field(column).type
+        return bool(pa.types.is_integer(kind) or pa.types.is_timestamp(kind))
+
+    def place(self, column: int, row: int | None = None) -> Place:
+        """Return row and column."""
+        return Place(str(self._path), 1 if row is None else row + 1, column + 1)
+
+    def batches(self, wanted: Mapping[int, Kind]) -> Iterator[Batch]:
+        """Yield all rows of the ``wanted`` columns, in order.
+
+        Raises:
+            ConfigError: a column has another type, or the file is damaged.
+        """
+        names = [self.names[column] for column in wanted]
+        row = 0
+        try:
+            for found in self._file.iter_batches(BATCH_ROWS, columns=names):
+                numbers: dict[int, Any] = {}
+                texts: dict[int, Any] = {}
+                for column, kind in wanted.items():
+                    values = found.column(self.names[column])
+                    if kind == "text":
+                        texts[column] = values.cast(pa.string()).fill_null("")
+                    else:
+                        numbers[column] = self._numbers(values, column, kind, row)
+                yield Batch(row, found.num_rows, numbers, texts)
+                row += found.num_rows
+        except (OSError, pa.ArrowException) as error:
+            raise unreadable(self._path, "Parquet", error) from error
+        if not row:
+            raise ConfigError("the file has no rows", place=self.place(0))
+
+    def _numbers(self, values: Any, column: int, kind: Kind, row: int) -> Any:
+        if pa.types.is_timestamp(values.type):
+            values = values.cast(pa.timestamp("ns", values.type.tz)).cast(pa.int64())
+        if not (
+            pa.types.is_integer(values.type)
+            or pa.types.is_floating(values.type)
+            or pa.types.is_boolean(values.type)
+        ):
+            raise ConfigError(
+                f"column {self.names[column]!r} has the type {values.type}, no numbers",
+                place=self.place(column, row),
+            )
+        if kind == "whole":
+            if values.null_count:
+                empty = int(np.flatnonzero(values.is_null().to_numpy(zero_copy_only=False))[0])
+                raise ConfigError("a time is missing", place=self.place(column, row + empty))
+            return values.cast(pa.int64()).to_numpy(zero_copy_only=False)
+        numbers = values.to_numpy(zero_copy_only=False)
+        return numbers.astype(np.float64, copy=False)
+
+
+def unreadable(path: Path, kind: str, error: BaseException) -> ConfigError:
+    """Return the error for a file that is cut off, damaged, or of another kind."""
+    if isinstance(error, OSError) and error.strerror:
+        return ConfigError(f"cannot read {path}: {error.strerror}")
+    first = str(error).partition("\n")[0]
+    return ConfigError(
+        f"the file is cut off, damaged or no {kind}: {first}", place=Place(str(path), 1, 1)
+    )

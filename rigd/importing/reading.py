@@ -1,0 +1,217 @@
+"""Reads one source of a test as rows of a stream, batch by batch, with what shows its trials."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeVar
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from rigd.importing.formats import open_table
+from rigd.importing.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
+from rigd.importing.table import Batch, Kind, SourceTable, find_column, stated_unit, unit_of
+from rigd.importing.times import Times
+from rigd.importing.trials import TrialFinder
+from rigd.model.channels import Stream
+from rigd.model.errors import ConfigError
+from rigd.model.rows import TIME_FIELD, row_dtype
+from rigd.model.units import Unit, parse_unit
+
+T = TypeVar("T")
+_NANO: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A channel with the position of its column in the table, and its unit."""
+
+    channel: ChannelMap
+    index: int
+    unit: Unit
+
+
+@dataclass(eq=False)
+class SourceReader:
+    """One source of a test: its table, its stream, its times; ``finder`` if it shows trials."""
+
+    source: SourceMap
+    table: SourceTable
+    stream: Stream
+    columns: tuple[Column, ...]
+    times: Times
+    finder: TrialFinder | None = None
+    rows: int = 0
+
+    def batches(self) -> Iterator[NDArray[np.void]]:
+        """Yield the rows of the stream in order; a batch may have none.
+
+        Raises:
+            ConfigError: the file has a mistake; names the place.
+        """
+        dtype = row_dtype(self.stream)
+        for batch in self.table.batches(self._wanted()):
+            kept = self._kept(batch) if self.source.sparse else None
+            times = self.times.of(batch, kept)
+            rows = np.empty(len(times), dtype)
+            rows[TIME_FIELD] = times
+            for column in self.columns:
+                values = batch.numbers[column.index]
+                _convert(rows, column, values if kept is None else values[kept])
+            if self.finder is not None:
+                self._show(self.finder, batch, rows, kept)
+            self.rows += len(rows)
+            yield rows
+
+    def _wanted(self) -> dict[int, Kind]:
+        wanted: dict[int, Kind] = {}
+        if self.finder is not None:
+            wanted |= dict.fromkeys(self.finder.wanted, "text")
+        for index in (column.index for column in self.columns):
+            self._want(wanted, index, "number")
+        time = self.times
+        if time.column is not None:
+            kind: Kind = "number"
+            if self.source.time.format is not None:
+                kind = "text"
+            elif time.unit is not None and time.unit.factor == _NANO:
+                # A double does not hold a time in ns since 1970.
+                kind = "whole" if self.table.is_whole(time.column) else "number"
+            self._want(wanted, time.column, kind)
+        return wanted
+
+    def _want(self, wanted: dict[int, Kind], index: int, kind: Kind) -> None:
+        if wanted.get(index, kind) != kind:
+            raise ConfigError(
+                f"the column {self.table.names[index]!r} is used as numbers and as text, or as a "
+                "time and a channel",
+                place=self.table.place(index),
+                hint="a parameter or a key of trials cannot be a channel too",
+            )
+        wanted[index] = kind
+
+    def _kept(self, batch: Batch) -> NDArray[np.intp]:
+        """Return the rows in which a channel has a value."""
+        missing = np.ones((len(self.columns), batch.rows), np.bool_)
+        for at, column in enumerate(self.columns):
+            missing[at] = np.isnan(batch.numbers[column.index])
+        return np.flatnonzero(~missing.all(axis=0))
+
+    def _show(
+        self,
+        finder: TrialFinder,
+        batch: Batch,
+        rows: NDArray[np.void],
+        kept: NDArray[np.intp] | None,
+    ) -> None:
+        numbers = np.arange(batch.first, batch.first + batch.rows)
+        texts = batch.texts
+        if kept is not None:
+            numbers = numbers[kept]
+            texts = {at: array.take(pa.array(kept)) for at, array in texts.items()}
+        signal = finder.trials.signal
+        finder.feed(
+            np.ascontiguousarray(rows[TIME_FIELD]),
+            numbers,
+            None if signal is None else np.ascontiguousarray(rows[signal.channel]),
+            texts,
+        )
+
+
+def open_source(source: SourceMap, path: Path, base_ns: int) -> SourceReader:
+    """Return the reader of a source; ``base_ns`` is when the test began, if no time shows it.
+
+    Raises:
+        ConfigError: the file cannot be read, lacks a column, or states another unit.
+    """
+    text = source.text
+    if source.sparse and "" not in text.missing:
+        text = text.model_copy(update={"missing": [*text.missing, ""]})
+    table = open_table(path, source.format, text)
+    columns = []
+    for channel in source.channels:
+        index = find_column(table, channel.column, channel.place)
+        unit = unit_of(table, index, channel.unit, channel.place)
+        columns.append(Column(channel, index, unit))
+    stream = Stream(
+        source.name,
+        tuple(item for column in columns for item in column.channel.channels(column.unit)),
+        source="rigd import",
+    )
+    return SourceReader(source, table, stream, tuple(columns), _times(source.time, table, base_ns))
+
+
+def find_trials_in(what: ImportMap, reader: SourceReader) -> TrialFinder:
+    """Return what finds the trials in the samples of ``reader``.
+
+    Raises:
+        ConfigError: a column that shows trials, steps or a parameter is not there.
+    """
+    trials, table = what.trials, reader.table
+    place = what.document.place(("trials", "columns"))
+    columns = [find_column(table, name, place) for name in trials.columns]
+    own = {} if trials.table is not None else what.parameters
+    parameters = {
+        name: find_column(table, item.column, what.document.place(("parameters", name, "column")))
+        for name, item in own.items()
+        if item.column is not None
+    }
+    steps = None
+    if trials.steps is not None:
+        steps = find_column(table, trials.steps, what.document.place(("trials", "steps")))
+    return TrialFinder(table, trials, columns, parameters, steps)
+
+
+def prefetched(items: Iterator[T]) -> Generator[T, None, None]:
+    """Yield ``items``, of which the next one is made in another thread meanwhile."""
+    with ThreadPoolExecutor(1) as pool:
+        ahead = pool.submit(next, items, None)
+        while (item := ahead.result()) is not None:
+            ahead = pool.submit(next, items, None)
+            yield item
+
+
+def _times(time: TimeMap, table: SourceTable, base_ns: int) -> Times:
+    column, unit = None, time.unit
+    if time.column is not None:
+        column = find_column(table, time.column, time.place)
+        if time.format is None:
+            unit = unit_of(table, column, time.unit, time.place)
+            if not unit.same_kind(parse_unit("s")):
+                raise ConfigError(
+                    f"the times are in {stated_unit(table, column)}, no unit of time",
+                    place=table.place(column),
+                )
+    if time.since_ns is not None:
+        base_ns = time.since_ns
+    if time.format is not None:
+        base_ns = 0
+    return Times(table, time, column, unit, base_ns)
+
+
+def _convert(rows: NDArray[np.void], column: Column, values: NDArray[np.float64]) -> None:
+    """Put a column in SI into ``rows``; a value that is in SI already keeps its bits."""
+    unit, channel = column.unit, column.channel
+    if not unit.is_si:
+        values = values * unit.factor + unit.offset if unit.offset else values * unit.factor
+    if channel.scale is None:
+        rows[channel.name] = values
+        return
+    rows[f"{channel.name}{RAW}"] = values
+    rows[channel.name] = (values - channel.zero) * channel.scale.value
+
+
+def text_cells(table: SourceTable, columns: Mapping[str, int]) -> Iterator[dict[str, str]]:
+    """Yield the rows of a small table, the texts of ``columns`` by name.
+
+    Raises:
+        ConfigError: the file has a mistake.
+    """
+    wanted: dict[int, Kind] = dict.fromkeys(columns.values(), "text")
+    for batch in table.batches(wanted):
+        for row in range(batch.rows):
+            yield {name: str(batch.texts[at][row]) for name, at in columns.items()}

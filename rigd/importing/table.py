@@ -1,0 +1,134 @@
+"""Defines what every format gives: a table whose columns are read batch by batch."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal, Protocol
+
+from numpy.typing import NDArray
+
+from rigd.config.problems import suggest
+from rigd.model.errors import ConfigError, Place
+from rigd.model.units import Unit, parse_unit
+
+#: How a column is read: as float64, as int64 (times in ns), or as an Arrow array of texts.
+Kind = Literal["number", "whole", "text"]
+_WITH_UNIT: Final = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Some rows of a table: ``first`` is the number of the first one, from 0.
+
+    ``numbers`` are (rows,) of float64 or int64 by the position of their column, ``texts`` Arrow
+    arrays.
+    """
+
+    first: int
+    rows: int
+    numbers: Mapping[int, NDArray[Any]]
+    texts: Mapping[int, Any] = field(default_factory=dict)
+
+
+class SourceTable(Protocol):
+    """A table in a file of another program."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The names of the columns, as the file has them."""
+
+    def unit(self, column: int) -> str:
+        """Return the unit that the file states apart from the name; "" if it states none."""
+
+    def is_whole(self, column: int) -> bool:
+        """Return whether a column has whole numbers, as far as its type or first row shows."""
+
+    def place(self, column: int, row: int | None = None) -> Place:
+        """Return the place of a cell, or without a row that of the column's name."""
+
+    def batches(self, wanted: Mapping[int, Kind]) -> Iterator[Batch]:
+        """Yield all rows of the ``wanted`` columns, in order.
+
+        Raises:
+            ConfigError: a cell cannot be read, or the file is empty or cut off.
+        """
+
+
+def find_column(table: SourceTable, name: str, place: Place) -> int:
+    """Return the position of the column that a map names at ``place``.
+
+    The whole name counts first, then the name without its unit, then a number from 1.
+
+    Raises:
+        ConfigError: there is none, or several.
+    """
+    bare = [split_unit(item)[0] for item in table.names]
+    for names in (list(table.names), bare):
+        found = [index for index, item in enumerate(names) if item == name]
+        if len(found) > 1:
+            raise ConfigError(
+                f"{table.path} has {len(found)} columns {name!r}", place=place,
+                hint=f"give the number of one: {', '.join(str(index + 1) for index in found)}",
+            )  # fmt: skip
+        if found:
+            return found[0]
+    if name.isdecimal() and 1 <= int(name) <= len(bare):
+        return int(name) - 1
+    raise ConfigError(
+        f"{table.path} has no column {name!r}", place=place, hint=suggest(name, table.names)
+    )
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return the parts of ``Force [kN]``: the name, and the unit or ""."""
+    match = _WITH_UNIT.fullmatch(name)
+    if match is None:
+        return name, ""
+    try:
+        parse_unit(match["unit"])
+    except ValueError:
+        return name, ""
+    return match["name"], match["unit"].strip()
+
+
+def stated_unit(table: SourceTable, column: int) -> str:
+    """Return the unit that a file states for a column, "" if it states none that rigd knows."""
+    text = table.unit(column).strip()
+    try:
+        parse_unit(text)
+    except ValueError:
+        text = ""
+    return text or split_unit(table.names[column])[1]
+
+
+def unit_of(table: SourceTable, column: int, given: Unit | None, place: Place) -> Unit:
+    """Return the unit of a column: that of the map, which must not contradict the file.
+
+    Raises:
+        ConfigError: neither states one, or they differ.
+    """
+    stated = stated_unit(table, column)
+    name = table.names[column]
+    if given is None:
+        if not stated:
+            raise ConfigError(
+                f"{table.path} states no unit of the column {name!r}", place=place,
+                hint="add `unit:` to it in the map; `unit: 1` if it has none",
+            )  # fmt: skip
+        return parse_unit(stated)
+    own = parse_unit(stated) if stated else given
+    if (own.dimension, own.factor, own.offset) != (given.dimension, given.factor, given.offset):
+        raise ConfigError(
+            f"the file states {stated} as the unit of {name!r}, the map {given} ({place})",
+            place=table.place(column),
+            hint="leave `unit:` out of the map to take that of the file; if the file is wrong, "
+            "correct it there",
+        )
+    return given
