@@ -24,6 +24,7 @@ FILES: Final = (
     ("procedure", "Procedure file: every key", "procedures.md"),
     ("rig", "Rig file: every key", "rigs.md"),
     ("calibration", "Calibration file: every key", "calibration.md"),
+    ("map", "Map of an import: every key", "import.md"),
 )
 
 #: Packages whose names a user imports, for what, and which names; "": all.

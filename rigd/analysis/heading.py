@@ -53,6 +53,7 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     yield from _line_of("Rig", (info.rig for info in infos))
     yield from _line_of("Procedure", (info.procedure for info in infos))
     yield ("Recordings" if several else "Recording", files)
+    yield from _line_of("Imported from", (_original(info) for info in infos))
     yield from _line_of("Recorded", [_recorded(infos)])
     yield from _line_of("Operator", (_operator(info) for info in infos))
     keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
@@ -90,6 +91,10 @@ def _recorded(infos: Sequence[RunInfo]) -> str:
     texts = [_some(found, ", ") + _OF[of][len(found) > 1] for of, found in dates.items()]
     since = [f"{VIRTUAL} from {_some(virtual, ', ')}"] if virtual else []
     return "; ".join([*texts, *since])
+
+
+def _original(info: RunInfo) -> str:
+    return info.metadata.get("run", {}).get("imported_from", "")
 
 
 def _operator(info: RunInfo) -> str:

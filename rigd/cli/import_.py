@@ -13,7 +13,7 @@ HELP = "make recordings of data files of other programs: CSV, Parquet"
 EXAMPLES = """\
 examples:
   rigd import old/*.csv --map map.yaml
-  rigd import old/*.csv --map map.yaml --out runs/ && rigd identify runs/*.mcap
+  rigd import old/*.csv --map map.yaml --out imported/
 
   The map states what the files mean: which column is which channel, in which unit, where the times
   stand, where trials begin, and what `rigd identify` shall evaluate. Each test becomes one

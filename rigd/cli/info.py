@@ -111,6 +111,7 @@ def _print(info: RunInfo) -> None:
         "procedure": info.procedure,
         "rig": info.rig,
         "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
+        "from": info.metadata.get("run", {}).get("imported_from", ""),
         "started": info.started + (", the clock of the run" if is_virtual(info) else ""),
         "recorded": _recorded(info),
         "operator": info.metadata.get("run", {}).get("operator", ""),

@@ -170,16 +170,18 @@ class CsvTable:
         self, first: int, block: bytes, wanted: Mapping[int, Kind], *, missing: bool = True
     ) -> ConfigError | None:
         """Return the first mistake of a block that begins at line ``first``, or None."""
-        for number, raw in enumerate(block.rstrip(b"\n").split(b"\n"), first):
+        for number, raw in enumerate(block.removesuffix(b"\n").split(b"\n"), first):
             try:
                 line = raw.decode()
             except UnicodeDecodeError as error:
                 return self._not_decoded(number, error.start + 1, raw[error.start])
             cells = self._cells(line)
+            if not line.strip():
+                return ConfigError("the line is empty", place=self._at(number, 1))
             if len(cells) != len(self._names):
                 return ConfigError(
                     f"the line has {len(cells)} cells, expected {len(self._names)} columns",
-                    place=self._at(number, min(len(line), self._start_of(line, len(cells))) + 1),
+                    place=self._at(number, self._start_of(line, min(len(cells), len(self._names)))),
                     hint="the file may be cut off there, or a text have the separator in it",
                 )
             for index, kind in wanted.items():

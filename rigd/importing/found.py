@@ -58,7 +58,7 @@ def found_trials(
     if what.trials.is_whole_file:  # it lasts while all sources have samples
         spans[0].first_ns = max(reader.times.first_ns for reader in readers.values())
         spans[0].last_ns = min(reader.times.last_ns for reader in readers.values())
-        if spans[0].first_ns >= spans[0].last_ns:
+        if spans[0].first_ns > spans[0].last_ns:
             raise ConfigError(
                 f"the sources of the test {test.name!r} have no time in common",
                 place=what.document.key_place(("sources",)),

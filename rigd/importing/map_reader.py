@@ -278,7 +278,7 @@ class _MapReader:
                 continue
             wanted = parse_unit(found.channels(found.unit)[0].unit)
             if not value.unit.same_kind(wanted):
-                self._note((*path, key), f"{value} is no quantity in {wanted}")
+                self._note((*path, key), f"'{value}' is no quantity in {wanted}")
         return SignalMap(
             channel,
             -math.inf if low is None else low.value,

@@ -16,9 +16,10 @@ from pathlib import Path
 import pytest
 from support.asking import ASKING
 from support.examples import of_help, of_readme, words_of
+from support.imported import MAP
 from support.wire import free_ports
 
-from rigd.cli.main import COMMANDS, build_parser, main
+from rigd.cli.main import COMMANDS, build_parser, command_name, main
 from rigd.cli.new_rig.questions import defaults, described
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
@@ -118,6 +119,8 @@ SHOWN: dict[str, Shows] = {
     "rigd info runs/*.mcap": Shows("lugre-1"),
     "rigd info FILE --json": Shows('"rig": "lugre-1"', {"FILE": QUICK}),
     "rigd info FILE --attachments folder/": Shows("folder/rig.yaml", {"FILE": QUICK}),
+    "rigd import old/*.csv --map map.yaml": Shows("runs/push.mcap: 1 trial"),
+    "rigd import old/*.csv --map map.yaml --out imported/": Shows("imported/push.mcap: 1 trial"),
     "rigd export FILE --to parquet": Shows(".parquet", {"FILE": QUICK}),
     f"rigd export {QUICK} --to parquet": Shows(".parquet"),
     "rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/": Shows(
@@ -328,6 +331,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         found = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
         assert run(f"run approach_angles --rig angle-1 {found} --output {ANGLES}") == 0
         Path("data").symlink_to("runs")
+        Path("old").mkdir()
+        Path("old/push.csv").write_text("t,F,v\n0,1,2\n0.001,2,3\n")
+        Path("map.yaml").write_text(MAP, "utf-8")
         # A rig elsewhere that is off: what else this machine serves is not known here.
         Path("rigd").mkdir()
         Path("rigd/remotes.yaml").write_text(
@@ -406,7 +412,7 @@ def test_example_command_gives_the_described_result(
 def test_command_listed_as_tested_elsewhere_exists(command: str) -> None:
     name = command.split()[1]
     if command == f"rigd {name}":
-        assert name in [module.__name__.rpartition(".")[2] for module in COMMANDS]
+        assert name in [command_name(module) for module in COMMANDS]
     elif command.startswith("rigd "):
         line, _, _ = command.partition(" > ")
         build_parser().parse_args(words_of(line, {})[1:])

@@ -16,7 +16,7 @@ from rigd import __version__
 from rigd.cli import main as cli
 from rigd.model.errors import Exit
 
-COMMANDS = [command.__name__.rpartition(".")[2] for command in cli.COMMANDS]
+COMMANDS = [cli.command_name(command) for command in cli.COMMANDS]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -6,6 +6,7 @@ The info string of a fenced block decides what becomes of it:
 - ``python``: run in that folder, warnings are errors;
 - ``python file=NAME``: a module, written to that folder for the commands behind it;
 - ``yaml file=NAME``: a whole file, written to that folder and checked (``rig=NAME``: on that rig);
+- ``yaml map file=NAME``: the same of a map of ``rigd import``;
 - ``yaml part``: top-level keys, put in place of those of a small procedure or of the shipped rig,
   which is then checked;
 - ``text output``: what the ``sh`` block before it printed;
@@ -31,6 +32,7 @@ from support.served_lugre import served_lugre
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.source import RigSource
+from rigd.importing import load_map
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
@@ -46,6 +48,7 @@ DOCUMENTS = (
     "controllers.md",
     "recordings.md",
     "python.md",
+    "import.md",
     "identification.md",
     "slip_force.md",
     "lateral.md",
@@ -84,6 +87,7 @@ UNCHECKED = {
     "controllers.md": 0,
     "recordings.md": 0,
     "python.md": 0,
+    "import.md": 1,
     "identification.md": 3,
     "slip_force.md": 0,
     "lateral.md": 0,
@@ -268,6 +272,9 @@ def check_blocks(name: str, folder: Path) -> None:
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
             case "yaml file":
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
+                if "map" in block.words:
+                    load_map(folder / block.options["file"])
+                    continue
                 on = block.options.get("rig", "lugre-1")
                 checked = rigd("check", block.options["file"], "--rig", on, cwd=folder)
                 assert checked.code == 0, checked.out + checked.err

@@ -15,7 +15,7 @@ import pytest
 from support.browser import chromium
 
 from rigd.cli.inventory import GROUPS
-from rigd.cli.main import COMMANDS
+from rigd.cli.main import COMMANDS, command_name
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCHEMAS = DOCS.parent / "schemas"
@@ -38,7 +38,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_command_has_its_help(reference: Path) -> None:
     page = (reference / "commands.md").read_text("utf-8")
     for command in COMMANDS:
-        name = command.__name__.rpartition(".")[2]
+        name = command_name(command)
         assert f"\n## rigd {name}\n\n```text\nusage: rigd {name}" in page
     assert "\n### rigd remote start\n\n```text\nusage: rigd remote start" in page
 
@@ -51,7 +51,7 @@ def test_every_plugin_is_described(reference: Path) -> None:
     assert "| `dialect` | mt-sics or kern-kcp" in page
 
 
-@pytest.mark.parametrize("name", ["procedure", "rig", "calibration"])
+@pytest.mark.parametrize("name", ["procedure", "rig", "calibration", "map"])
 def test_every_key_of_a_file_is_explained(reference: Path, name: str) -> None:
     page = (reference / f"{name}_file.md").read_text("utf-8")
     schema = json.loads((SCHEMAS / f"{name}.schema.json").read_text("utf-8"))

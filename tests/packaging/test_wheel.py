@@ -37,6 +37,7 @@ def test_wheel_contains_exactly_the_needed_files(wheel: Path) -> None:
         "rigd/_bundled/configs/sim_lugre.yaml",
         "rigd/_bundled/configs/plants/lugre.yaml",
         "rigd/_bundled/configs/eds/rigd_servo.eds",
+        "rigd/_bundled/maps/lugre_tables.yaml",
         "rigd/_bundled/schemas/procedure.schema.json",
         "rigd/analysis/report/templates/report.css",
         "rigd/cli/templates/analysis/MODULE/analysis.py.jinja",
@@ -66,5 +67,5 @@ def test_the_installed_wheel_runs_from_any_folder(wheel: Path, tmp_path: Path) -
 
 
 def test_no_package_file_makes_folders_importable_as_packages() -> None:
-    for folder in ("analyses", "drivers", "sim_backend", "tests", "procedures", "configs"):
+    for folder in ("analyses", "drivers", "sim_backend", "tests", "procedures", "configs", "maps"):
         assert not (ROOT / folder / "__init__.py").exists(), folder

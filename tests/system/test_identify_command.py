@@ -38,6 +38,9 @@ MUST_BE_FLAGGED = {
 #: With some seeds marked, with others known to 1 %.
 MAY_BE_FLAGGED = {"stone": ["mu_c"], "pvc": [], "paperboard": []}
 
+#: The devices whose tables are imported.
+TABLES = ("wheel_servo", "wheel_encoder", "carriage", "accelerometer", "longitudinal_belt")
+
 PROCEDURE = Path(__file__).parents[2] / "procedures/constant_current.yaml"
 
 
@@ -184,3 +187,18 @@ def test_a_report_never_overwrites_a_recording(folder: Path) -> None:
     done = rigd("identify", "pvc.mcap", "--report", "pvc.mcap", cwd=folder)
     assert done.code == 2
     assert (folder / "pvc.mcap").read_bytes() == before
+
+
+def test_imported_campaign_gives_the_same_numbers(folder: Path) -> None:
+    for command in (
+        ("export", "pvc.mcap", "--to", "csv", "--output", "old/pvc"),
+        ("import", *(f"old/pvc/{name}.csv" for name in TABLES), "--map", "lugre_tables"),
+    ):
+        done = rigd(*command, cwd=folder)
+        assert done.code == 0, done.err
+    found = []
+    for recording in ("pvc.mcap", "runs/pvc.mcap"):
+        done = rigd("identify", recording, "--json", "--no-report", cwd=folder)
+        assert done.code == 0, done.err
+        found.append(json.loads(done.out.replace(recording, "")))
+    assert found[0] == found[1]
