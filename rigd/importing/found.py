@@ -12,7 +12,7 @@ from rigd.importing.formats import open_table
 from rigd.importing.map import ImportMap, ParameterMap
 from rigd.importing.reading import SourceReader, text_cells
 from rigd.importing.table import find_column, unit_of
-from rigd.importing.trials import Span
+from rigd.importing.trials import TrialSpan
 from rigd.model.errors import ConfigError
 from rigd.model.units import Unit
 
@@ -103,7 +103,7 @@ def found_trials(
     return found
 
 
-def _numbers(spans: Sequence[Span]) -> list[int]:
+def _numbers(spans: Sequence[TrialSpan]) -> list[int]:
     """Return the numbers of the trials: those of their column, if it has numbers, else 1 to n."""
     texts = [span.key[0].strip() for span in spans if len(span.key) == 1]
     if len(texts) == len(spans) and all(text.isdecimal() for text in texts):
@@ -167,7 +167,7 @@ def _value(
         ) from None  # fmt: skip
 
 
-def _steps_in(steps: Sequence[tuple[int, str]], span: Span) -> list[tuple[int, str]]:
+def _steps_in(steps: Sequence[tuple[int, str]], span: TrialSpan) -> list[tuple[int, str]]:
     """Return the steps in a trial, the first from its start on."""
     before = [name for t_ns, name in steps if t_ns <= span.first_ns]
     found = [(span.first_ns, before[-1])] if before else []

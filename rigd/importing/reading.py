@@ -27,7 +27,7 @@ _NANO: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class UsedColumn:
     """A channel with the position of its column in the table, and its unit."""
 
     channel: ChannelMap
@@ -42,7 +42,7 @@ class SourceReader:
     source: SourceMap
     table: SourceTable
     stream: Stream
-    columns: tuple[Column, ...]
+    columns: tuple[UsedColumn, ...]
     times: Times
     finder: TrialFinder | None = None
     rows: int = 0
@@ -136,7 +136,7 @@ def open_source(source: SourceMap, path: Path, base_ns: int) -> SourceReader:
     for channel in source.channels:
         index = find_column(table, channel.column, channel.place)
         unit = unit_of(table, index, channel.unit, channel.place)
-        columns.append(Column(channel, index, unit))
+        columns.append(UsedColumn(channel, index, unit))
     stream = Stream(
         source.name,
         tuple(item for column in columns for item in column.channel.channels(column.unit)),
@@ -193,7 +193,7 @@ def _times(time: TimeMap, table: SourceTable, base_ns: int) -> Times:
     return Times(table, time, column, unit, base_ns)
 
 
-def _convert(rows: NDArray[np.void], column: Column, values: NDArray[np.float64]) -> None:
+def _convert(rows: NDArray[np.void], column: UsedColumn, values: NDArray[np.float64]) -> None:
     """Put a column in SI into ``rows``; a value that is in SI already keeps its bits."""
     unit, channel = column.unit, column.channel
     if not unit.is_si:

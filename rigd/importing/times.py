@@ -27,7 +27,7 @@ _ROUNDING: Final = 1e-12
 
 
 @dataclass(frozen=True)
-class Jump:
+class TimeJump:
     """Two samples that lie far apart: their times, and the row of the second one."""
 
     before_ns: int
@@ -47,7 +47,7 @@ class Times:
     column: int | None
     unit: Unit | None
     base_ns: int
-    jumps: list[Jump] = field(default_factory=list)
+    jumps: list[TimeJump] = field(default_factory=list)
     first_ns: int = 0
     last_ns: int = 0
     _last_ns: int | None = None
@@ -157,7 +157,7 @@ class Times:
         limit = self.time.longest_gap_ns or JUMP_PERIODS * self._usual_ns
         skipped = len(times) - len(steps)
         for index in np.flatnonzero(steps > limit)[: _MOST_JUMPS - len(self.jumps)]:
-            jump = Jump(int(joined[index]), int(joined[index + 1]), int(rows[index + skipped]))
+            jump = TimeJump(int(joined[index]), int(joined[index + 1]), int(rows[index + skipped]))
             self.jumps.append(jump)
 
     def check_jumps(self, spans: Sequence[tuple[int, int]]) -> None:

@@ -19,7 +19,7 @@ MOST_SPANS: Final = 100_000
 
 
 @dataclass
-class Span:
+class TrialSpan:
     """Samples one after the other that belong together.
 
     ``key`` are the texts of the columns that show trials, ``texts`` those of the parameters, at
@@ -45,7 +45,7 @@ class TrialFinder:
     columns: Sequence[int]
     parameters: Mapping[str, int]
     steps_column: int | None
-    spans: list[Span] = field(default_factory=list)
+    spans: list[TrialSpan] = field(default_factory=list)
     steps: list[tuple[int, str]] = field(default_factory=list)  #: times in ns, and names
     _last_ns: int = 0
     _last_texts: dict[int, Any] = field(default_factory=dict)
@@ -100,7 +100,7 @@ class TrialFinder:
         for start, end in zip(starts, ends, strict=bool(len(starts))):
             key = tuple(str(texts[column][start]) for column in self.columns)
             self.spans.append(
-                Span(
+                TrialSpan(
                     int(times[start]), int(times[end - 1]), int(rows[start]),
                     bool(inside[start]) and not (key and key[0].strip() in self.trials.outside),
                     key,
@@ -116,7 +116,7 @@ class TrialFinder:
         self._last_ns = int(times[-1])
         self._last_texts = {column: texts[column][-1] for column in self.wanted}
 
-    def found(self) -> list[Span]:
+    def found(self) -> list[TrialSpan]:
         """Return the trials, without those that are too short."""
         if self.spans and self.trials.signal is not None:
             self.spans[-1].open = True
