@@ -30,9 +30,10 @@ _FEEDS_PER_TIME: Final = 5
 class NiIo(Card):
     """An NI card that gives and takes one sample of each signal in each cycle.
 
-        A cycle waits for a call to the card for the analogue inputs, the digital inputs and each
-    #: The watchdog of the card is fed so often within its time, not in every cycle.
-        give 0 V and the lines stand as ``high_at_rest`` sets.
+    A cycle waits for a call to the card for the analogue inputs, the digital inputs and each
+    counter in use, and for one for the analogue and the digital outputs if they have changed. At
+    rest, from its opening until it is closed, the outputs give 0 V and the lines stand as
+    ``high_at_rest`` sets.
     """
 
     Config: ClassVar[type[LinkConfig]] = NiIoConfig
