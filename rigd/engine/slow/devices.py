@@ -296,26 +296,21 @@ class SlowDevices:
         """Do what the cycle orders, at the pace of the device, until it orders to be safe."""
         reason = ""
         try:
-            while not reason:
-                found = orders.given()
-                if found is not None and found[1] is not Order.WAIT:
-                    break
-                await asyncio.sleep(ORDER_S)
+            t_ns, order, setpoints = await _enabling(orders)
             written: list[float] | None = None
-            while True:
-                t_ns, order, setpoints = orders.given() or (0, Order.ARM, [])
-                if order is Order.SAFE:
-                    break
-                if t_ns and monotonic_ns() - t_ns > UNORDERED_S * 1e9:
+            while order is not Order.SAFE:
+                if monotonic_ns() - t_ns > UNORDERED_S * 1e9:
                     reason = f"the cycle gave it no setpoint for {UNORDERED_S:g} s"
                     break
-                if t_ns and setpoints != written:
+                if setpoints != written:
                     await asyncio.wait_for(driver.write(setpoints), WRITE_S)
                     if written is None:
                         await asyncio.wait_for(driver.arm(), WRITE_S)
                         orders.report(Done.ARMED)
                     written = setpoints
                 await asyncio.sleep(ORDER_S)
+                # An order in writing is none, also that of a cycle that was killed meanwhile.
+                t_ns, order, setpoints = orders.given() or (t_ns, order, setpoints)
         except TimeoutError:
             reason = f"it did not take its setpoints within {WRITE_S:g} s"
         except DEVICE_ERRORS as error:
@@ -400,3 +395,10 @@ class SlowDevices:
         except Exception as error:  # noqa: BLE001 - boundary: told, and the others are closed
             self._faults.setdefault(name, f"{name}: could not be closed: {error}")
         return ended
+
+
+async def _enabling(orders: DeviceOrders) -> tuple[int, Order, list[float]]:
+    """Wait for the first order that is not to wait; return it."""
+    while (found := orders.given()) is None or found[1] is Order.WAIT:
+        await asyncio.sleep(ORDER_S)
+    return found

@@ -184,12 +184,16 @@ def test_stop_makes_safe_before_it_closes(bench: Callable[..., Bench]) -> None:
     assert found.devices.faults == {}
 
 
+@pytest.mark.parametrize("writing", [False, True], ids=["between", "in an order"])
 def test_silent_cycle_makes_safe_and_is_a_fault(
-    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch, writing: bool
 ) -> None:
     monkeypatch.setattr(slow, "UNORDERED_S", 0.2)
     found = bench()
     found.arm()
+    if writing:  # as a cycle that was killed leaves it: the sequence number is odd
+        assert found.orders is not None
+        found.orders._given._words[0] |= 1
     until(lambda: found.devices.poll() is not None)
     assert found.devices.poll() == "oven: the cycle gave it no setpoint for 0.2 s"
     until(lambda: found.oven.calls[-1] == "safe")
