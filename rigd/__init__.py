@@ -51,14 +51,16 @@ _PLACES: Final = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a name when it is used first."""
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, there = _PLACES[name]
-    found = getattr(import_module(module), there)
-    globals()[name] = found
-    return found
+if not TYPE_CHECKING:  # else every name would be there for mypy
+
+    def __getattr__(name: str) -> Any:
+        """Import a name when it is used first."""
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, there = _PLACES[name]
+        found = getattr(import_module(module), there)
+        globals()[name] = found
+        return found
 
 
 def __dir__() -> list[str]:

@@ -34,7 +34,7 @@ def straight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_straight_runs_go_as_far_as_documented(straight: Path) -> None:
-    recording = library.load(straight / "run.mcap")
+    recording = library.open(straight / "run.mcap")
     for number, name, travel in ((1, "ramp up", 1.08794), (2, "step up", 1.17021)):
         samples = recording.trial(number)["truth_front"]
         driven = samples["step"] == name
@@ -45,7 +45,7 @@ def test_straight_runs_go_as_far_as_documented(straight: Path) -> None:
 
 
 def test_markers_come_beside_the_cycle(straight: Path) -> None:
-    recording = library.load(straight / "run.mcap")
+    recording = library.open(straight / "run.mcap")
     motor, marker = (recording.trial(1)[name] for name in ("right_motor", "front_marker"))
     truth = recording.trial(1)["truth_front"]
     assert np.diff(motor["t_ns"]) == pytest.approx(1e6)
@@ -88,7 +88,7 @@ def test_circles_have_the_radius_of_the_paper(tmp_path: Path) -> None:
     done = run(tmp_path, "circles")
     assert done.code == 0, done.err + done.out
     assert "5 of 5 trials" in done.out
-    recording = library.load(tmp_path / "run.mcap")
+    recording = library.open(tmp_path / "run.mcap")
     for number in range(1, 5):
         trial = recording.trial(number)
         truth, marker = trial["truth_front"], trial["front_marker"]

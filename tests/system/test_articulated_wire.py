@@ -75,7 +75,7 @@ def dash(bench: WireRig, folder: Path, fault: str) -> Ended:
 def test_run_with_dropouts_records_the_robot(bench: WireRig, tmp_path: Path) -> None:
     ended = dash(bench, tmp_path, "part: tracker, fault: lost, options: {probability: 0.2}")
     assert ended.code == 0, ended.err + ended.out
-    trial = library.load(tmp_path / "run.mcap").trial(1)
+    trial = library.open(tmp_path / "run.mcap").trial(1)
     marker, motor = trial["front_marker"], trial["right_motor"]
     assert (marker["status"] & 1).any()  # lost, in the frame before
     # Rows have the pace of the camera, whatever a busy machine does. Arrivals are known to a cycle
