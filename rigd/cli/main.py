@@ -46,6 +46,7 @@ from rigd.cli import (
     verify,
 )
 from rigd.cli.shown import screened
+from rigd.model import compiling
 from rigd.model.errors import Exit, RigdError
 
 #: In the order in which a new user needs them.
@@ -83,6 +84,11 @@ COMMANDS: tuple[ModuleType, ...] = (
 
 #: The error of argparse for an unknown command.
 _NO_CHOICE: Final = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")
+
+#: What a person at a terminal sees while the first start after an installation compiles.
+COMPILING: Final = (
+    "rigd: compiles its numerical functions, once after an installation: about half a minute"
+)
 
 EPILOG = """\
 examples:
@@ -167,6 +173,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
+    if sys.stderr.isatty():
+        compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
         return int(args.execute(args))
     except RigdError as error:

@@ -2,7 +2,8 @@
 
 It is numba's ``njit`` with the same options for all of rigd; a type checker still sees the type of
 the original function. numba stores a compiled function on disk beside its module (or in numba's
-user cache if that folder cannot be written). So only the first call after an installation compiles.
+user cache if that folder cannot be written). So only the first call after an installation compiles;
+:mod:`rigd.model.compiling` announces it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from collections.abc import Callable
 from typing import TypeVar, cast
 
 import numba
+from numba.core import event
+
+from rigd.model import compiling
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -27,3 +31,16 @@ def part(function: F) -> F:
     and numba would not notice a change of them.
     """
     return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
+
+
+class _Announcer(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Is called when numba compiles a function, and not when it finds the function on disk."""
+
+    def on_start(self, _event: object) -> None:
+        compiling.begins()
+
+    def on_end(self, _event: object) -> None:
+        pass
+
+
+event.register("numba:compile", _Announcer())

@@ -30,6 +30,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_every_block_gives_its_printed_result[robot.md]",
             "test_every_block_gives_its_printed_result[recordings.md]",
             "test_every_block_gives_its_printed_result[remote.md]",
+            "test_every_block_gives_its_printed_result[tutorial.md]",
             "test_every_block_gives_its_printed_result[validation.md]",
         ),
     },
