@@ -33,7 +33,7 @@ def part(function: F) -> F:
     return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
 
 
-class _Announcer(event.Listener):  # type: ignore[misc]  # numba has no types
+class _Announcer(event.Listener):
     """Is called when numba compiles a function, and not when it finds the function on disk."""
 
     def on_start(self, _event: object) -> None:
@@ -43,4 +43,4 @@ class _Announcer(event.Listener):  # type: ignore[misc]  # numba has no types
         pass
 
 
-event.register("numba:compile", _Announcer())
+event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]
