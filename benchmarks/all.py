@@ -40,6 +40,7 @@ BENCHES = (
     "cycle",
     "card_blocks",
     "recording",
+    "catalogue",
     "recorder",
     "live_feed",
     "remote_commands",

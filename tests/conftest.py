@@ -58,6 +58,7 @@ WHERE = Path(os.environ.get("RIGD_STATE", MEMORY))
 WHERE.mkdir(mode=0o700, parents=True, exist_ok=True)
 STATE = Path(tempfile.mkdtemp(prefix="rigd-tests-", dir=WHERE))
 os.environ["RIGD_STATE"] = str(STATE)
+os.environ["XDG_CACHE_HOME"] = str(STATE / "cache")  # the indexes of folders of recordings
 
 warm.offer()
 HERE = Path(__file__).parent
@@ -71,7 +72,7 @@ def places(*names: str) -> tuple[Path, ...]:
 #: Tests that compute, or wait for answers and not by the clock. All others run rigs or watchdogs
 #: in real time: two of them share the machine, with nothing that computes beside them.
 SIDE_BY_SIDE = places(
-    "analyses", "analysis", "cli", "config", "daemon/doctor/test_statistics.py",
+    "analyses", "analysis", "catalogue", "cli", "config", "daemon/doctor/test_statistics.py",
     "daemon/doctor/test_storage.py", "daemon/doctor/test_survey.py", "daemon/live", "daemon/serve",
     "daemon/test_forms.py",
     "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py",

@@ -56,9 +56,15 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     yield from _line_of("Imported from", (_original(info) for info in infos))
     yield from _line_of("Recorded", [_recorded(infos)])
     yield from _line_of("Operator", (_operator(info) for info in infos))
+    specimens = [info.specimen.get("name", "") for info in infos]
+    yield from _line_of("Specimen", specimens)
+    for key in dict.fromkeys(key for info in infos for key in info.specimen if key != "name"):
+        texts = (info.specimen.get(key, "") for info in infos)
+        yield from _line_of(f"Specimen's {key}", texts)
+    own = _OWN | {"specimen"} if any(specimens) else _OWN
     keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
     for key in keys:
-        name = f"{key} (--meta)" if key.casefold() in _OWN else key
+        name = f"{key} (--meta)" if key.casefold() in own else key
         yield from _line_of(name, (info.metadata.get("meta", {}).get(key, "") for info in infos))
     yield "Report made", (made or datetime.now(UTC)).astimezone(UTC).strftime(_DATE)
 

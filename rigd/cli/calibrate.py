@@ -179,7 +179,7 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
         )
     request = RunRequest(
         procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides,
-        about=options.read_about(args.operator, args.note, args.meta),
+        about=options.read_about(args.operator, args.note, args.meta, args.specimen),
         procedure_location=source.location,
     )  # fmt: skip
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)

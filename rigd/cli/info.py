@@ -115,6 +115,7 @@ def _print(info: RunInfo) -> None:
         "started": info.started + (", the clock of the run" if is_virtual(info) else ""),
         "recorded": _recorded(info),
         "operator": info.metadata.get("run", {}).get("operator", ""),
+        "specimen": _specimen(info.specimen),
         "note": info.metadata.get("run", {}).get("note", ""),
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "run": info.state + (f": {info.reason}" if info.reason else ""),
@@ -181,6 +182,12 @@ def _print_trials(console: Console, info: RunInfo) -> None:
         texts = (str(trial.number), lasted, *values, state)
         table.add_row(*(escape(plain(text)) for text in texts))
     print_table(console, table)
+
+
+def _specimen(held: Mapping[str, str]) -> str:
+    """Return the name of the specimen, and what its file says of it."""
+    known = ", ".join(f"{name} {text}" for name, text in held.items() if name != "name")
+    return held.get("name", "") + (f": {known}" if known else "")
 
 
 def _counted(info: RunInfo) -> str:

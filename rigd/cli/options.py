@@ -47,7 +47,10 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 
 
 def add_about(parser: argparse.ArgumentParser) -> None:
-    """Add ``--note`` and ``--meta``, for :func:`read_about`."""
+    """Add ``--specimen``, ``--note`` and ``--meta``, for :func:`read_about`."""
+    parser.add_argument(
+        "--specimen", default="", metavar="NAME", help="the specimen in the rig, such as W7"
+    )
     parser.add_argument(
         "--note", default="", metavar="TEXT", help="a note, written into the recording"
     )
@@ -56,7 +59,7 @@ def add_about(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a name and a value, written into the recording, such as specimen=W7",
+        help="a name and a value, written into the recording, such as batch=13",
     )
 
 
@@ -77,8 +80,8 @@ def read_assignments(texts: Iterable[str], shape: str = "NAME=VALUE") -> dict[st
     return values
 
 
-def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
-    """Return operator, ``--note`` and ``--meta`` of a run.
+def read_about(operator: str | None, note: str, meta: Sequence[str], specimen: str = "") -> About:
+    """Return operator, ``--note``, ``--meta`` and ``--specimen`` of a run.
 
     Raises:
         ConfigError: an entry is too long, is not NAME=VALUE, contains control characters, or a name
@@ -96,9 +99,9 @@ def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
             hint=f"a name has one value: write --meta '{twice}=A, B'",
         )
     try:
-        return About((operator or "").strip(), note.strip(), values)
+        return About((operator or "").strip(), note.strip(), values, specimen.strip())
     except ValueError as error:
         raise ConfigError(
             str(error),
-            hint=("--operator, --note and --meta are written into the recording as text"),
+            hint="--operator, --specimen, --note and --meta are written into the recording as text",
         ) from error

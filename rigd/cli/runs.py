@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rigd.cli.options import add_json, add_set, read_assignments
 
 if TYPE_CHECKING:
-    from rigd.record import RunInfo
+    from rigd.catalogue import Condition, Line
 
-HELP = "list the recordings of a folder"
+#: What a person stated or decided: columns that are shown if any recording has them.
+_STATED: Final = ("set", "specimen", "verdict", "meta", "note")
+#: Of a column; notes may be long.
+_MOST_LETTERS: Final = 60
+#: To read so many recordings takes long enough that progress is shown.
+_MANY: Final = 1000
+
+HELP = "list and search the recordings of a folder"
 EXAMPLES = """\
 examples:
   rigd runs
   rigd runs data/ --procedure constant_current --set floor=pvc
   rigd runs --state interrupted
-  rigd runs --since 7d --meta specimen=W7
+  rigd runs --where 'specimen.coating == "PTFE" and started > 2026-09-01'
+  rigd runs --since 7d --meta batch=13
 """
 
 
@@ -41,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="only runs started with this --meta value, such as specimen=W7",
+        help="only runs started with this --meta value, such as batch=13",
     )
     parser.add_argument(
         "--since",
@@ -51,70 +61,109 @@ def configure(parser: argparse.ArgumentParser) -> None:
             "only runs recorded since this date: 2026-11-01 (UTC), or 7d for the last seven days"
         ),
     )
+    parser.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="only runs for which this holds: specimen, verdict, started, parameter.current, "
+        "meta.batch and others beside a text, a date, or a number with its unit; several "
+        "--where must all hold",
+    )
     add_json(parser, "print as JSON")
 
 
 def execute(args: argparse.Namespace) -> int:
     """Print one line per recording."""
+    from rigd.catalogue import search
+
+    found = search(args.folder, _condition(args), _progress)
+    if args.json:
+        print(json.dumps([_json(args.folder, line) for line in found.lines], indent=2))
+    elif found.lines:
+        _print(args.folder, found.lines)
+    for broken in found.broken:
+        print(f"rigd: {broken.problem}", file=sys.stderr)
+    if not found.lines and not args.json and (args.where or not found.broken):
+        print(f"no recordings in {args.folder} match")
+        for field, texts in found.stated.items():
+            print(f"  {field} here: {', '.join(texts)}")
+    return 0
+
+
+def _condition(args: argparse.Namespace) -> Condition | None:
+    """Return what all options ask for together."""
+    from rigd.catalogue import Joined, equal, parse_where, since
+
+    parts: list[Condition] = [
+        equal(name, given)
+        for name in ("procedure", "rig", "state")
+        if (given := getattr(args, name)) is not None
+    ]
+    for group, texts in (("parameter", args.set), ("meta", args.meta)):
+        given = read_assignments(texts)
+        parts += [equal(f"{group}.{name}", text) for name, text in given.items()]
+    if args.since is not None:
+        parts.append(since(args.since.timestamp()))
+    parts += [parse_where(text) for text in args.where]
+    return Joined("and", tuple(parts)) if parts else None
+
+
+def _progress(number: int, total: int) -> None:
+    """Show at a terminal how far the index of many recordings is."""
+    if total >= _MANY and number % 100 == 0 and sys.stderr.isatty():
+        print(f"\rreading {number} of {total} recordings ", end="", file=sys.stderr, flush=True)
+    if total >= _MANY and number == total - 1 and sys.stderr.isatty():
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def _json(folder: Path, line: Line) -> dict[str, object]:
+    from rigd.record import Recording, info_json, run_info
+
+    about = info_json(run_info(Recording.open(folder / line.file)))
+    return {**about, "recorded": datetime.fromtimestamp(line.started, UTC).isoformat()}
+
+
+def _print(folder: Path, lines: Sequence[Line]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
     from rigd.cli.screen import open_console, print_rows
     from rigd.model.about import plain
-    from rigd.record import RunFilter, info_json, list_runs
 
-    wanted = read_assignments(args.set)
-    meta = read_assignments(args.meta)
-    filters = RunFilter(args.procedure, args.rig, args.state, wanted, meta, args.since)
-    catalogue = list_runs(args.folder, filters)
-    if args.json:
-        print(json.dumps([info_json(info) for info in catalogue.runs], indent=2))
-        return 0
-    console = open_console()
     table = Table(box=None, pad_edge=False)
     for name in ("recording", "recorded (UTC)", "procedure", "rig", "state"):
         table.add_column(name, overflow="fold")
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
-    assigned = {
-        heading: name
-        for heading, name in (("set", "overrides"), ("meta", "meta"))
-        if any(info.metadata.get(name) for info in catalogue.runs)
-    }
-    for heading in assigned:
-        table.add_column(heading, overflow="fold")
-    for info in catalogue.runs:
-        total = info.metadata.get("run", {}).get("trials", "?")
+    stated = [name for name in _STATED if any(getattr(line, name) for line in lines)]
+    for name in stated:
+        table.add_column(name, overflow="fold")
+    for line in lines:
         texts = (
-            str(info.path),
-            _date(info),
-            info.procedure,
-            info.rig,
-            info.state,
-            f"{info.trials_done}/{total}",
-            f"{info.duration_s:.0f}",
-            f"{info.size / 1e6:.1f}",
-            *(_assigned(info, name) for name in assigned.values()),
+            str(folder / line.file),
+            _date(line),
+            line.procedure,
+            line.rig,
+            line.state,
+            f"{line.trials}/{line.planned}",
+            f"{line.duration_s:.0f}",
+            f"{line.size / 1e6:.1f}",
+            *(shorten(plain(getattr(line, name)), _MOST_LETTERS) for name in stated),
         )
         table.add_row(*(escape(plain(text)) for text in texts))
-    print_rows(console, table)
-    for broken in catalogue.broken:
-        console.print(f"[red]{escape(str(broken.problem))}[/]", soft_wrap=True)
-    if not catalogue.runs and not catalogue.broken:
-        console.print(f"no recordings in {escape(str(args.folder))} match")
-    return 0
+    print_rows(open_console(), table)
 
 
-def _date(info: RunInfo) -> str:
+def shorten(text: str, most: int) -> str:
+    """Return a text of at most ``most`` letters; a longer one ends in ``…``."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def _date(line: Line) -> str:
     """Return when a run was recorded, with ``~`` in front if only the file's date is known."""
-    from rigd.record.moment import recorded_at
-
-    moment = recorded_at(info)
-    return f"{'~' if moment.of == 'file' else ''}{moment.at:%Y-%m-%d %H:%M}"
-
-
-def _assigned(info: RunInfo, name: str) -> str:
-    return ", ".join(f"{key}={value}" for key, value in info.metadata.get(name, {}).items())
+    moment = datetime.fromtimestamp(line.started, UTC)
+    return f"{'~' if line.started_of == 'file' else ''}{moment:%Y-%m-%d %H:%M}"
 
 
 def _since(text: str) -> datetime:

@@ -31,6 +31,7 @@ from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
 from rigd.record.compression import Compression
+from rigd.record.info import SPECIMEN_METADATA
 
 #: Virtual time begins here, one day later for each seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
@@ -182,8 +183,9 @@ def check_resumable(request: RunRequest, resume: ResumePoint) -> None:
     """Check that the run continues with the files with which it began.
 
     Raises:
-        ConfigError: one of them is another file.
+        ConfigError: one of them is another file, or another specimen is stated.
     """
+    resume.check_specimen(request.about.specimen)
     for name, text in attached_texts(request).items():
         resume.check_same(name, text)
 
@@ -300,9 +302,12 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
 
 
 def _add_about(about: About, run: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Add operator and note to the metadata ``run``; return the further values as metadata."""
+    """Add operator and note to the metadata ``run``; return all else as metadata."""
     run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
-    return {"meta": dict(about.meta)} if about.meta else {}
+    given = {"meta": dict(about.meta)}
+    if about.specimen:
+        given[SPECIMEN_METADATA] = {"name": about.specimen}
+    return {name: values for name, values in given.items() if values}
 
 
 def day_of(start_ns: int | None) -> date:

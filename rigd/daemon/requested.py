@@ -61,6 +61,7 @@ def requested(
     if resume is not None:
         resume.check_same("procedure.yaml", source.file.text)
         resume.check_same("rig.yaml", loaded.source.text)
+        resume.check_specimen(about.specimen)
     if compiled.identify is not None:
         analysis_of(
             compiled.identify,
@@ -98,6 +99,7 @@ def run(
     operator: str = "",
     note: str = "",
     meta: Mapping[str, object] | None = None,
+    specimen: str = "",
     notify: Callable[[str], None] = lambda _: None,
 ) -> Recording:
     """Run a procedure on a simulated rig in virtual time, as ``rigd run`` does.
@@ -114,7 +116,8 @@ def run(
         start: time of the first sample; UTC if it has no time zone.
         operator: who runs it, for the recording.
         note: a note, for the recording.
-        meta: names and values for the recording, such as ``{"specimen": "W7"}``.
+        meta: names and values for the recording, such as ``{"batch": 13}``.
+        specimen: name of the specimen, for the recording.
         notify: gets lines for the operator.
 
     Raises:
@@ -126,10 +129,10 @@ def run(
     """
     texts = {name: str(value) for name, value in (meta or {}).items()}
     try:
-        about = About(operator.strip(), note.strip(), texts)
+        about = About(operator.strip(), note.strip(), texts, specimen.strip())
     except ValueError as error:
         raise ConfigError(
-            str(error), hint="operator, note and meta are recorded as text"
+            str(error), hint="operator, note, specimen and meta are recorded as text"
         ) from error
     request = requested(
         os.fspath(procedure),

@@ -11,6 +11,7 @@ from rigd.engine.answers import Given
 from rigd.engine.recorder import drain_into
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.record import Recording, recover
+from rigd.record.info import SPECIMEN_METADATA
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class ResumePoint:
     texts: Mapping[str, bytes]
     end_ns: int
     answered_by: str = ""
+    specimen: str = ""
     given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
 
     def check_same(self, name: str, text: str) -> None:
@@ -45,6 +47,19 @@ class ResumePoint:
                 f"{self.path} was recorded with another {name}",
                 hint="a sweep can be resumed only with the files it began with; "
                 f"`rigd info {self.path} --attachments FOLDER` writes them out",
+            )
+
+    def check_specimen(self, name: str) -> None:
+        """Raise if a specimen is stated that is not the one the run began with.
+
+        Raises:
+            ConfigError: the recording would mix two specimens.
+        """
+        if name and name != self.specimen:
+            began = f"with specimen {self.specimen}" if self.specimen else "without a specimen"
+            raise ConfigError(
+                f"{self.path} was begun {began}, not with {name}",
+                hint="remove --specimen to go on, or begin a new run",
             )
 
 
@@ -73,6 +88,7 @@ def read_resume_point(path: Path) -> ResumePoint:
         done=frozenset(complete),
         texts={name: attachment.data for name, attachment in recording.attachments.items()},
         end_ns=recording.end_ns,
+        specimen=recording.metadata.get(SPECIMEN_METADATA, {}).get("name", ""),
         answered_by=str(answers[-1].data["by"]) if answers else "",
         given={
             number: [

@@ -1,4 +1,4 @@
-"""Checks the operator, the note and the metadata that a person gives for a run."""
+"""Checks the operator, the note, the specimen and the metadata that a person gives for a run."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ MOST_NOTE_LETTERS: Final = 2000
 MOST_VALUE_LETTERS: Final = 200
 MOST_ENTRIES: Final = 32
 _KEY: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
+#: The name of a specimen is the name of its file too.
+SPECIMEN_NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]{0,59}"
+_SPECIMEN: Final = re.compile(SPECIMEN_NAME)
 #: Categories of characters that control a terminal, hide text, or are not text.
 _NO_TEXT: Final = frozenset({"Cc", "Cs", "Co", "Cn", "Zl", "Zp"})
 #: Characters that change the direction in which the following text is read.
@@ -23,11 +26,12 @@ _TURNING: Final = frozenset(
 
 @dataclass(frozen=True)
 class About:
-    """Holds the operator, note and metadata given at the start of a run, after a check."""
+    """Holds what is stated at the start of a run, after a check: a specimen by its name."""
 
     operator: str = ""
     note: str = ""
     meta: Mapping[str, str] = field(default_factory=dict)
+    specimen: str = ""
 
     def __post_init__(self) -> None:
         """Check every text.
@@ -37,6 +41,11 @@ class About:
         """
         check_text(self.operator, "the operator", MOST_LETTERS)
         check_text(self.note, "the note", MOST_NOTE_LETTERS, lines=True)
+        if self.specimen and _SPECIMEN.fullmatch(self.specimen) is None:
+            raise ValueError(
+                f"{plain(self.specimen)!r} is not the name of a specimen: it begins with a letter "
+                "or a digit and has at most 60 letters, digits, '_', '-' and '.'"
+            )
         if len(self.meta) > MOST_ENTRIES:
             raise ValueError(
                 f"{len(self.meta)} values are given, at most {MOST_ENTRIES} are allowed"

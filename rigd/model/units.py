@@ -77,6 +77,7 @@ _FAHRENHEIT_K: Final = 5 / 9
 #: SI prefixes, by symbol.
 PREFIXES: Final = {
     "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,
+    "G": 1e9,
 }  # fmt: skip
 _SYNONYMS: Final = {
     "Ω": "ohm", "°": "deg", "counts": "count", "sec": "s", "l": "L", "°C": "degC", "°F": "degF",

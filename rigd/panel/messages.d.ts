@@ -377,6 +377,7 @@ declare namespace Api {
     on_client_loss?: "continue" | "finish_trial" | "stop" | null;
     note?: string;
     meta?: Record<string, string>;
+    specimen?: string;
   }
   interface Started {
     run: string | null;

@@ -4,7 +4,6 @@ Rows are written in bulk and read as columns. To export a recording, import
 :mod:`rigd.record.export`.
 """
 
-from rigd.record.catalogue import BrokenRun, Catalogue, RunFilter, list_runs
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.gaps import Gap
 from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
@@ -20,14 +19,11 @@ from rigd.record.writer import RecordingWriter
 __all__ = [
     "NO_TRIAL",
     "Attachment",
-    "BrokenRun",
-    "Catalogue",
     "Event",
     "Gap",
     "Recording",
     "RecordingWriter",
     "RecoveryReport",
-    "RunFilter",
     "RunInfo",
     "Step",
     "StreamInfo",
@@ -37,7 +33,6 @@ __all__ = [
     "Trials",
     "Verification",
     "info_json",
-    "list_runs",
     "recover",
     "run_info",
     "steps",

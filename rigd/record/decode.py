@@ -11,8 +11,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from rigd.record.chunks import CDR_SIZE, MESSAGE_HEAD, uniform_messages
-from rigd.record.events import CDR_HEADER
+from rigd.record.chunks import CDR_SIZE, uniform_messages
+from rigd.record.events import CDR_HEADER, MESSAGE_FIELDS
 from rigd.record.wire import Malformed, records
 
 _CDR = np.frombuffer(CDR_HEADER, "<u4")[0]
@@ -60,8 +60,8 @@ def message_payloads(data: bytes | memoryview, channel: int) -> Iterator[tuple[i
     for record in records(memoryview(data)):
         if record.opcode != Opcode.MESSAGE:
             continue
-        if len(record.content) < 22:
+        if len(record.content) < MESSAGE_FIELDS.size:
             raise Malformed("a message that is too short")
-        head = np.frombuffer(data, MESSAGE_HEAD, count=1, offset=record.start)[0]
-        if int(head["channel"]) == channel:
-            yield int(head["log_time"]), record.content[22:]
+        found, _, log_time, _ = MESSAGE_FIELDS.unpack_from(record.content)
+        if found == channel:
+            yield log_time, record.content[MESSAGE_FIELDS.size :]

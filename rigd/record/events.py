@@ -20,7 +20,7 @@ from rigd.record.wire import FRAME, Malformed
 NO_TRIAL: Final = -1
 
 CDR_HEADER: Final = b"\x00\x01\x00\x00"  #: plain CDR, little-endian, no options
-_MESSAGE: Final = struct.Struct("<HIQQ")  #: channel, sequence, log time, publish time
+MESSAGE_FIELDS: Final = struct.Struct("<HIQQ")  #: channel, sequence, log time, publish time
 _LENGTH: Final = struct.Struct("<I")
 
 
@@ -47,7 +47,7 @@ def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> b
     # CDR counts alignment from the end of its own header.
     body += b"\x00" * (-len(body) % 8) + struct.pack("<d", (event.t_ns - start_ns) * 1e-9)
     payload = CDR_HEADER + body + _string(text)
-    head = _MESSAGE.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)
+    head = MESSAGE_FIELDS.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)
     return FRAME.pack(Opcode.MESSAGE, len(head) + len(payload)) + head + payload
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +16,8 @@ from rigd.record.trials import INTERRUPTED, TrialInfo
 
 #: State where ``run_end`` names none.
 COMPLETE: Final = "complete"
+#: Metadata record of the specimen.
+SPECIMEN_METADATA: Final = "specimen"
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,11 @@ class RunInfo:
         return tuple(lines)
 
     @property
+    def specimen(self) -> Mapping[str, str]:
+        """The specimen's ``name`` and what its file says of it; empty if none was stated."""
+        return self.metadata.get(SPECIMEN_METADATA, {})
+
+    @property
     def trials_done(self) -> int:
         """Number of trials that were completed, each counted once."""
         return len({trial.number for trial in self.trials if trial.complete})
@@ -78,11 +85,37 @@ def run_info(recording: Recording) -> RunInfo:
         RecordingError: its events are damaged.
 
     """
-    events = recording.all_events
-    run = recording.metadata.get("run", {})
+    return replace(
+        info_of(
+            recording.path,
+            recording.metadata,
+            recording.all_events,
+            [trial.info for trial in recording.trials],
+            recording.start_ns,
+            recording.end_ns,
+            recording.size,
+        ),
+        problem=recording.problem,
+        streams=tuple(_stream_info(recording, name) for name in recording.streams),
+        attachments=tuple(index.name for index in recording.contents.attachments),
+        gaps=recording.gaps,
+    )
+
+
+def info_of(
+    path: Path,
+    metadata: Mapping[str, Mapping[str, str]],
+    events: Sequence[Event],
+    attempts: Sequence[TrialInfo],
+    start_ns: int,
+    end_ns: int,
+    size: int,
+) -> RunInfo:
+    """Return the summary that metadata and events give: without streams and attachments."""
+    run = metadata.get("run", {})
     state, reason = run_state(events)
     return RunInfo(
-        path=recording.path,
+        path=path,
         procedure=run.get("procedure", ""),
         rig=run.get("rig", ""),
         mode=run.get("mode", ""),
@@ -90,17 +123,16 @@ def run_info(recording: Recording) -> RunInfo:
         started=run.get("started", ""),
         state=state,
         reason=reason,
-        recovered=RECOVERY_METADATA in recording.metadata,
-        problem=recording.problem,
-        trials=tuple(trial.info for trial in recording.trials),
-        streams=tuple(_stream_info(recording, name) for name in recording.streams),
-        parameters=recording.metadata.get("parameters", {}),
-        attachments=tuple(index.name for index in recording.contents.attachments),
-        metadata=recording.metadata,
-        start_ns=recording.start_ns,
-        duration_s=(recording.end_ns - recording.start_ns) * 1e-9,
-        size=recording.size,
-        gaps=recording.gaps,
+        recovered=RECOVERY_METADATA in metadata,
+        problem="",
+        trials=tuple(attempts),
+        streams=(),
+        parameters=metadata.get("parameters", {}),
+        attachments=(),
+        metadata=metadata,
+        start_ns=start_ns,
+        duration_s=(end_ns - start_ns) * 1e-9,
+        size=size,
     )
 
 
@@ -117,6 +149,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
         "started": info.started,
         "operator": info.metadata.get("run", {}).get("operator", ""),
         "note": info.metadata.get("run", {}).get("note", ""),
+        "specimen": dict(info.specimen),
         "meta": dict(info.metadata.get("meta", {})),
         "state": info.state,
         "reason": info.reason,

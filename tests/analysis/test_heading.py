@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -108,3 +109,8 @@ def test_names_that_a_heading_has_are_marked(tmp_path: Path) -> None:
     assert dict(entries)["Rig (--meta)"] == "mine"
     assert dict(entries)["operator (--meta)"] == "B"
     assert dict(entries)["specimen"] == "W7"
+    stated = replace(info, metadata={**info.metadata, "specimen": {"name": "W8", "coating": "DLC"}})
+    entries = heading([stated], MADE).entries
+    assert dict(entries)["Specimen"] == "W8"
+    assert dict(entries)["Specimen's coating"] == "DLC"
+    assert dict(entries)["specimen (--meta)"] == "W7"

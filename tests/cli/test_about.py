@@ -9,7 +9,9 @@ import pytest
 
 from rigd.cli.main import main
 
-SAID = ["--operator", "A. Miller", "--note", "wheel cleaned", "--meta", "specimen=W7"]
+SAID = [
+    "--operator", "A. Miller", "--note", "wheel cleaned", "--specimen", "W7", "--meta", "batch=13",
+]  # fmt: skip
 
 
 def run(path: Path, *said: str) -> int:
@@ -27,22 +29,28 @@ def test_note_and_metadata_are_recorded_and_found(
 
     assert main(["info", str(said)]) == 0
     shown = capsys.readouterr().out
-    for text in ("A. Miller", "wheel cleaned", "specimen=W7"):
+    for text in ("A. Miller", "wheel cleaned", "specimen    W7", "batch=13"):
         assert text in shown
     main(["info", str(said), "--json"])
     found = json.loads(capsys.readouterr().out)
-    assert (found["operator"], found["note"], found["meta"]) == (
-        "A. Miller", "wheel cleaned", {"specimen": "W7"},
-    )  # fmt: skip
+    assert (found["operator"], found["note"]) == ("A. Miller", "wheel cleaned")
+    assert (found["specimen"], found["meta"]) == ({"name": "W7"}, {"batch": "13"})
 
-    main(["runs", str(tmp_path), "--meta", "specimen=W7", "--json"])
+    main(["runs", str(tmp_path), "--meta", "batch=13", "--json"])
     assert [Path(load["recording"]).name for load in json.loads(capsys.readouterr().out)] == [
         "said.mcap"
     ]
 
     assert main(["report", str(said)]) == 0
     page = (tmp_path / "said-run.html").read_text(encoding="utf-8")
-    for text in ("A. Miller", "wheel cleaned", "specimen", "SIMULATED, virtual time"):
+    for text in (
+        "A. Miller",
+        "wheel cleaned",
+        "Specimen",
+        "W7",
+        "batch",
+        "SIMULATED, virtual time",
+    ):
         assert text in page.split("<main>")[0]
 
 
@@ -59,6 +67,25 @@ def test_control_characters_in_a_note_start_no_run(
     assert run(path, "--note", "a\x1b[2Jb") == 2
     assert "U+001B" in capsys.readouterr().err
     assert not path.exists()
+
+
+def test_a_specimen_without_a_name_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    for wrong in ("../W7", "W 7", "-7", "x" * 61):
+        assert run(path, f"--specimen={wrong}") == 2
+        assert "is not the name of a specimen" in capsys.readouterr().err
+    assert not path.exists()
+
+
+def test_a_run_goes_on_with_its_specimen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    assert run(path, "--specimen", "W7") == 0
+    assert main(["run", "--resume", str(path), "--specimen", "W8"]) == 2
+    assert "was begun with specimen W7, not with W8" in capsys.readouterr().err
 
 
 def test_a_name_with_two_values_is_refused(

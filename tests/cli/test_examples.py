@@ -83,9 +83,8 @@ SHOWN: dict[str, Shows] = {
     "rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig lugre-1": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml": Shows("1 of 1 trials"),
-    'rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7': Shows(
-        "1 of 1 trials"
-    ),
+    'rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --specimen W7 '
+    "--meta batch=13": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig wire-1 --dry-run": Shows(
         "played on the plant of the sibling lugre-1"
     ),
@@ -109,7 +108,10 @@ SHOWN: dict[str, Shows] = {
     "rigd runs": Shows("4/4"),
     "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("4/4"),
     "rigd runs --state interrupted": Shows("no recordings in runs match"),
-    "rigd runs --since 7d --meta specimen=W7": Shows("recording"),
+    "rigd runs --since 7d --meta batch=13": Shows("recording"),
+    """rigd runs --where 'specimen.coating == "PTFE" and started > 2026-09-01'""": Shows(
+        "no recording here has a field 'specimen.coating'", code=2
+    ),
     "rigd can eds eds/rigd_servo.eds": Shows("rigd simulated servo"),
     "rigd can eds drive.eds": Shows("rigd simulated servo"),
     "rigd can eds drive.eds --objects": Shows("6041"),

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.model import RecordingError, Stream
-from rigd.record import Event, Recording, RecordingWriter, RunFilter, list_runs, run_info, trials
-from rigd.record.catalogue import same_value
+from rigd.model import Stream
+from rigd.record import Event, Recording, RecordingWriter, run_info, trials
 from rigd.record.info import run_state
 
 Create = Callable[..., RecordingWriter]
@@ -104,44 +103,3 @@ def test_trial_cut_off_ends_where_run_resumes() -> None:
         (1, 40, 50, True),
         (2, 60, None, False),
     ]
-
-
-def test_runs_are_found_by_their_metadata(
-    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
-) -> None:
-    with create("a.mcap") as writer:
-        play(writer, rows(servo, 100))
-    other = {"run": {"procedure": "creep", "rig": "bench"}, "parameters": {"torque": "1 A"}}
-    with create("b.mcap", metadata=other) as writer:
-        play(writer, rows(servo, 100), end=False)
-    (tmp_path / "c.mcap").write_bytes(b"nonsense" * 10)
-
-    def names(**wanted: object) -> list[str]:
-        found = list_runs(tmp_path, RunFilter(**wanted))  # type: ignore[arg-type]  # by keyword
-        return [run.path.name for run in found.runs]
-
-    assert names() == ["a.mcap", "b.mcap"]
-    assert names(procedure="creep") == ["b.mcap"]
-    assert names(rig="bench", state="done") == ["a.mcap"]
-    assert names(state="interrupted") == ["b.mcap"]
-    assert names(parameters={"torque": "150 mA"}) == ["a.mcap"]
-    assert names(parameters={"speed": "0.2 m/s"}) == ["a.mcap", "b.mcap"]
-    assert names(parameters={"speed": "0.3 m/s"}) == []
-    (broken,) = list_runs(tmp_path).broken
-    assert broken.path.name == "c.mcap"
-    with pytest.raises(RecordingError, match="no folder"):
-        list_runs(tmp_path / "none")
-
-
-@pytest.mark.parametrize(
-    ("wanted", "actual", "same"),
-    [
-        ("0.15 A", "150 mA", True),
-        ("0.15 A", "0.15 V", False),
-        ("0.15 A", "0.150001 A", False),
-        ("left", "left", True),
-        ("left", "1 A", False),
-    ],
-)
-def test_parameters_are_equal_as_text_or_quantity(wanted: str, actual: str, same: bool) -> None:
-    assert same_value(wanted, actual) is same

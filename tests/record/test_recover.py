@@ -18,8 +18,9 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 from support.cases import some
 
+from rigd.catalogue import search
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, list_runs, recover, run_info, verify
+from rigd.record import Recording, RecordingWriter, recover, run_info, verify
 from rigd.record.journal import journal_path
 
 Create = Callable[..., RecordingWriter]
@@ -195,7 +196,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     for action in (Recording.open, recover, verify):
         with pytest.raises(RecordingError, match=r"pipe\.mcap is a pipe"):
             action(tmp_path / "pipe.mcap")
-    (broken,) = list_runs(tmp_path).broken
+    (broken,) = search(tmp_path).broken
     assert "is a pipe" in str(broken.problem)
 
 

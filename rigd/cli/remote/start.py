@@ -52,7 +52,7 @@ def _start(args: argparse.Namespace) -> int:
     from rigd.config.shipped import is_path
     from rigd.procedure.loader import load_procedure
 
-    about = read_about(None, args.note, args.meta)
+    about = read_about(None, args.note, args.meta, args.specimen)
 
     async def begin(rig: AsyncClient) -> Started:
         if not is_path(args.procedure):
@@ -65,6 +65,7 @@ def _start(args: argparse.Namespace) -> int:
             on_client_loss=args.on_client_loss,
             note=about.note,
             meta=about.meta,
+            specimen=about.specimen,
         )
 
     if is_path(args.procedure):

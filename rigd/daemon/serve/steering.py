@@ -120,7 +120,7 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            about=About(str(requester), args.note, args.meta),
+            about=About(str(requester), args.note, args.meta, args.specimen),
         )
         return self._begin(
             requester,

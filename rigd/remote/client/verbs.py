@@ -147,20 +147,21 @@ class AsyncVerbs(ABC):
         on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None,
         note: str = "",
         meta: Mapping[str, str] | None = None,
+        specimen: str = "",
     ) -> Started:
         """Start a run, and return the name of its recording.
 
         A path means a file of this computer, a name a procedure of the daemon. ``set`` has
         parameters as text: ``{"current": "0.15 A"}``. With the ``answers`` of the procedure its
         prompts do not wait. ``on_client_loss`` is the action of the run when this client vanishes
-        with the lease; None: as the procedure specifies. ``note`` and ``meta`` (``{"specimen":
-        "W7"}``) are written into the recording.
+        with the lease; None: as the procedure specifies. ``note``, ``meta`` (``{"batch": "13"}``)
+        and the name of the ``specimen`` are written into the recording.
         """
         args = await self._checked(procedure, set)
         with _naming_the_file(procedure, args["procedure"]["name"]):
             return await self._command(
                 "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss,
-                note=note, meta=dict(meta or {}),
+                note=note, meta=dict(meta or {}), specimen=specimen,
             )  # fmt: skip
 
     async def resume_run(

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, About
+from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, SPECIMEN_NAME, About
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 from rigd.remote.protocol.message import Message, Name, Text, User
 
@@ -74,11 +74,13 @@ class StartArguments(Checked):
     note: Annotated[str, StringConstraints(max_length=MOST_NOTE_LETTERS)] = ""
     """A note, kept in the recording."""
     meta: Annotated[Settings, Field(max_length=MOST_ENTRIES)] = Field(default_factory=dict)
-    """Names and values, kept in the recording, such as `specimen: W7`."""
+    """Names and values, kept in the recording, such as `batch: 13`."""
+    specimen: Annotated[str, StringConstraints(pattern=f"^({SPECIMEN_NAME})?$")] = ""
+    """The specimen in the rig."""
 
     @model_validator(mode="after")
     def _says_text(self) -> Self:
-        About(note=self.note, meta=self.meta)
+        About(note=self.note, meta=self.meta, specimen=self.specimen)
         return self
 
 

@@ -82,7 +82,7 @@ def test_status_shows_state_prompt_and_holder(ask: Asking) -> None:
 
 def test_start_holds_control_only_as_long_as_needed(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT)
-    said = ("--note", "wheel cleaned", "--meta", "specimen=W7")
+    said = ("--note", "wheel cleaned", "--meta", "batch=13", "--specimen", "W7")
     out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7", *said).out
     assert f"rigd remote status --watch --endpoint {ask.remote.endpoint} --as alice" in out
     rig = ask.remote.rig
@@ -90,7 +90,7 @@ def test_start_holds_control_only_as_long_as_needed(ask: Asking) -> None:
     assert rig.given("start") == [
         {
             "procedure": as_json(FILE), "set": {"floor": "pvc"}, "seed": 7, "answers": "procedure",
-            "note": "wheel cleaned", "meta": {"specimen": "W7"},
+            "note": "wheel cleaned", "meta": {"batch": "13"}, "specimen": "W7",
         }
     ]  # fmt: skip
     assert rig.state == "running"

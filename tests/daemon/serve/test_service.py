@@ -22,7 +22,7 @@ from rigd.remote.protocol.arguments import StartArguments
 def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         assert served.status.state == "idle"
-        run = served.start(set={"time": "0.4 s"}, note="wheel cleaned", meta={"specimen": "W7"})
+        run = served.start(set={"time": "0.4 s"}, note="wheel cleaned", specimen="W7")
         under_way = served.until(lambda status: status.step == "go")
         assert under_way.trial is not None
         assert (under_way.procedure, under_way.run, under_way.trials_total) == ("sweep", run, 3)
@@ -44,7 +44,7 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     assert (info.state, info.trials_done) == ("complete", 3)
     assert info.metadata["run"]["operator"] == "alice"
     assert info.metadata["run"]["note"] == "wheel cleaned"
-    assert info.metadata["meta"] == {"specimen": "W7"}
+    assert info.specimen == {"name": "W7"}
     assert word(served.axis) == "safe"
     what = [(line["who"], line["what"], line["result"]) for line in served.audited()]
     assert what == [("alice", "lease_take", "done"), ("alice", "start", "done")]

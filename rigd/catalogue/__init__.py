@@ -1,0 +1,21 @@
+"""Searches a folder of recordings by what stands in them, from an index that is made of the files.
+
+The recordings alone are the data: the index can be deleted at any time, and is made again.
+"""
+
+from rigd.catalogue.catalogue import Broken, Found, search
+from rigd.catalogue.facts import FIELDS, Line
+from rigd.catalogue.query import Condition, Joined, equal, parse_where, since
+
+__all__ = [
+    "FIELDS",
+    "Broken",
+    "Condition",
+    "Found",
+    "Joined",
+    "Line",
+    "equal",
+    "parse_where",
+    "search",
+    "since",
+]

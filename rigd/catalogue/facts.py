@@ -1,0 +1,149 @@
+"""Makes of a recording the facts by which it is found, and the line that a list shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from rigd.catalogue.values import DATE, Value, value_of
+
+if TYPE_CHECKING:
+    from rigd.record import RunInfo
+
+#: The fields that every folder has, with their meaning.
+FIELDS: Final[Mapping[str, str]] = {
+    "started": "when it was recorded, UTC",
+    "procedure": "name of the procedure",
+    "title": "title of the procedure",
+    "rig": "name of the rig",
+    "mode": "hardware, simulated at the wire, or simulated, virtual time",
+    "state": "how the run ended: complete, stopped, interrupted",
+    "reason": "why it ended",
+    "verdict": "whether its measures are what the procedure demands",
+    "trials": "number of complete trials",
+    "planned": "number of trials of the procedure",
+    "duration": "from the first to the last sample",
+    "size": "of the file, in bytes",
+    "file": "path below the folder",
+    "operator": "who ran it",
+    "note": "a note of the start, or a later one",
+    "specimen": "name of the specimen",
+}
+#: Metadata whose values are facts as ``NAME.KEY``, by the name of the field.
+_MAPS: Final = {
+    "parameters": "parameter",
+    "overrides": "set",
+    "meta": "meta",
+    "specimen": "specimen",
+    "run": "run",
+    "calibration": "calibration",
+    "verdict": "verdict",
+}
+#: Own records of the file, and data for programs: no facts.
+_LEFT_OUT: Final = frozenset({"identify", "rigd", "recovery", "notes"})
+#: Longer texts are no facts, but for notes.
+_MOST_LETTERS: Final = 300
+
+
+class Fact(NamedTuple):
+    """The value of a field; a field may have several."""
+
+    field: str
+    value: Value
+
+
+@dataclass(frozen=True)
+class Line:
+    """What a list shows of a recording; ``started`` in s since 1970 (UTC), from ``started_of``."""
+
+    file: str
+    started: float
+    started_of: str
+    procedure: str
+    rig: str
+    state: str
+    trials: int
+    planned: str
+    duration_s: float
+    size: int
+    set: str
+    specimen: str
+    meta: str
+    verdict: str
+    note: str
+
+
+def line_of(info: RunInfo, file: str) -> Line:
+    """Return the line of a recording, which is called ``file`` in its folder."""
+    from rigd.record.moment import recorded_at
+
+    moment = recorded_at(info)
+    return Line(
+        file=file,
+        started=moment.at.timestamp(),
+        started_of=moment.of,
+        procedure=info.procedure,
+        rig=info.rig,
+        state=info.state,
+        trials=info.trials_done,
+        planned=info.metadata.get("run", {}).get("trials", "?"),
+        duration_s=info.duration_s,
+        size=info.size,
+        set=_assigned(info.metadata.get("overrides", {})),
+        specimen=info.specimen.get("name", ""),
+        meta=_assigned(info.metadata.get("meta", {})),
+        verdict=info.metadata.get("verdict", {}).get("verdict", ""),
+        note=" / ".join(notes_of(info)),
+    )
+
+
+def notes_of(info: RunInfo) -> list[str]:
+    """Return the note of the start, that of a person who resumed it, and the later ones."""
+    given = (info.metadata.get(part, {}).get("note", "") for part in ("run", "resumed"))
+    return [text for text in given if text]
+
+
+def facts_of(info: RunInfo, line: Line) -> list[Fact]:
+    """Return all facts of a recording, each once."""
+    return list(dict.fromkeys(_facts(info, line)))
+
+
+def _facts(info: RunInfo, line: Line) -> Iterator[Fact]:
+    run = info.metadata.get("run", {})
+    texts = {
+        "file": line.file, "procedure": info.procedure, "title": run.get("title", ""),
+        "rig": info.rig, "mode": info.mode, "state": info.state, "reason": info.reason,
+        "operator": run.get("operator", ""), "verdict": line.verdict,
+        # Recordings that are older than --specimen have it in --meta.
+        "specimen": line.specimen or info.metadata.get("meta", {}).get("specimen", ""),
+    }  # fmt: skip
+    for name, text in texts.items():
+        if text:
+            yield Fact(name, Value(text, *value_of(text)[1:]))
+    resumed_by = info.metadata.get("resumed", {}).get("operator", "")
+    if resumed_by:
+        yield Fact("operator", Value(resumed_by))
+    for text in notes_of(info):
+        yield Fact("note", Value(text))
+    yield Fact("started", Value(f"{line.started:.0f}", line.started, DATE))
+    yield Fact("trials", value_of(str(line.trials)))
+    if line.planned.isdecimal():
+        yield Fact("planned", value_of(line.planned))
+    yield Fact("duration", Value(f"{info.duration_s:g} s", info.duration_s, "s"))
+    yield Fact("size", value_of(str(info.size)))
+    for trial in info.trials:
+        for name in trial.parameters:
+            text = trial.text(name)
+            if text:
+                yield Fact(f"parameter.{name}", value_of(text))
+    for record, values in info.metadata.items():
+        if record in _LEFT_OUT:
+            continue
+        for key, text in values.items():
+            if text and len(text) <= _MOST_LETTERS:
+                yield Fact(f"{_MAPS.get(record, record)}.{key}", value_of(text))
+
+
+def _assigned(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{key}={text}" for key, text in values.items())
