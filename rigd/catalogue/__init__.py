@@ -4,7 +4,7 @@ The recordings alone are the data: the index can be deleted at any time, and is 
 """
 
 from rigd.catalogue.catalogue import Broken, Found, search
-from rigd.catalogue.facts import FIELDS, Line
+from rigd.catalogue.facts import FIELDS, Listing
 from rigd.catalogue.query import Condition, Joined, equal, parse_where, since
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "Condition",
     "Found",
     "Joined",
-    "Line",
+    "Listing",
     "equal",
     "parse_where",
     "search",

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rigd.catalogue.facts import Line
+from rigd.catalogue.facts import Listing
 from rigd.catalogue.index import index_path, lines, opened, update
-from rigd.catalogue.query import Comparison, Condition, Joined, Negated
+from rigd.catalogue.query import Condition, FieldTest, Joined, Negated
 from rigd.catalogue.statement import stated, statement_of
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Found:
     ``stated``: if none matches, the values that the recordings have instead, by field.
     """
 
-    lines: tuple[Line, ...]
+    lines: tuple[Listing, ...]
     broken: tuple[Broken, ...]
     stated: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -103,7 +103,7 @@ def _stated(index: sqlite3.Connection, condition: Condition) -> dict[str, Sequen
             return {name: texts for part in parts for name, texts in _stated(index, part).items()}
         case Negated(condition=inner):
             return _stated(index, inner)
-        case Comparison(sign="==" | "in" | "contains"):
+        case FieldTest(sign="==" | "in" | "contains"):
             texts = stated(index, condition.field)
             return {condition.field: texts} if texts else {}
     return {}

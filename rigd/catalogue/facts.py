@@ -54,7 +54,7 @@ class Fact(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Line:
+class Listing:
     """What a list shows of a recording; ``started`` in s since 1970 (UTC), from ``started_of``."""
 
     file: str
@@ -74,12 +74,12 @@ class Line:
     note: str
 
 
-def line_of(info: RunInfo, file: str) -> Line:
+def line_of(info: RunInfo, file: str) -> Listing:
     """Return the line of a recording, which is called ``file`` in its folder."""
     from rigd.record.moment import recorded_at
 
     moment = recorded_at(info)
-    return Line(
+    return Listing(
         file=file,
         started=moment.at.timestamp(),
         started_of=moment.of,
@@ -104,12 +104,12 @@ def notes_of(info: RunInfo) -> list[str]:
     return [text for text in given if text]
 
 
-def facts_of(info: RunInfo, line: Line) -> list[Fact]:
+def facts_of(info: RunInfo, line: Listing) -> list[Fact]:
     """Return all facts of a recording, each once."""
     return list(dict.fromkeys(_facts(info, line)))
 
 
-def _facts(info: RunInfo, line: Line) -> Iterator[Fact]:
+def _facts(info: RunInfo, line: Listing) -> Iterator[Fact]:
     run = info.metadata.get("run", {})
     texts = {
         "file": line.file, "procedure": info.procedure, "title": run.get("title", ""),

@@ -13,12 +13,12 @@ import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import astuple, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rigd import __version__
-from rigd.catalogue.facts import Fact, Line, facts_of, line_of
+from rigd.catalogue.facts import Fact, Listing, facts_of, line_of
 
 if TYPE_CHECKING:
     from rigd.model import RecordingError
@@ -32,15 +32,16 @@ _BATCH: Final = 500
 #: Another process that brings the file up to date is waited for this long.
 _WAIT_S: Final = 5.0
 #: In quotes: SQL has words such as `set` itself.
-_COLUMNS: Final = tuple(f'"{field.name}"' for field in fields(Line))
+_COLUMNS: Final = tuple(f'"{field.name}"' for field in fields(Listing))
 _SCHEMA: Final = f"""
 CREATE TABLE recordings(
     id INTEGER PRIMARY KEY, bytes INTEGER, mtime_ns INTEGER, {", ".join(_COLUMNS)}, UNIQUE(file)
 );
 CREATE TABLE names(id INTEGER PRIMARY KEY, name TEXT UNIQUE);
-CREATE TABLE facts(name INTEGER, recording INTEGER, text TEXT, number REAL, unit TEXT);
-CREATE INDEX by_name ON facts(name, text);
-CREATE INDEX by_recording ON facts(recording);
+CREATE TABLE facts(
+    name INTEGER, recording INTEGER, place INTEGER, text TEXT, number REAL, unit TEXT,
+    PRIMARY KEY(name, recording, place)
+) WITHOUT ROWID;
 """
 
 #: A recording that cannot be read, and why.
@@ -168,9 +169,13 @@ def _changed(
 
 
 def _forget(index: sqlite3.Connection, numbers: Sequence[int]) -> None:
-    each = [(number,) for number in numbers]
-    index.executemany("DELETE FROM facts WHERE recording = ?", each)
-    index.executemany("DELETE FROM recordings WHERE id = ?", each)
+    if not numbers:
+        return
+    index.execute("CREATE TEMP TABLE gone(id INTEGER PRIMARY KEY)")
+    index.executemany("INSERT INTO gone VALUES (?)", [(number,) for number in numbers])
+    index.execute("DELETE FROM facts WHERE recording IN (SELECT id FROM gone)")
+    index.execute("DELETE FROM recordings WHERE id IN (SELECT id FROM gone)")
+    index.execute("DROP TABLE gone")
 
 
 def _add(
@@ -197,11 +202,14 @@ def _add(
     columns = ", ".join(_COLUMNS)
     number = index.execute(
         f"INSERT INTO recordings(bytes, mtime_ns, {columns}) VALUES ({marks})",
-        (*stamp, *astuple(line)),
+        (*stamp, *vars(line).values()),
     ).lastrowid
     index.executemany(
-        "INSERT INTO facts VALUES (?, ?, ?, ?, ?)",
-        [(_number_of(index, fact, names), number, *fact.value) for fact in facts_of(info, line)],
+        "INSERT INTO facts VALUES (?, ?, ?, ?, ?, ?)",
+        [
+            (_number_of(index, fact, names), number, place, *fact.value)
+            for place, fact in enumerate(facts_of(info, line))
+        ],
     )
 
 
@@ -215,10 +223,10 @@ def _number_of(index: sqlite3.Connection, fact: Fact, names: dict[str, int]) -> 
     return int(known)
 
 
-def lines(index: sqlite3.Connection, where: str, values: Sequence[object]) -> list[Line]:
+def lines(index: sqlite3.Connection, where: str, values: Sequence[object]) -> list[Listing]:
     """Return the lines of the recordings for which the SQL ``where`` holds, by file name."""
     columns = ", ".join(_COLUMNS)
     found = index.execute(
         f"SELECT {columns} FROM recordings WHERE {where} ORDER BY file", tuple(values)
     )
-    return [Line(*row) for row in found]
+    return [Listing(*row) for row in found]

@@ -47,7 +47,7 @@ _INSTEAD: Final = {
 
 
 @dataclass(frozen=True)
-class Literal:
+class Operand:
     """A value of a condition; ``period`` if it is a date, ``quoted`` if it stood in quotes."""
 
     value: Value
@@ -57,12 +57,12 @@ class Literal:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class FieldTest:
     """A field beside values; ``sign`` is one of the comparisons, ``contains`` or ``in``."""
 
     field: str
     sign: str
-    values: tuple[Literal, ...]
+    values: tuple[Operand, ...]
     offset: int | None = None  #: of the field in its text; None: made by :func:`equal`
 
 
@@ -90,18 +90,18 @@ class Negated:
     condition: Condition
 
 
-Condition: TypeAlias = Comparison | Presence | Joined | Negated
+Condition: TypeAlias = FieldTest | Presence | Joined | Negated
 
 
-def equal(field: str, text: str) -> Comparison:
+def equal(field: str, text: str) -> FieldTest:
     """Return the condition that a field has a value, as text or as the same quantity."""
-    return Comparison(field, "==", (Literal(value_of(text), 0, period_of(text)),))
+    return FieldTest(field, "==", (Operand(value_of(text), 0, period_of(text)),))
 
 
-def since(start: float) -> Comparison:
+def since(start: float) -> FieldTest:
     """Return the condition that a run was recorded at ``start`` (s since 1970, UTC) or later."""
-    literal = Literal(Value(str(start), start, DATE), 0, Period(start, start), quoted=False)
-    return Comparison("started", ">=", (literal,))
+    literal = Operand(Value(str(start), start, DATE), 0, Period(start, start), quoted=False)
+    return FieldTest("started", ">=", (literal,))
 
 
 def wrong(offset: int | None, message: str, hint: str | None = None) -> ConfigError:
@@ -193,11 +193,11 @@ class _Parser:
             while self.take(","):
                 values.append(self.value())
             self.expect(")")
-            return Comparison(field, "in", tuple(values), offset)
+            return FieldTest(field, "in", tuple(values), offset)
         sign = self.take(*_SIGNS, "contains")
         if sign is None:
             raise self.expected(f"a comparison after {field!r}", f'such as {field} == "..."')
-        return Comparison(field, sign, (self.value(),), offset)
+        return FieldTest(field, sign, (self.value(),), offset)
 
     def field(self) -> tuple[str, int]:
         token = self.peek()
@@ -206,7 +206,7 @@ class _Parser:
         self._at = token.end()
         return token[0], token.start()
 
-    def value(self) -> Literal:
+    def value(self) -> Operand:
         token = self.peek()
         if token is None or token["sign"] is not None or token[0] in _KEYWORDS:
             raise self.expected("a value", 'a "text", a date, a number with its unit')
@@ -214,14 +214,14 @@ class _Parser:
         start = token.start()
         if token["text"] is not None:
             text = token[0][1:-1]
-            return Literal(value_of(text), start, period_of(text))
+            return Operand(value_of(text), start, period_of(text))
         if token["word"] is not None:
-            return Literal(Value(token[0]), start, quoted=False)
+            return Operand(Value(token[0]), start, quoted=False)
         period = period_of(token[0]) if token["date"] is not None else None
         if token["date"] is not None:
             if period is None:
                 raise wrong(start, f"there is no date {token[0]}", "write 2026-09-01")
-            return Literal(Value(token[0], period.start, DATE), start, period, quoted=False)
+            return Operand(Value(token[0], period.start, DATE), start, period, quoted=False)
         value = value_of(token[0])
         if value.number is None:
             try:
@@ -229,7 +229,7 @@ class _Parser:
             except ValueError as error:
                 raise wrong(token.start("unit"), str(error)) from error
             raise wrong(start, f"cannot read {token[0]!r}")
-        return Literal(value, start, quoted=False)
+        return Operand(value, start, quoted=False)
 
     def expect(self, sign: str) -> None:
         if self.take(sign) is None:

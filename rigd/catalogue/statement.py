@@ -8,11 +8,11 @@ from typing import Final, NamedTuple
 
 from rigd.catalogue.facts import FIELDS
 from rigd.catalogue.query import (
-    Comparison,
     Condition,
+    FieldTest,
     Joined,
-    Literal,
     Negated,
+    Operand,
     Presence,
     wrong,
 )
@@ -60,10 +60,10 @@ class _Maker:
             case Presence(field, is_known, offset):
                 known = self._having(self.number(field, offset), "1", ())
                 return known if is_known else Statement(f"NOT ({known.sql})", known.values)
-            case Comparison():
+            case FieldTest():
                 return self._comparison(condition)
 
-    def _comparison(self, asked: Comparison) -> Statement:
+    def _comparison(self, asked: FieldTest) -> Statement:
         number = self.number(asked.field, asked.offset)
         if asked.sign == "!=":
             same = self._any(number, asked, "==")
@@ -71,12 +71,12 @@ class _Maker:
             return Statement(f"{known.sql} AND NOT ({same.sql})", known.values + same.values)
         return self._any(number, asked, "==" if asked.sign == "in" else asked.sign)
 
-    def _any(self, number: int, asked: Comparison, sign: str) -> Statement:
+    def _any(self, number: int, asked: FieldTest, sign: str) -> Statement:
         made = [self._test(number, asked, sign, value) for value in asked.values]
         sql = " OR ".join(f"({item.sql})" for item in made)
         return self._having(number, sql, tuple(v for item in made for v in item.values))
 
-    def _test(self, number: int, asked: Comparison, sign: str, literal: Literal) -> Statement:
+    def _test(self, number: int, asked: FieldTest, sign: str, literal: Operand) -> Statement:
         """Return the test of one fact."""
         text, value, unit = literal.value
         if sign == "contains":
@@ -98,7 +98,7 @@ class _Maker:
             )
         return Statement(f"unit = ? AND number {sign} ?", (unit, value))
 
-    def _check_unit(self, number: int, asked: Comparison, sign: str, literal: Literal) -> None:
+    def _check_unit(self, number: int, asked: FieldTest, sign: str, literal: Operand) -> None:
         """Raise if the field has no value that can be compared with this one."""
         rows = self._index.execute(
             "SELECT DISTINCT coalesce(unit, '') FROM facts WHERE name = ?", (number,)

@@ -151,3 +151,76 @@ def _execute(args: argparse.Namespace) -> int:
             "procedure or rig is missing",
             hint="rigd run procedures/quick.yaml --rig lugre-1",
         )
+    request = requested(
+        procedure_name,
+        rig_name,
+        overrides=overrides,
+        about=about,
+        seed=args.seed,
+        pace=args.pace,
+        start_ns=args.start,
+        output=args.output,
+        folder=args.runs,
+        resume=resume,
+        compression=args.compression,
+    )
+    procedure, rig = request.procedure, request.rig
+    if resume is not None and len(resume.done) == len(procedure.trials):
+        print(f"{resume.path}: all {len(resume.done)} trials are complete, nothing is missing")
+        if args.junit is not None:
+            write_junit(args.junit, suite_of_complete(procedure, rig.name, resume.path))
+        return 0
+    if procedure.measures and not args.dry_run:
+        require("analysis", "a procedure that measures")
+    if args.dry_run:
+        unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
+        return _dry_run(request, unfit, as_json=args.json)
+    by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
+    return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
+
+
+def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:
+    """Play and print the dry run; ``unfit`` is why the calibration would block the run."""
+    from rigd.cli.dry_run_view import dry_run_json, print_dry_run
+    from rigd.dry_run import dry_run
+    from rigd.model.errors import Exit
+
+    if not as_json:
+        print(f"dry run: {request.title}", flush=True)
+    found = dry_run(request.procedure, request.rig, request.seed)
+    found = replace(found, refusals=(*found.refusals, *unfit))
+    if as_json:
+        print(json.dumps(dry_run_json(found), indent=2))
+    else:
+        print_dry_run(found)
+    return int(Exit.BLOCKED if found.refusals else Exit.OK)
+
+
+def _seed(text: str) -> int:
+    if text.isdecimal() and int(text) < 2**32:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 4294967295")
+
+
+def _pace(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if 0.01 <= value <= 100:
+        return value
+    raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0.01 to 100, such as 0.5")
+
+
+def _time(text: str) -> int:
+    from datetime import UTC, datetime
+
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a time such as 2026-11-21T08:00:00"
+        ) from error
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=UTC)
+    return int(moment.timestamp()) * 1_000_000_000

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from rigd.cli.options import add_json, add_set, read_assignments
 
 if TYPE_CHECKING:
-    from rigd.catalogue import Condition, Line
+    from rigd.catalogue import Condition, Listing
 
 #: What a person stated or decided: columns that are shown if any recording has them.
 _STATED: Final = ("set", "specimen", "verdict", "meta", "note")
@@ -117,14 +117,14 @@ def _progress(number: int, total: int) -> None:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-def _json(folder: Path, line: Line) -> dict[str, object]:
+def _json(folder: Path, line: Listing) -> dict[str, object]:
     from rigd.record import Recording, info_json, run_info
 
     about = info_json(run_info(Recording.open(folder / line.file)))
     return {**about, "recorded": datetime.fromtimestamp(line.started, UTC).isoformat()}
 
 
-def _print(folder: Path, lines: Sequence[Line]) -> None:
+def _print(folder: Path, lines: Sequence[Listing]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
@@ -160,7 +160,7 @@ def shorten(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def _date(line: Line) -> str:
+def _date(line: Listing) -> str:
     """Return when a run was recorded, with ``~`` in front if only the file's date is known."""
     moment = datetime.fromtimestamp(line.started, UTC)
     return f"{'~' if line.started_of == 'file' else ''}{moment:%Y-%m-%d %H:%M}"

@@ -20,8 +20,7 @@ from rigd.record.access import read_at, require_regular
 from rigd.record.chunks import parse_chunk, unpack_chunk
 from rigd.record.contents import parse_footer
 from rigd.record.crc import crc32
-from rigd.record.decode import message_payloads
-from rigd.record.events import Event, parse_event
+from rigd.record.events import MESSAGE_FIELDS, Event, parse_event
 from rigd.record.info import RunInfo, info_of, run_info
 from rigd.record.prefix import FORMAT_METADATA, RECOVERY_METADATA, START_KEY
 from rigd.record.reader import Recording
@@ -38,6 +37,10 @@ _TIMES_AT: Final = 26  #: of the statistics: after the number of messages and th
 _TIMES: Final = struct.Struct("<QQ")
 _LENGTH: Final = struct.Struct("<I")
 _PLACE: Final = struct.Struct("<QQ")
+#: What begins the kind of an event that :func:`~rigd.record.trials.trials` and
+#: :func:`~rigd.record.info.run_state` read; the kind stands behind the header and its length.
+_KINDS: Final = (b"run_", b"trial_", b"answer")
+_KIND_END: Final = 14
 
 
 class _Unusual(Exception):
@@ -83,10 +86,24 @@ def _read(fd: int, path: Path) -> RunInfo:
     events: list[Event] = []
     for at, length in found.chunks.get(found.events_channel, ()):
         data = unpack_chunk(parse_chunk(_content(fd, at, length, Opcode.CHUNK)))
-        events += [parse_event(*item) for item in message_payloads(data, found.events_channel)]
+        events += _events(memoryview(data), found.events_channel)
     start_ns = int(metadata[FORMAT_METADATA][START_KEY])
     end_ns = start_ns if found.last_ns is None else found.last_ns
     return info_of(path, metadata, events, trials(events), start_ns, end_ns, size)
+
+
+def _events(data: memoryview, channel: int) -> Iterator[Event]:
+    """Yield the events that begin and end a run and its trials: most others are steps."""
+    at = 0
+    while at < len(data):
+        opcode, length = FRAME.unpack_from(data, at)
+        at += FRAME.size
+        if opcode == Opcode.MESSAGE:
+            number, _, t_ns, _ = MESSAGE_FIELDS.unpack_from(data, at)
+            payload = data[at + MESSAGE_FIELDS.size : at + length]
+            if number == channel and bytes(payload[8:_KIND_END]).startswith(_KINDS):
+                yield parse_event(t_ns, payload)
+        at += length
 
 
 class _Ending(NamedTuple):
