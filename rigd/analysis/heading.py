@@ -124,8 +124,8 @@ def _losses(infos: Sequence[RunInfo]) -> tuple[str, ...]:
 def _notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:
     notes = []
     for info in infos:
-        for part in ("run", "resumed"):
-            text = info.metadata.get(part, {}).get("note", "")
-            if text:
-                notes.append(f"{info.path.name}: {text}" if len(infos) > 1 else text)
+        given = (info.metadata.get(part, {}).get("note", "") for part in ("run", "resumed"))
+        before = f"{info.path.name}: " if len(infos) > 1 else ""
+        texts = (*given, *map(str, info.notes))
+        notes += [f"{before}{text}" for text in texts if text]
     return tuple(notes)

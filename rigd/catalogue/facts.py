@@ -93,7 +93,7 @@ def line_of(info: RunInfo, file: str) -> Listing:
         set=_assigned(info.metadata.get("overrides", {})),
         specimen=info.specimen.get("name", ""),
         meta=_assigned(info.metadata.get("meta", {})),
-        verdict=info.metadata.get("verdict", {}).get("verdict", ""),
+        verdict=info.verdict,
         note=" / ".join(notes_of(info)),
     )
 
@@ -101,7 +101,7 @@ def line_of(info: RunInfo, file: str) -> Listing:
 def notes_of(info: RunInfo) -> list[str]:
     """Return the note of the start, that of a person who resumed it, and the later ones."""
     given = (info.metadata.get(part, {}).get("note", "") for part in ("run", "resumed"))
-    return [text for text in given if text]
+    return [*filter(None, given), *(note.text for note in info.notes)]
 
 
 def facts_of(info: RunInfo, line: Listing) -> list[Fact]:
@@ -126,6 +126,8 @@ def _facts(info: RunInfo, line: Listing) -> Iterator[Fact]:
         yield Fact("operator", Value(resumed_by))
     for text in notes_of(info):
         yield Fact("note", Value(text))
+    for note in info.notes:
+        yield Fact("note.author", Value(note.author))
     yield Fact("started", Value(f"{line.started:.0f}", line.started, DATE))
     yield Fact("trials", value_of(str(line.trials)))
     if line.planned.isdecimal():

@@ -119,6 +119,7 @@ def _print(info: RunInfo) -> None:
         "note": info.metadata.get("run", {}).get("note", ""),
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "run": info.state + (f": {info.reason}" if info.reason else ""),
+        "verdict": info.verdict,
         "file": "damaged" if info.problem else f"not checked (`rigd verify {named}` does)",
         "trials": _counted(info),
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
@@ -128,7 +129,8 @@ def _print(info: RunInfo) -> None:
         "calibration": _calibration(info.metadata.get("calibration", {})),
         "attached": ", ".join(info.attachments),
     }
-    for name, text in facts.items():
+    lines = [*facts.items(), *(("added note", str(note)) for note in info.notes)]
+    for name, text in lines:
         if text:
             console.print(f"{name:<12}{escape(plain(text))}", soft_wrap=True)
     if info.recovered and not info.losses:

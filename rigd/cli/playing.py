@@ -45,6 +45,8 @@ def play(
     except RigdError as error:  # how the run ended is shown all the same
         measured, verdict = None, error.exit_code
         print(f"rigd: the measures cannot be read: {error}", file=sys.stderr)
+    if measured is not None and measured.judgement is not None:
+        _keep(recorded.path, measured.judgement.value)
     if junit is not None:
         write_junit(junit, suite_of(request.procedure, request.rig.name, recorded, measured))
     conclusion = conclusion_of(request.procedure, recorded)
@@ -70,6 +72,17 @@ def _measured(procedure: CompiledProcedure, recorded: RecordedRun) -> MeasureRes
     from rigd.record import Recording
 
     return measured_if_any(Recording.open(recorded.path))
+
+
+def _keep(path: Path, verdict: str) -> None:
+    """Add the verdict to the recording, for the catalogue; without it nothing else is missing."""
+    from rigd.record import add_metadata
+    from rigd.record.info import VERDICT_METADATA
+
+    try:
+        add_metadata(path, {VERDICT_METADATA: {"verdict": verdict}})
+    except RigdError as error:
+        print(f"rigd: the verdict is not in the recording: {error}", file=sys.stderr)
 
 
 def _json(result: MeasureResult) -> dict[str, Any]:

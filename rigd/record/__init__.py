@@ -4,9 +4,11 @@ Rows are written in bulk and read as columns. To export a recording, import
 :mod:`rigd.record.export`.
 """
 
+from rigd.record.amend import add_metadata, add_note
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.gaps import Gap
 from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
+from rigd.record.notes import Note
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
 from rigd.record.recover import RecoveryReport, recover
@@ -21,6 +23,7 @@ __all__ = [
     "Attachment",
     "Event",
     "Gap",
+    "Note",
     "Recording",
     "RecordingWriter",
     "RecoveryReport",
@@ -32,6 +35,8 @@ __all__ = [
     "TrialInfo",
     "Trials",
     "Verification",
+    "add_metadata",
+    "add_note",
     "info_json",
     "recover",
     "run_info",

@@ -229,3 +229,31 @@ def write_error(path: Path, error: OSError) -> RecordingError:
         f"cannot write {path}: {error.strerror}",
         hint=f"{todo}; the data flushed before are readable.",
     )
+
+
+def open_locked(path: Path) -> int:
+    """Open a file for writing; again if another process has just replaced it by a new one.
+
+    Raises:
+        RecordingInUse: another process is writing it.
+        OSError: it cannot be opened.
+    """
+    while True:
+        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            lock(fd, path)
+            if os.path.samestat(os.fstat(fd), path.stat()):
+                return fd
+        except BaseException:
+            os.close(fd)
+            raise
+        os.close(fd)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the disk has the new names in a folder."""
+    fd = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)

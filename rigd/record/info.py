@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from rigd.model import Stream
 from rigd.record.events import Event
 from rigd.record.gaps import Gap, gap_text, gaps_json
+from rigd.record.notes import Note, notes_in
 from rigd.record.prefix import RECOVERY_METADATA
 from rigd.record.reader import Recording
 from rigd.record.trials import INTERRUPTED, TrialInfo
@@ -18,6 +19,8 @@ from rigd.record.trials import INTERRUPTED, TrialInfo
 COMPLETE: Final = "complete"
 #: Metadata record of the specimen.
 SPECIMEN_METADATA: Final = "specimen"
+#: Metadata record of the verdict on the measures of a run, under ``verdict``.
+VERDICT_METADATA: Final = "verdict"
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,16 @@ class RunInfo:
     def specimen(self) -> Mapping[str, str]:
         """The specimen's ``name`` and what its file says of it; empty if none was stated."""
         return self.metadata.get(SPECIMEN_METADATA, {})
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """The notes that were added after the run, the oldest first."""
+        return notes_in(self.metadata)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the measures were what the procedure demands, as `rigd run` found; or empty."""
+        return self.metadata.get(VERDICT_METADATA, {}).get("verdict", "")
 
     @property
     def trials_done(self) -> int:
@@ -149,6 +162,8 @@ def info_json(info: RunInfo) -> dict[str, object]:
         "started": info.started,
         "operator": info.metadata.get("run", {}).get("operator", ""),
         "note": info.metadata.get("run", {}).get("note", ""),
+        "notes": [asdict(note) for note in info.notes],
+        "verdict": info.verdict,
         "specimen": dict(info.specimen),
         "meta": dict(info.metadata.get("meta", {})),
         "state": info.state,

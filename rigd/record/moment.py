@@ -11,6 +11,8 @@ from rigd.record.info import RunInfo
 
 #: The mode of a run in virtual time contains this text; its clock is not the calendar's.
 VIRTUAL: Final = "virtual time"
+#: In the metadata ``run``: the date of a file whose content was written anew since.
+DATE_KEY: Final = "file_date"
 _STAMP: Final = re.compile(r"(?<!\d)(\d{8})[-T](\d{6})(?!\d)")
 
 
@@ -51,4 +53,10 @@ def recorded_at(info: RunInfo) -> Moment:
             pass  # digits that are no date
         else:
             return Moment(named.replace(tzinfo=UTC), "file name")
+    kept = info.metadata.get("run", {}).get(DATE_KEY, "")
+    if kept:
+        try:
+            return Moment(datetime.fromisoformat(kept), "file")
+        except ValueError:
+            pass  # of another program
     return Moment(datetime.fromtimestamp(info.path.stat().st_mtime, UTC), "file")

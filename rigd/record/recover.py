@@ -18,7 +18,7 @@ from rigd.model import RecordingError
 from rigd.record.access import require_regular
 from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
-from rigd.record.file import lock, write_error
+from rigd.record.file import open_locked, sync_folder, write_error
 from rigd.record.gaps import Gap, gaps_to_json
 from rigd.record.journal import Saved, journal_path, read_journal
 from rigd.record.prefix import GAPS_KEY
@@ -70,7 +70,7 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
         path = path.resolve()  # its journal and its original stand beside the file itself
     try:
         require_regular(path)
-        fd = _open_locked(path)
+        fd = open_locked(path)
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
     try:
@@ -78,20 +78,6 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     except OSError as error:
         raise write_error(path, error) from error
     finally:
-        os.close(fd)
-
-
-def _open_locked(path: Path) -> int:
-    """Open the file for writing; again if another process has just replaced it by a repair."""
-    while True:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-        try:
-            lock(fd, path)
-            if os.path.samestat(os.fstat(fd), path.stat()):
-                return fd
-        except BaseException:
-            os.close(fd)
-            raise
         os.close(fd)
 
 
@@ -213,7 +199,7 @@ def _replace(fd: int, path: Path, found: Scan) -> Path:
     journal = journal_path(path)
     with suppress(FileNotFoundError):
         journal.rename(journal_path(original))
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
     return original
 
 
@@ -230,12 +216,3 @@ def _kept(fd: int, path: Path) -> Path:
             # A repair that was killed immediately afterwards gave it its second name.
         return original
     raise AssertionError("count() does not end")
-
-
-def _sync_folder(folder: Path) -> None:
-    """Wait until the disk has the new names."""
-    fd = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)

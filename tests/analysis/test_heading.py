@@ -97,6 +97,9 @@ def test_note_and_operator_are_under_the_title(tmp_path: Path) -> None:
     assert entries["Operator"] == "A. Miller; A. Miller, resumed by B. Baker"
     assert entries["specimen"] == "W7; W8"
     assert found.notes == ("a.mcap: dry",)
+    later = {"2026-11-27T08:00:00Z": '{"author": "B", "text": "worn"}'}
+    noted = replace(item, metadata={**item.metadata, "notes": later})
+    assert heading([noted], MADE).notes == ("dry", "worn (B, 2026-11-27 08:00)")
 
 
 def test_names_that_a_heading_has_are_marked(tmp_path: Path) -> None:

@@ -97,6 +97,24 @@ def test_a_name_with_two_values_is_refused(
     assert not path.exists()
 
 
+def test_a_later_note_is_shown_and_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    assert run(path, "--note", "as before") == 0
+    assert main(["note", str(path), "wheel was worn", "--author", "B. Baker"]) == 0
+    capsys.readouterr()
+    assert main(["info", str(path)]) == 0
+    assert "added note  wheel was worn (B. Baker, 20" in capsys.readouterr().out
+    main(["runs", str(tmp_path), "--where", "note contains worn and note contains before"])
+    assert "as before / wheel was worn" in capsys.readouterr().out
+    main(["runs", str(tmp_path), "--where", 'note.author == "B. Baker"', "--json"])
+    (found,) = json.loads(capsys.readouterr().out)
+    assert (found["note"], found["notes"][0]["text"]) == ("as before", "wheel was worn")
+    assert main(["note", str(path), " "]) == 2
+    assert "the note is empty" in capsys.readouterr().err
+
+
 def test_runs_since_a_date_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["20200301-080000-old.mcap", "20261121-080000-new.mcap"]
     for name in names:

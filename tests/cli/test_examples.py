@@ -105,6 +105,10 @@ SHOWN: dict[str, Shows] = {
     f'rigd calibrate --from {TORQUE} --operator "A. Miller"': Shows(
         "new values beside old", code=3
     ),
+    'rigd note runs/20261121-080000-quick.mcap "the wheel was worn, as seen later"': Shows("worn"),
+    'rigd note FILE "not to be used: wrong floor" --author "A. Miller"': Shows(
+        "(A. Miller, ", {"FILE": QUICK}
+    ),
     "rigd runs": Shows("4/4"),
     "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("4/4"),
     "rigd runs --state interrupted": Shows("no recordings in runs match"),

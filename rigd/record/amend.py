@@ -1,0 +1,103 @@
+"""Adds notes and results to a finished recording; no byte of its samples changes.
+
+Metadata of MCAP stand in the data section, before the summary: to add some, the end of the file is
+written anew. That is done in a copy, which then takes the name of the recording: at each moment a
+complete file has that name, with the addition or without it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from rigd.model import RecordingError
+from rigd.model.about import MOST_LETTERS, MOST_NOTE_LETTERS, check_text
+from rigd.record.access import how_to_recover, require_regular, require_writing
+from rigd.record.file import open_locked, sync_folder, write_error
+from rigd.record.info import run_info
+from rigd.record.moment import DATE_KEY, recorded_at
+from rigd.record.notes import NOTES_METADATA, Note, note_content
+from rigd.record.reader import Recording
+from rigd.record.scan import scan
+from rigd.record.wire import map_file
+from rigd.record.writer import RecordingWriter
+
+#: Ends the name of the copy until it is complete.
+_DRAFT: Final = ".adding"
+
+
+def add_note(path: Path, text: str, author: str, at: datetime | None = None) -> Note:
+    """Add a note to a recording, and return it; ``at`` is now by default.
+
+    Raises:
+        ValueError: text or author is empty, too long, or has control characters.
+        RecordingError: as :func:`add_metadata`.
+    """
+    text, author = text.strip(), author.strip()
+    for given, name in ((text, "the note"), (author, "the author of the note")):
+        if not given:
+            raise ValueError(f"{name} is empty")
+    check_text(text, "the note", MOST_NOTE_LETTERS, lines=True)
+    check_text(author, "the author", MOST_LETTERS)
+    moment = (at or datetime.now(UTC)).astimezone(UTC)
+    note = Note(f"{moment:%Y-%m-%dT%H:%M:%S.%fZ}", author, text)
+    added = {NOTES_METADATA: {note.at: note_content(note)}}
+    recorded = recorded_at(run_info(Recording.open(path)))
+    if recorded.of == "file":  # which is new once the note is in it
+        added["run"] = {DATE_KEY: recorded.at.isoformat()}
+    add_metadata(path, added)
+    return note
+
+
+def add_metadata(path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
+    """Add metadata to a finished recording; values of a name that it has are merged over it.
+
+    Needs the time and the space of a copy of the file.
+
+    Raises:
+        RecordingError: missing, damaged, not made by rigd, being written, or the disk refuses; the
+            recording is as it was.
+    """
+    require_writing()
+    if path.is_symlink():
+        path = path.resolve()
+    try:
+        require_regular(path)
+        fd = open_locked(path)
+    except OSError as error:
+        raise RecordingError(f"cannot open {path}: {error.strerror}") from error
+    try:
+        _replace(fd, path, metadata)
+    except OSError as error:
+        raise write_error(path, error) from error
+    finally:
+        os.close(fd)
+
+
+def _replace(fd: int, path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
+    recording = Recording.open(path)
+    if not recording.written_by_rigd:
+        raise RecordingError(f"{path} was not written by rigd, which therefore does not add to it")
+    found = scan(map_file(fd))
+    if not found.intact:
+        raise RecordingError(f"{path} is damaged: {found.problem}", hint=how_to_recover(path))
+    draft = path.with_name(f"{path.name}{_DRAFT}")
+    try:
+        with open(fd, "rb", closefd=False) as source, draft.open("wb") as target:
+            os.fchmod(target.fileno(), os.fstat(fd).st_mode & 0o777)
+            shutil.copyfileobj(source, target, 1 << 20)
+        streams = tuple(recording.streams.values())
+        RecordingWriter.append(
+            draft, streams=streams, metadata=metadata, trusted=found.data_end
+        ).close()
+        draft.replace(path)
+    except BaseException:
+        with suppress(OSError):  # the first error is the one to report
+            draft.unlink()
+        raise
+    sync_folder(path.parent)
