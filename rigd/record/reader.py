@@ -55,6 +55,8 @@ if TYPE_CHECKING:
 #: Under this name a run attaches its procedure.
 PROCEDURE_FILE: Final = "procedure.yaml"
 _LAST_NS: Final = 2**63 - 1
+#: Rows that :meth:`Recording.batches` gives at a time: 13 MB with 12 channels.
+BATCH_ROWS: Final = 131_072
 
 
 @dataclass(frozen=True, repr=False)
@@ -230,30 +232,65 @@ class Recording:
             RecordingError: no such stream, or a damaged chunk.
 
         """
-        channel, description = self._channel(stream), self.streams[stream]
-        low = 0 if start_ns is None else start_ns
-        high = _LAST_NS if end_ns is None else end_ns
-        dtype = row_dtype(description)
-        chunks = self._chunks(channel, low, high)
+        blob = self._blob(stream)
+        low, high = _between(start_ns, end_ns)
         # Filled piece by piece: joining them at the end would need twice the memory. Every row
         # has 16 bytes of index in the file, which bounds the rows that a damaged index can state.
+        chunks = self._chunks(self._channel(stream), low, high)
         most = min(sum(map(rows_of, chunks)), self.size // 16)
-        joined, end = np.empty(most, blob_dtype(description)), 0
+        joined, end = np.empty(most, blob), 0
+        for rows in self._pieces(stream, low, high, check_crc=check_crc):
+            if end + len(rows) > most:
+                raise damaged(self.path, "a chunk has more messages than its index")
+            joined[end : end + len(rows)] = rows
+            end += len(rows)
+        return joined[:end].view(row_dtype(self.streams[stream]))
+
+    def batches(
+        self,
+        stream: str,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        rows: int = BATCH_ROWS,
+    ) -> Iterator[NDArray[np.void]]:
+        """Yield what :meth:`read` returns in parts of at least ``rows``, so in bounded memory.
+
+        Raises:
+            RecordingError: no such stream, or a damaged chunk.
+
+        """
+        waiting: list[NDArray[np.void]] = []
+        blob = self._blob(stream)
+        dtype = row_dtype(self.streams[stream])
+        for piece in self._pieces(stream, *_between(start_ns, end_ns), check_crc=True):
+            waiting.append(piece)
+            if sum(map(len, waiting)) >= rows:
+                yield np.concatenate(waiting, dtype=blob).view(dtype)
+                waiting = []
+        if waiting:
+            yield np.concatenate(waiting, dtype=blob).view(dtype)
+
+    def _pieces(
+        self, stream: str, low: int, high: int, *, check_crc: bool
+    ) -> Iterator[NDArray[np.void]]:
+        """Yield the rows of each chunk with ``low <= t_ns < high``, as times and blobs."""
+        channel, blob = self._channel(stream), self._blob(stream)
         with _opened(self.path) as fd:
-            for index in chunks:
+            for index in self._chunks(channel, low, high):
                 data = self._unpack(fd, index, check_crc=check_crc)
                 try:
-                    rows = rows_of_chunk(data, channel, blob_dtype(description))
+                    rows = rows_of_chunk(data, channel, blob)
                 except Malformed as error:
                     raise damaged(self.path, error) from error
                 if index.message_start_time < low or index.message_end_time >= high:
                     times = rows["t_ns"].astype(np.int64)
                     rows = rows[(times >= low) & (times < high)]
-                if end + len(rows) > most:
-                    raise damaged(self.path, "a chunk has more messages than its index")
-                joined[end : end + len(rows)] = rows
-                end += len(rows)
-        return joined[:end].view(dtype)
+                yield rows
+
+    def _blob(self, stream: str) -> np.dtype[np.void]:
+        self._channel(stream)  # raises if there is no such stream
+        return blob_dtype(self.streams[stream])
 
     def events(self) -> list[Event]:
         """Return all events in the order of the file; none if the file has no ``/events``.
@@ -416,6 +453,10 @@ def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recor
         RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
     """
     return Recording.open(path, partial=partial)
+
+
+def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:
+    return 0 if start_ns is None else start_ns, _LAST_NS if end_ns is None else end_ns
 
 
 def damaged(path: Path, problem: object) -> RecordingError:

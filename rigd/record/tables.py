@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rigd.record.reader import Recording
 
 TRIALS_TABLE: Final = "trials"
+STEPS_TABLE: Final = "steps"
 STEP: Final = "step"  #: column of the step's name
 Column = NDArray[Any]
 
@@ -128,11 +129,21 @@ def stream_table(
         RecordingError: no such stream, or a damaged chunk.
     """
     rows = recording.read(name, start_ns, end_ns)
-    stream = recording.streams[name]
+    return rows_table(recording.streams[name], rows, recording.start_ns, attempts, steps)
+
+
+def rows_table(
+    stream: Stream,
+    rows: NDArray[np.void],
+    begin_ns: int,
+    attempts: Sequence[TrialInfo],
+    steps: Sequence[Step],
+) -> Table:
+    """Return rows of a stream as :func:`stream_table` does; the recording began at ``begin_ns``."""
     times = np.ascontiguousarray(rows[TIME_FIELD])
     numbers, trial_time = within_trials(times, attempts)
     added: dict[str, Column] = {
-        "time": (times - recording.start_ns) * 1e-9,
+        "time": (times - begin_ns) * 1e-9,
         "trial": numbers,
         "trial_time": trial_time,
         STEP: step_names(times, steps),
@@ -149,7 +160,7 @@ def stream_table(
     columns.update({field: np.ascontiguousarray(rows[field]) for field in fields})
     units.update({channel.name: channel.unit for channel in stream.channels})
     docs = {channel.name: channel.doc for channel in stream.channels}
-    return Table(name, columns, units, docs)
+    return Table(stream.name, columns, units, docs)
 
 
 def events_table(events: Sequence[Event], start_ns: int) -> Table:
@@ -196,6 +207,26 @@ def trials_table(attempts: Sequence[TrialInfo], start_ns: int) -> Table:
     return Table(TRIALS_TABLE, columns, units, {})
 
 
+def steps_table(steps: Sequence[Step], start_ns: int) -> Table:
+    """Return the steps as they were played as a table.
+
+    ``start``, ``end`` (s since the recording began) and ``duration``; the end is NaN if the
+    recording ends within the step. ``trial`` is -1 outside of trials.
+    """
+    start = np.array([step.start_ns for step in steps], np.int64)
+    ends = np.array([np.nan if step.end_ns is None else step.end_ns - start_ns for step in steps])
+    columns: dict[str, Column] = {
+        STEP: np.array([step.name for step in steps], object),
+        "trial": np.array([step.trial for step in steps], np.int32),
+        "start_ns": start,
+        "start": (start - start_ns) * 1e-9,
+        "end": ends.astype(np.float64) * 1e-9,
+    }
+    columns["duration"] = columns["end"] - columns["start"]
+    units = {"start_ns": "ns", "start": "s", "end": "s", "duration": "s"}
+    return Table(STEPS_TABLE, columns, units, {})
+
+
 def with_measures(table: Table, measures: Mapping[str, tuple[str, Mapping[int, float]]]) -> Table:
     """Return the table of trials with a column ``measure_NAME`` for each of ``measures``.
 
@@ -212,6 +243,15 @@ def with_measures(table: Table, measures: Mapping[str, tuple[str, Mapping[int, f
     return Table(table.name, columns, units, table.docs)
 
 
+def concatenated(tables: Sequence[Table]) -> Table:
+    """Return the rows of tables with the same columns as one table; at least one is given."""
+    first = tables[0]
+    columns = {
+        name: np.concatenate([table.columns[name] for table in tables]) for name in first.columns
+    }
+    return Table(first.name, columns, first.units, first.docs)
+
+
 def within_trials(
     times: NDArray[np.int64], attempts: Sequence[TrialInfo]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
@@ -221,7 +261,10 @@ def within_trials(
     """
     numbers = np.full(len(times), NO_TRIAL, np.int32)
     since = np.full(len(times), np.nan)
+    low, high = _bounds(times)
     for trial in attempts:
+        if trial.start_ns > high or (trial.end_ns is not None and trial.end_ns <= low):
+            continue
         inside = times >= trial.start_ns
         if trial.end_ns is not None:
             inside &= times < trial.end_ns
@@ -233,12 +276,19 @@ def within_trials(
 def step_names(times: NDArray[np.int64], steps: Sequence[Step]) -> NDArray[np.object_]:
     """Return the name of the step at each time in ns; "" outside of steps."""
     names = np.full(len(times), "", object)
+    low, high = _bounds(times)
     for step in steps:
+        if step.start_ns > high or (step.end_ns is not None and step.end_ns <= low):
+            continue
         inside = times >= step.start_ns
         if step.end_ns is not None:
             inside &= times < step.end_ns
         names[inside] = step.name
     return names
+
+
+def _bounds(times: NDArray[np.int64]) -> tuple[int, int]:
+    return (int(times.min()), int(times.max())) if len(times) else (0, -1)
 
 
 def _free_name(column: str, stream: Stream) -> str:

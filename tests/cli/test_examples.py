@@ -133,7 +133,12 @@ SHOWN: dict[str, Shows] = {
         "carriage.csv", {"FILE": QUICK}
     ),
     "rigd export FILE --to mat": Shows(".mat", {"FILE": QUICK}),
-    "rigd export FILE --to csv --joined 100": Shows("joined.csv", {"FILE": QUICK}),
+    "rigd export FILE --to hdf5": Shows("quick.h5", {"FILE": QUICK}),
+    "rigd export FILE --to mdf4 --output quick.mf4": Shows("quick.mf4", {"FILE": QUICK}),
+    'rigd export FILE --to csv --rate "100 Hz"': Shows("joined.csv", {"FILE": QUICK}),
+    "rigd export FILE --to csv --on carriage --between linear": Shows(
+        "joined.csv", {"FILE": PVC}
+    ),
     "rigd export runs/*.mcap --to parquet --output tables/": Shows("trials.parquet"),
     "rigd measure FILE --plan breakaway": Shows("accepted", {"FILE": BREAKAWAY}),
     "rigd measure FILE --json": Shows('"verdict": "accepted"', {"FILE": BREAKAWAY}),

@@ -20,10 +20,11 @@ from rigd.cli.main import main
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter
 from rigd.record.export import Format, export
-from rigd.record.joined import joined_table
+from rigd.record.joined import TimeBase, joined_table
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
+TABLES = ["wheel_servo", "force", "events", "trials", "steps"]
 FIELDS = ("current", "speed", "counts", "status")
 
 
@@ -64,6 +65,7 @@ def test_parquet_export_has_columns_and_events(given: NDArray[np.void], tmp_path
         "force.parquet",
         "events.parquet",
         "trials.parquet",
+        "steps.parquet",
     ]
     table = pyarrow.parquet.read_table(paths[0])
     check_columns({name: table[name].to_numpy() for name in table.column_names}, given)
@@ -132,15 +134,22 @@ def test_existing_files_are_not_overwritten(
         export(recording, out, format)
     assert [path.name for path in out.iterdir()] == [kept.name]
     assert kept.read_text() == "mine"
-    assert len(export(recording, out, format, overwrite=True)) == 4
+    written = export(recording, out, format, overwrite=True)
+    assert [path.stem for path in written[:5]] == TABLES
     assert kept.read_bytes() != b"mine"
-    assert len(list(out.iterdir())) == 4
+    assert sorted(out.iterdir()) == sorted(written)
 
 
 def test_one_stream_may_be_chosen(given: NDArray[np.void], tmp_path: Path) -> None:
     recording = Recording.open(tmp_path / "run.mcap")
     paths = export(recording, tmp_path / "out", "csv", streams=["force"])
-    assert [path.name for path in paths] == ["force.csv", "trials.csv"]
+    names = ["force.csv", "trials.csv", "steps.csv", "metadata.json"]
+    assert [path.name for path in paths] == names
+    beside = json.loads(paths[-1].read_text("utf-8"))
+    assert beside["streams"]["wheel_servo"]["channels"]["current"] == {
+        "unit": "A", "description": "motor current",
+    }  # fmt: skip
+    assert beside["metadata"]["run"]["procedure"] == "sweep"
     with pytest.raises(RecordingError, match="no stream 'forces'"):
         export(recording, tmp_path / "out", "csv", streams=["forces"])
 
@@ -152,7 +161,7 @@ def test_a_channel_named_time_keeps_its_name(
     moved = rows(clock, 3)
     with create(streams=(clock,)) as writer:
         writer.write("clock", moved)
-    path, _ = export(Recording.open(tmp_path / "run.mcap"), tmp_path, "parquet", streams=["clock"])
+    path, *_ = export(Recording.open(tmp_path / "run.mcap"), tmp_path, "parquet", streams=["clock"])
     table = pyarrow.parquet.read_table(path)
     assert table.column_names == ["t_ns", "rigd_time", "trial", "trial_time", "step", "time"]
     np.testing.assert_array_equal(table["time"].to_numpy(), moved["time"])
@@ -218,8 +227,8 @@ def test_rate_that_would_fill_memory_is_refused(several_rates: Recording) -> Non
 def test_other_programs_read_trials_and_joined_table(
     several_rates: Recording, tmp_path: Path, format: Format
 ) -> None:
-    paths = export(several_rates, tmp_path / "out", format, joined_hz=50.0)
-    assert [path.stem for path in paths] == ["joined", "events", "trials"]
+    paths = export(several_rates, tmp_path / "out", format, base=TimeBase(50.0))
+    assert [path.stem for path in paths[:4]] == ["joined", "events", "trials", "steps"]
     trials: Any
     expected = joined_table(several_rates, ["wheel_servo", "force"], 50.0)
     if format == "mat":

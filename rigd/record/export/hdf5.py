@@ -1,0 +1,118 @@
+"""Writes all tables into one HDF5 file: a group for each table, a dataset for each column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import FileIO
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from rigd.record.export.part import Origin, Part, step_column, step_numbers
+
+#: Rows of a compressed block of a dataset: 128 kB of float64.
+_CHUNK_ROWS: Final = 16_384
+_TEXT: Final = h5py.string_dtype("utf-8")
+
+
+def write_hdf5(path: Path, parts: Sequence[Part], origin: Origin) -> None:
+    """Write the tables; units and descriptions are attributes of the datasets.
+
+    ``step`` is a number into the dataset ``step_names`` beside it, 0 outside of steps.
+    """
+    with _Spared(path, "wb+") as target:
+        with h5py.File(target, "w", track_order=True) as file:
+            _write_all(file, parts, origin, target)
+        target.check()
+
+
+class _Spared(FileIO):
+    """A file that keeps the first error of the system: libhdf5 cannot close a file it can't write.
+
+    After an error it takes what is written and drops it.
+    """
+
+    failed: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write ``data`` whole, or keep the error."""
+        view = memoryview(data).cast("B")
+        done = 0
+        while self.failed is None and done < len(view):
+            try:
+                done += super().write(view[done:]) or 0
+            except OSError as error:
+                self.failed = error
+        return len(view)
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into the whole ``buffer``, zeros behind the end."""
+        view = memoryview(buffer).cast("B")
+        done = super().readinto(view) or 0
+        view[done:] = bytes(len(view) - done)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the size, or keep the error."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.failed = self.failed or error
+            return size or 0
+
+    def check(self) -> None:
+        """Raise the error that was kept."""
+        if self.failed is not None:
+            raise self.failed
+
+
+def _write_all(file: Any, parts: Sequence[Part], origin: Origin, target: _Spared) -> None:
+    """Write all, up to the first error: one that is raised before the file is closed damages it."""
+    file.attrs["recording"] = origin.recording
+    file.attrs["start_ns"] = np.int64(origin.start_ns)
+    for name, values in origin.metadata.items():
+        group = file.create_group(f"metadata/{name}")
+        group.attrs.update({key: _text(value) for key, value in values.items()})
+    for attachment in origin.attachments:
+        data = np.frombuffer(attachment.data, np.uint8)
+        name = f"attachments/{attachment.name.replace('/', '.')}"
+        file.create_dataset(name, data=data)
+    for part in parts:
+        group = file.create_group(part.name)
+        step = step_column(part.head)
+        _define(group, part, step, origin)
+        for table in part.batches():
+            for name, column in table.columns.items():
+                if target.failed is not None:
+                    return
+                dataset = group[name]
+                end = len(dataset)
+                dataset.resize(end + len(table), 0)
+                if name == step:
+                    dataset[end:] = step_numbers(column, origin)
+                else:
+                    dataset[end:] = (
+                        [_text(item) for item in column] if column.dtype == object else column
+                    )
+
+
+def _define(group: Any, part: Part, step: str, origin: Origin) -> None:
+    group.attrs["description"], group.attrs["source"] = part.doc, part.source
+    if step:
+        names = ["", *origin.step_names]
+        group.create_dataset("step_names", data=names, dtype=_TEXT)
+    for name, column in part.head.columns.items():
+        kind: Any = _TEXT if column.dtype == np.object_ else column.dtype
+        dataset = group.create_dataset(
+            name, (0,), np.int32 if name == step else kind, maxshape=(None,),
+            chunks=(_CHUNK_ROWS,), compression="gzip", compression_opts=1, shuffle=True,
+        )  # fmt: skip
+        dataset.attrs["unit"] = part.head.units.get(name, "")
+        dataset.attrs["description"] = part.head.docs.get(name, "")
+
+
+def _text(item: object) -> str:
+    """Return a text as HDF5 can hold it."""
+    return str(item).replace("\0", "")
