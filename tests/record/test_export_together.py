@@ -202,7 +202,7 @@ for format in sys.argv[1:]:
 """
 
 
-def test_full_disk_leaves_no_half_file(given: NDArray[np.void], tmp_path: Path, limit: int) -> None:
+def test_full_disk_leaves_no_half_file(given: NDArray[np.void], tmp_path: Path) -> None:
     formats = ["parquet", "csv", "mat", "hdf5", "mdf4"]
     command = [sys.executable, "-c", LIMITED, *formats]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
