@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
 
-HELP = "check rig, procedure and calibration files without running anything"
+HELP = "check rig, procedure, calibration, lab and specimen files without running anything"
 EXAMPLES = """\
 examples:
   rigd check configs/sim_lugre.yaml
@@ -51,7 +51,10 @@ class FileReport:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="rig, procedure or calibration files"
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="rig, procedure, calibration, lab or specimen files",
     )
     add_rig(parser, "rig to check procedures against", required=False)
     add_json(parser)
@@ -143,6 +146,18 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         return (
             f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: valid file"
         )
+    if kind == "lab":
+        from rigd.config.lab import load_lab
+
+        lab = load_lab(Path(given))
+        count = sum(item.required for item in lab.fields.values())
+        return f"lab {lab.name}, {len(lab.fields)} fields, {count} required: right"
+    if kind == "specimen":
+        from rigd.config.document import read_document
+        from rigd.config.lab import read_specimen
+
+        specimen = read_specimen(read_document(Path(given)), Path(given).stem)
+        return f"specimen {specimen.name}, {len(specimen.fields)} entries: right"
     if kind == "rig":
         checked = load_rig(given)
         if checked.plant is not None:
@@ -228,7 +243,8 @@ def _kind(given: str) -> str:
         return "procedure"
     with path.open("rb") as stream:
         lines = stream.read(4096).decode("utf-8", errors="replace").splitlines()
-    for kind in ("rig", "procedure", "calibration"):  # a rig file names its calibration too
+    # A rig file names its calibration and its lab too.
+    for kind in ("rig", "procedure", "calibration", "lab", "specimen"):
         if any(line.startswith(f"{kind}:") for line in lines):
             return kind
     # The key that names the kind is missing: use the keys that only one kind of file has.

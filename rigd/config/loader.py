@@ -140,6 +140,7 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
         calibration=read_setup(source.calibration, document.path.parent, problems),
         remote=read_remote(document, source.remote, problems),
         sibling=_sibling(document, source, problems),
+        lab=None if source.lab is None else document.path.parent / source.lab,
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # the channels of a wrong device would all seem unknown

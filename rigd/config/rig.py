@@ -161,6 +161,7 @@ class RigConfig:
     calibration: CalibrationSetup | None = None
     remote: RemoteSetup = field(default_factory=RemoteSetup)
     sibling: SiblingFile | None = None
+    lab: Path | None = None  #: its file, which is read when a run starts
 
     @property
     def settings(self) -> Mapping[str, Setting] | None:

@@ -368,6 +368,8 @@ class RigSource(Source):
     """Remote control, if it is not only from this machine."""
     calibration: FilePath | None = None
     """File with measured values of this rig and their uncertainty; relative to this file."""
+    lab: FilePath | None = None
+    """File with what the lab demands of every run, and of its specimens; relative to this file."""
     constants: dict[Name, GivenConstant] = {}
     """Quantities of the rig that procedures use as `${rig.NAME}`: `50 mm`, or
     `{value: 50 mm, u: 0.1 mm, source: caliper}`."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from rigd.config.calibration import ATTACHMENT
+from rigd.config.lab import SPECIMEN_FILE, Specimen, stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import titled
 from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
@@ -52,7 +53,8 @@ class RunRequest:
 
     ``pace`` is None for virtual time, 1 for real time. ``output`` None makes a name in ``folder``.
     ``overrides`` are the ``--set`` values as given, and ``about`` is the person's description of
-    the run, for the record. ``procedure_location`` is the place where the procedure was found.
+    the run, for the record; ``specimen`` None: :func:`perform` reads its file, and checks both
+    against the demands of the lab. ``procedure_location`` is where the procedure was found.
     """
 
     procedure: CompiledProcedure
@@ -67,6 +69,7 @@ class RunRequest:
     compression: Compression = "zstd"
     overrides: Mapping[str, str] = field(default_factory=dict)
     about: About = field(default_factory=About)
+    specimen: Specimen | None = None
     procedure_location: str = ""
 
     @property
@@ -131,9 +134,12 @@ def perform(
     Raises:
         Blocked: preflight refused; nothing moved.
         RecordingError: the recording cannot be written; the rig is safe.
-        ConfigError: the recording to resume was made with another procedure or rig file.
+        ConfigError: the recording to resume was made with another procedure or rig file, or what is
+            stated is not what the lab demands; nothing moved.
     """
     request = replace(request, rig=request.procedure.on(request.rig))
+    if request.specimen is None and request.resume is None:
+        request = replace(request, specimen=stated_specimen(request.about, request.rig.lab))
     rests_on = needed(request.procedure, request.rig)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
@@ -200,7 +206,7 @@ def _form(
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
-        metadata = {"resumed": resumed} | _add_about(request.about, resumed)
+        metadata = {"resumed": resumed} | _add_about(request, resumed)
     kept = RecordingSpec(
         path,
         request.procedure.record,
@@ -298,15 +304,16 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     )
     files = {"procedure_file": request.procedure_location, "rig_file": request.rig.source.location}
     records["run"] |= {name: location for name, location in files.items() if location}
-    return records | _add_about(request.about, records["run"]) | calibration_metadata(request.rig)
+    return records | _add_about(request, records["run"]) | calibration_metadata(request.rig)
 
 
-def _add_about(about: About, run: dict[str, str]) -> dict[str, dict[str, str]]:
+def _add_about(request: RunRequest, run: dict[str, str]) -> dict[str, dict[str, str]]:
     """Add operator and note to the metadata ``run``; return all else as metadata."""
+    about, specimen = request.about, request.specimen
     run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
     given = {"meta": dict(about.meta)}
-    if about.specimen:
-        given[SPECIMEN_METADATA] = {"name": about.specimen}
+    if specimen is not None and specimen.name:
+        given[SPECIMEN_METADATA] = {"name": specimen.name, **specimen.fields}
     return {name: values for name, values in given.items() if values}
 
 
@@ -333,6 +340,8 @@ def attached_texts(request: RunRequest) -> dict[str, str]:
     calibration = request.rig.calibration
     if calibration is not None and calibration.held is not None:
         texts[ATTACHMENT] = calibration.held.text
+    if request.specimen is not None and request.specimen.text:
+        texts[SPECIMEN_FILE] = request.specimen.text
     plant = request.rig.plant
     if plant is not None:
         texts.update(plant.config.attachments())

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rigd.analysis.plan import analysis_of
+from rigd.config.lab import stated_specimen
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute, perform
 from rigd.daemon.resume import ResumePoint, left_out
@@ -84,6 +85,7 @@ def requested(
         compression=compression,
         overrides=overrides,
         about=about,
+        specimen=None if resume is not None else stated_specimen(about, loaded.lab),
         procedure_location=source.location,
     )
 

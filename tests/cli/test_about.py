@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 
 from rigd.cli.main import main
+from rigd.record import Recording
+from rigd.sdk.shipped import shipped_folder
 
 SAID = [
     "--operator", "A. Miller", "--note", "wheel cleaned", "--specimen", "W7", "--meta", "batch=13",
@@ -94,6 +97,37 @@ def test_a_name_with_two_values_is_refused(
     path = tmp_path / "run.mcap"
     assert run(path, "--meta", "specimen=W7", "--meta", "specimen=W8") == 2
     assert "--meta gives specimen two values" in capsys.readouterr().err
+    assert not path.exists()
+
+
+def test_a_described_specimen_is_recorded_and_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("specimens").mkdir()
+    text = "specimen: W7\ncoating: PTFE\nsize: {diameter: 20 mm}\n"
+    Path("specimens/W7.yaml").write_text(text)
+    path = tmp_path / "run.mcap"
+    assert run(path, "--specimen", "W7") == 0
+    capsys.readouterr()
+    main(["info", str(path)])
+    assert "specimen    W7: coating PTFE, size.diameter 20 mm" in capsys.readouterr().out
+    assert Recording.open(path).attachments["specimen.yaml"].data == text.encode()
+    main(["runs", ".", "--where", "specimen.coating == PTFE and size.diameter > 1 cm"])
+    assert "run.mcap" in capsys.readouterr().out
+
+
+def test_a_run_without_demanded_fields_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = shipped_folder("configs") / "sim_lugre.yaml"
+    (tmp_path / "lab.yaml").write_text("lab: mine\nfields: {meta.batch: {required: true}}\n")
+    folder = tmp_path / "rigs"
+    shutil.copytree(rig.parent, folder)
+    (folder / rig.name).write_text(f"{rig.read_text()}\nlab: ../lab.yaml\n")
+    path, command = tmp_path / "run.mcap", ["run", "quick", "--rig", str(folder / rig.name)]
+    assert main([*command, "--quiet", "--output", str(path)]) == 2
+    assert "the lab mine demands meta.batch of each run" in capsys.readouterr().err
     assert not path.exists()
 
 

@@ -286,6 +286,7 @@ def check_blocks(name: str, folder: Path) -> None:
             case "python file":
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
             case "yaml file":
+                (folder / block.options["file"]).parent.mkdir(exist_ok=True)
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
                 if "map" in block.words:
                     load_map(folder / block.options["file"])

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from rigd.config.lab import stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
@@ -112,6 +113,7 @@ class Steering:
         self._check_free()
         procedure = self._library.compile(args)
         loss = args.on_client_loss
+        about = About(str(requester), args.note, args.meta, args.specimen)
         request = RunRequest(
             procedure,
             args.procedure.text,
@@ -120,7 +122,8 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            about=About(str(requester), args.note, args.meta, args.specimen),
+            about=about,
+            specimen=stated_specimen(about, self._rig.lab),
         )
         return self._begin(
             requester,
