@@ -42,6 +42,7 @@ BENCHES = (
     "recording",
     "catalogue",
     "recorder",
+    "importing",
     "live_feed",
     "remote_commands",
     "remote_load",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rigd.importing import Imported
 
-HELP = "make recordings of data files of other programs: CSV, Parquet"
+HELP = "make recordings of data of other programs: CSV, Parquet, MAT, TDMS, HDF5, MDF4"
 EXAMPLES = """\
 examples:
   rigd import old/*.csv --map map.yaml

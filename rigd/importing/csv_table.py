@@ -86,6 +86,11 @@ class CsvTable:
         """The names of the columns."""
         return self._names
 
+    @property
+    def start_ns(self) -> int | None:
+        """None: the format has no place for it."""
+        return None
+
     def unit(self, column: int) -> str:
         """Return the unit in the line of the units."""
         return self._units[column]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from rigd.importing.source import Format, TextTableSource
 from rigd.importing.table import SourceTable
 from rigd.model.errors import ConfigError, Place
+from rigd.model.extras import require
 
 _ENDINGS: Final[dict[str, Format]] = {
     ".csv": "csv",
@@ -17,11 +19,20 @@ _ENDINGS: Final[dict[str, Format]] = {
     ".tsv": "csv",
     ".parquet": "parquet",
     ".pq": "parquet",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".hdf": "hdf5",
+    ".mat": "mat",
+    ".tdms": "tdms",
+    ".mf4": "mdf",
+    ".mdf": "mdf",
 }
 
 
-def open_table(path: Path, format: Format | None, text: TextTableSource) -> SourceTable:
-    """Return the table in the file at ``path``.
+def open_table(
+    path: Path, format: Format | None, text: TextTableSource, group: str | None = None
+) -> SourceTable:
+    """Return the table in the file at ``path``, in ``group`` if it has several.
 
     Raises:
         ConfigError: the format is not known, or the file is empty, damaged or of another format.
@@ -42,6 +53,28 @@ def open_table(path: Path, format: Format | None, text: TextTableSource) -> Sour
         from rigd.importing.parquet_table import ParquetTable
 
         return ParquetTable(path)
+    if kind == "mat":
+        from rigd.importing.mat_table import open_mat
+
+        return open_mat(path, group)
+    if kind != "csv":
+        require("import", f"the import of {path.name}")
+        return _opener(kind)(path, group)
     from rigd.importing.csv_table import CsvTable
 
     return CsvTable(path, text)
+
+
+def _opener(kind: Format) -> Callable[[Path, str | None], SourceTable]:
+    """Return what opens the files of a format that needs a library of the extra `import`."""
+    if kind == "hdf5":
+        from rigd.importing.hdf5_table import open_hdf5
+
+        return open_hdf5
+    if kind == "tdms":
+        from rigd.importing.tdms_table import open_tdms
+
+        return open_tdms
+    from rigd.importing.mdf_table import open_mdf
+
+    return open_mdf

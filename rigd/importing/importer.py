@@ -115,13 +115,16 @@ class _Import:
         before = {name: _stamp(path) for name, path in paths.items()}
         base_ns, started_from = self._base()
         readers = {
-            name: open_source(source, paths[name], base_ns) for name, source in what.sources.items()
+            name: open_source(source, paths[name], base_ns, started=what.started_ns is not None)
+            for name, source in what.sources.items()
         }
         what.check_signals({name: reader.stream for name, reader in readers.items()})
         first = readers[what.trials.source]
         first.finder = find_trials_in(what, first)
         if any(_dated(reader) for reader in readers.values()):
             started_from = "the times in the file"
+        elif what.started_ns is None and any(r.table.start_ns for r in readers.values()):
+            started_from = "the start that the file states"
         with ThreadPoolExecutor(1) as pool, ExitStack() as open_files:
             digests = {path: pool.submit(_sha256, path) for path in dict.fromkeys(paths.values())}
             batches = {

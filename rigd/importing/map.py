@@ -75,6 +75,7 @@ class SourceMap:
     name: str
     pattern: Pattern | None
     format: Format | None
+    group: str | None
     text: TextTableSource
     time: TimeMap
     channels: tuple[ChannelMap, ...]

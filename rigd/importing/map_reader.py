@@ -186,7 +186,7 @@ class _MapReader:
         except RecordingError as error:
             self._note_key((*path, "channels"), error.message, error.hint)
         return SourceMap(
-            name, self._pattern((*path, "file"), item.file), item.format, item.text,
+            name, self._pattern((*path, "file"), item.file), item.format, item.group, item.text,
             self._time((*path, "time"), item.time), channels, item.sparse,
         )  # fmt: skip
 

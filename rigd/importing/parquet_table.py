@@ -46,6 +46,11 @@ class ParquetTable:
         """The names of the columns."""
         return list(self._schema.names)
 
+    @property
+    def start_ns(self) -> int | None:
+        """None: the format has no place for it."""
+        return None
+
     def unit(self, column: int) -> str:
         """Return the unit in the metadata of the column, as rigd exports it."""
         metadata = self._schema.field(column).metadata or {}

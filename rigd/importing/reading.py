@@ -122,8 +122,10 @@ class SourceReader:
         )
 
 
-def open_source(source: SourceMap, path: Path, base_ns: int) -> SourceReader:
+def open_source(source: SourceMap, path: Path, base_ns: int, *, started: bool) -> SourceReader:
     """Return the reader of a source; ``base_ns`` is when the test began, if no time shows it.
+
+    ``started``: the map states that, which counts more than what a file states.
 
     Raises:
         ConfigError: the file cannot be read, lacks a column, or states another unit.
@@ -131,7 +133,7 @@ def open_source(source: SourceMap, path: Path, base_ns: int) -> SourceReader:
     text = source.text
     if source.sparse and "" not in text.missing:
         text = text.model_copy(update={"missing": [*text.missing, ""]})
-    table = open_table(path, source.format, text)
+    table = open_table(path, source.format, text, source.group)
     columns = []
     for channel in source.channels:
         index = find_column(table, channel.column, channel.place)
@@ -142,7 +144,9 @@ def open_source(source: SourceMap, path: Path, base_ns: int) -> SourceReader:
         tuple(item for column in columns for item in column.channel.channels(column.unit)),
         source="rigd import",
     )
-    return SourceReader(source, table, stream, tuple(columns), _times(source.time, table, base_ns))
+    return SourceReader(
+        source, table, stream, tuple(columns), _times(source.time, table, base_ns, started=started)
+    )
 
 
 def find_trials_in(what: ImportMap, reader: SourceReader) -> TrialFinder:
@@ -175,7 +179,7 @@ def prefetched(items: Iterator[T]) -> Generator[T, None, None]:
             yield item
 
 
-def _times(time: TimeMap, table: SourceTable, base_ns: int) -> Times:
+def _times(time: TimeMap, table: SourceTable, base_ns: int, *, started: bool) -> Times:
     column, unit = None, time.unit
     if time.column is not None:
         column = find_column(table, time.column, time.place)
@@ -186,6 +190,8 @@ def _times(time: TimeMap, table: SourceTable, base_ns: int) -> Times:
                     f"the times are in {stated_unit(table, column)}, no unit of time",
                     place=table.place(column),
                 )
+    if table.start_ns is not None and not started:
+        base_ns = table.start_ns
     if time.since_ns is not None:
         base_ns = time.since_ns
     if time.format is not None:

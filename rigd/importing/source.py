@@ -18,7 +18,7 @@ PatternText = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 #: A day and time as 2016-03-04T10:00:00Z; without a zone it is UTC.
 MomentText = Annotated[str, StringConstraints(min_length=8, max_length=40)]
 LineNumber = Annotated[int, Ge(0), Le(100_000)]
-Format = Literal["csv", "parquet"]
+Format = Literal["csv", "parquet", "hdf5", "mat", "tdms", "mdf"]
 
 
 class TextTableSource(Source):
@@ -52,7 +52,7 @@ class TimeSource(Source):
     """When the samples of a source were taken: by a column, or by a rate."""
 
     column: ColumnText | None = None
-    """The column of the times."""
+    """The column of the times; `(time)` for the times that a TDMS or MDF4 file states itself."""
     unit: UnitText | None = None
     """Its unit; by default the one that the file states."""
     rate: QuantityText | None = None
@@ -101,6 +101,10 @@ class StreamSource(Source):
     """
     format: Format | None = None
     """The format; by default by the ending of the file's name."""
+    group: Annotated[str, StringConstraints(min_length=1, max_length=200)] | None = None
+    """In a file with several tables: the group (HDF5, TDMS), the structure (MAT), or the number or
+    name of the channel group (MDF4).
+    """
     text: TextTableSource = Field(default_factory=TextTableSource)
     """Of a text file: separator, decimal sign, lines before the data."""
     time: TimeSource

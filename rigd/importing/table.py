@@ -44,6 +44,10 @@ class SourceTable(Protocol):
     def names(self) -> Sequence[str]:
         """The names of the columns, as the file has them."""
 
+    @property
+    def start_ns(self) -> int | None:
+        """When a time of 0 was, in ns since 1970, if the file states it."""
+
     def unit(self, column: int) -> str:
         """Return the unit that the file states apart from the name; "" if it states none."""
 

@@ -21,6 +21,7 @@ MODULES: Final[Mapping[str, tuple[str, ...]]] = {
     "foxglove": ("foxglove",),
     "fmu": ("fmpy",),
     "dbc": ("cantools",),
+    "import": ("scipy", "pyarrow", "h5py", "nptdms", "asammdf"),
 }
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from ruamel.yaml import YAML
 
-from rigd.config.document import read_document
 from rigd.importing import load_map
 from rigd.importing.source import map_schema
 from rigd.sdk.shipped import shipped_folder
@@ -26,4 +26,5 @@ def test_schema_file_matches_the_code() -> None:
 @pytest.mark.parametrize("path", MAPS, ids=[path.stem for path in MAPS])
 def test_shipped_map_is_right(path: Path) -> None:
     assert load_map(load_map(path).name).path.samefile(path)
-    jsonschema.Draft202012Validator(map_schema()).validate(read_document(path).data)
+    data = YAML(typ="safe", pure=True).load(path.read_text("utf-8"))
+    jsonschema.Draft202012Validator(map_schema()).validate(data)

@@ -168,6 +168,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_trend_of_one_wheel_ignores_the_set_names",
         ),
         "analyses/approach_angle/test_conformance.py": (),
+        "analyses/static/test_conformance.py": ("test_static_law_passes_check_analysis",),
         "analyses/approach_angle/test_paper_simulated.py": (),
         "analyses/lugre/lateral/test_carried.py": (
             "test_friction_of_another_floor_is_named",

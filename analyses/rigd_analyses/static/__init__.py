@@ -1,0 +1,1 @@
+"""Contains the analysis of a static friction law: force over speed."""

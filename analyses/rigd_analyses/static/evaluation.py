@@ -1,0 +1,147 @@
+"""Fits F = F_c + (F_s - F_c) exp(-(v/v_s)²) + k_v v to force over speed of a moving body.
+
+Coulomb friction, the Stribeck effect with a Gaussian, and viscous friction: see the survey of
+Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30 (1994), section 2. The law holds for
+steady motion: samples at rest, and where the speed changes fast, do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis import DataError, Options
+from rigd.analysis.model import FitParameter
+from rigd.analysis.parameters import Fitted, Group, ParameterEvaluation, complete_groups
+from rigd.analysis.response import (
+    Axis,
+    ResponseModel,
+    ResponseQuantity,
+    ResponseTrial,
+    Wording,
+    identify_response,
+)
+from rigd.analysis.result import BoolArray, FloatArray, Preprocessing
+from rigd.analysis.source import RecordedSweep, TrialInfo
+
+#: Below this share of the highest speed of a trial the body may be at rest.
+REST_SHARE: Final = 0.01
+#: The speed changes fast if it changes by this share of the highest one ...
+CHANGE_SHARE: Final = 0.1
+#: ... within this time in s.
+CHANGE_S: Final = 0.1
+SLOWER: Final = "Play strokes from a hundredth of the speed on, in small steps."
+FASTER: Final = "Play strokes at speeds of 1 to 10: only a range of speeds parts the two."
+WORDING: Final = Wording(
+    model="static-friction",
+    method="static law on samples in steady motion",
+    title="Static friction law",
+    x=Axis("speed", "m/s"),
+    y=Axis("friction", "N"),
+    quantities=(
+        ResponseQuantity("F_c", "Coulomb friction", FASTER),
+        ResponseQuantity("F_s", "friction just after breakaway", SLOWER),
+        ResponseQuantity("v_s", "speed at which the Stribeck effect ends", SLOWER),
+        ResponseQuantity("k_v", "friction in proportion to the speed", FASTER),
+    ),
+)
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+) -> ParameterEvaluation:
+    """Return the law of each group of trials.
+
+    Raises:
+        DataError: a recording has no complete trial, a sample is not finite, or nothing moves.
+    """
+    fitted = []
+    for group in complete_groups(sweeps, options, notify):
+        trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
+        force = np.concatenate([trial.measured[trial.used] for trial in trials])
+        speed = np.concatenate([trial.x[trial.used] for trial in trials])
+        size = float(np.median(np.abs(force))) or 1.0
+        model = ResponseModel(parameters(size, speed), friction, trials, size)
+        result = identify_response(model, WORDING, options, account(group))
+        fitted.append(Fitted(group, result))
+    return ParameterEvaluation.of(sweeps, fitted, options)
+
+
+def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the friction in N (n,) at a speed above 0 in m/s, and its derivatives (n, 4)."""
+    coulomb, breakaway, stribeck, viscous = theta
+    share = np.exp(-((speed / stribeck) ** 2))
+    drop = breakaway - coulomb
+    by_stribeck = drop * share * 2.0 * speed**2 / stribeck**3
+    derivatives = np.stack([1.0 - share, share, by_stribeck, speed], axis=1)
+    return coulomb + drop * share + viscous * speed, derivatives
+
+
+def parameters(size_n: float, speed: FloatArray) -> tuple[FitParameter, ...]:
+    """Return the parameters with wide bounds around the size of force in N and speed in m/s."""
+    low, usual = (float(x) for x in np.quantile(speed, [0.01, 0.5]))
+    viscous = size_n / usual
+    return (
+        FitParameter("F_c", "N", 1e-3 * size_n, 1e2 * size_n, size_n),
+        FitParameter("F_s", "N", 1e-3 * size_n, 1e2 * size_n, 1.2 * size_n),
+        FitParameter("v_s", "m/s", 1e-2 * low, 1e1 * usual, min(2.0 * low, usual)),
+        FitParameter("k_v", "N s/m", 1e-5 * viscous, 1e1 * viscous, 0.1 * viscous),
+    )
+
+
+def response(sweep: RecordedSweep, trial: TrialInfo) -> ResponseTrial:
+    """Return speed and friction of one trial, both in the direction of motion.
+
+    Raises:
+        DataError: a signal is missing, a sample is not finite, or the body does not move.
+    """
+    t_s, signals = sweep.signals(trial)
+    speed, force = signals["speed"], signals["force"]
+    for name, values in (("speed", speed), ("force", force)):
+        if not np.all(np.isfinite(values)):
+            raise DataError(
+                f"{sweep.path}: in trial {trial.number} samples of the {name} are not finite",
+                hint="`rigd report` draws the recording",
+            )
+    top = float(np.max(np.abs(speed), initial=0.0))
+    if len(t_s) < 2 or top == 0.0:
+        raise DataError(f"{sweep.path}: in trial {trial.number} the body does not move")
+    return ResponseTrial(
+        label=f"trial {trial.number}",
+        condition=f"up to {top:.3g} m/s",
+        recording=str(sweep.path),
+        t_s=t_s,
+        x=np.maximum(np.abs(speed), np.finfo(np.float64).tiny),
+        measured=force * np.sign(speed),
+        used=(np.abs(speed) > REST_SHARE * top) & steady(t_s, speed, top),
+    )
+
+
+def steady(t_s: FloatArray, speed: FloatArray, top: float) -> BoolArray:
+    """Return at which samples the speed changes slowly, before and after."""
+    size = max(1, round(CHANGE_S / float(t_s[1] - t_s[0])))
+    if size >= len(speed):
+        return np.ones(len(speed), np.bool_)
+    slow = np.abs(speed[size:] - speed[:-size]) < CHANGE_SHARE * top
+    edge = np.ones(size, np.bool_)
+    both: BoolArray = np.concatenate([edge, slow]) & np.concatenate([slow, edge])
+    return both
+
+
+def account(group: Group) -> Preprocessing:
+    """Return the processing of the samples before the fit, for the report."""
+    return Preprocessing(
+        statements=(
+            f"Samples count while the speed is above {100 * REST_SHARE:g} % of its highest value "
+            f"and changes by less than {100 * CHANGE_SHARE:g} % of it within {CHANGE_S:g} s.",
+            "Force and speed are taken in the direction of motion.",
+        ),
+        settings={
+            "rest_share": REST_SHARE,
+            "change_share": CHANGE_SHARE,
+            "change_s": CHANGE_S,
+        },
+        per_trial={f"trial {trial.number}": {} for _, trial in group.trials},
+    )

@@ -1,0 +1,74 @@
+"""Reads HDF5 files, and MATLAB files of version 7.3, which are HDF5."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from rigd.config.problems import suggest
+from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
+from rigd.importing.parquet_table import unreadable
+from rigd.model.errors import ConfigError
+
+
+def open_hdf5(path: Path, group: str | None, *, by_matlab: bool = False) -> ArrayTable:
+    """Return the datasets below a group as a table; of a compound dataset its fields.
+
+    Raises:
+        ConfigError: the file is cut off, damaged or no HDF5, or has no such group.
+    """
+    return ArrayTable(path, partial(_opened, path, group, by_matlab))
+
+
+@contextmanager
+def _opened(path: Path, group: str | None, by_matlab: bool) -> Iterator[Sequence[ArrayColumn]]:
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise unreadable(path, "HDF5", error) from error
+    with file:
+        found: Any = file
+        if group is not None:
+            if group not in file:
+                there: list[str] = []
+                file.visit(there.append)
+                raise ConfigError(f"{path} has no group {group!r}", hint=suggest(group, there))
+            found = file[group]
+        yield list(_columns(found, by_matlab))
+
+
+def _columns(found: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
+    if isinstance(found, h5py.Dataset):
+        yield from _of_dataset("", found, by_matlab)
+        return
+    datasets: list[tuple[str, Any]] = []
+    found.visititems(lambda name, item: datasets.append((name, item)))
+    for name, item in datasets:
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            yield from _of_dataset(name, item, by_matlab)
+
+
+def _of_dataset(name: str, data: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
+    unit = _text(data.attrs.get("unit", data.attrs.get("units", "")))
+    if data.dtype.names and data.ndim == 1:
+        for field in data.dtype.names:
+            yield ArrayColumn(
+                f"{name}/{field}" if name else field, "", len(data),
+                data.dtype[field].kind in "iu", partial(_field, data, field),
+            )  # fmt: skip
+        return
+    if data.ndim in (1, 2):
+        yield from matrix_columns(name, unit, data, rows_last=by_matlab)
+
+
+def _field(data: Any, field: str, start: int, end: int) -> Any:
+    return data[field][start:end] if data.chunks is None else data[start:end][field]
+
+
+def _text(value: object) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)

@@ -1,0 +1,125 @@
+"""Reads MDF4 files with asammdf: the channels of one channel group."""
+
+from __future__ import annotations
+
+import gc
+import struct
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from asammdf import MDF
+from asammdf.blocks.utils import MdfException
+from numpy.typing import NDArray
+
+from rigd.importing.array_table import ArrayColumn, ArrayTable
+from rigd.importing.parquet_table import unreadable
+from rigd.model.errors import ConfigError, Place
+
+#: The column of the times of a channel group, in s since the file's start.
+TIME: Final = "(time)"
+#: How a file begins, and one that its program did not finish.
+_MAGIC: Final = b"MDF     "
+_NOT_FINISHED: Final = b"UnFinMF "
+
+
+def open_mdf(path: Path, group: str | None) -> ArrayTable:
+    """Return the channels of a channel group as a table; ``group`` is its number, or its name.
+
+    Raises:
+        ConfigError: the file is cut off, damaged or no MDF, or has no such group.
+    """
+    with _file(path) as file:
+        _number(path, file, group)
+        begun = file.header.start_time
+        aware = begun if begun.tzinfo else begun.replace(tzinfo=UTC)
+        since = aware - datetime(1970, 1, 1, tzinfo=UTC)
+        start_ns = getattr(file.header, "abs_time", None)
+        if not isinstance(start_ns, int) or abs(start_ns * 1e-9 - since.total_seconds()) > 1.0:
+            start_ns = round(since.total_seconds() * 1e6) * 1000
+    return ArrayTable(path, partial(_opened, path, group), start_ns if start_ns > 0 else None)
+
+
+@contextmanager
+def _file(path: Path) -> Iterator[Any]:
+    with path.open("rb") as stream:
+        if stream.read(len(_MAGIC)) not in (_MAGIC, _NOT_FINISHED):
+            raise ConfigError(
+                "the file is cut off, damaged or no MDF: it does not begin as one does",
+                place=Place(str(path), 1, 1),
+            )
+        stream.seek(0)
+        try:
+            file = MDF(stream)
+        except (OSError, ValueError, MdfException, KeyError, struct.error) as error:
+            _free(error)
+            raise unreadable(path, "MDF", error) from None
+        with file:
+            yield file
+
+
+def _free(error: BaseException) -> None:
+    """Free the half-made object of asammdf in the frames of ``error``.
+
+    Freed later, it would print an error of its own, since it lacks what its end needs.
+    """
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
+def _number(path: Path, file: Any, group: str | None) -> int:
+    names = [str(item.channel_group.acq_name or "") for item in file.groups]
+    if group is None and len(names) == 1:
+        return 0
+    if group is not None and group in names:
+        return names.index(group)
+    if group is not None and group.isdecimal() and int(group) < len(names):
+        return int(group)
+    listed = ", ".join(f"{at} {name}".strip() for at, name in enumerate(names))
+    what = (
+        f"has {len(names)} channel groups" if group is None else f"has no channel group {group!r}"
+    )
+    raise ConfigError(f"{path} {what}", hint=f"give `group:`, the number or name of: {listed}")
+
+
+@contextmanager
+def _opened(path: Path, group: str | None) -> Iterator[Sequence[ArrayColumn]]:
+    with _file(path) as file:
+        number = _number(path, file, group)
+        found = file.groups[number]
+        rows = int(found.channel_group.cycles_nr)
+        masters = file.masters_db
+        columns = []
+        for index, channel in enumerate(found.channels):
+            if masters.get(number) == index:
+                columns.append(ArrayColumn(TIME, "s", rows, False, partial(_times, file, number)))
+                continue
+            probe = _read(file, number, index, 0, min(1, rows))
+            unit = str(getattr(channel, "unit", "") or "")
+            columns.append(
+                ArrayColumn(
+                    channel.name, unit, rows, probe.dtype.kind in "iu",
+                    partial(_read, file, number, index),
+                )
+            )  # fmt: skip
+        yield columns
+
+
+def _read(file: Any, group: int, index: int, start: int, end: int) -> NDArray[Any]:
+    signal = file.get(group=group, index=index, record_offset=start, record_count=end - start)
+    return np.asarray(signal.samples)
+
+
+def _times(file: Any, group: int, start: int, end: int) -> NDArray[np.float64]:
+    times = file.get_master(group, record_offset=start, record_count=end - start)
+    return np.asarray(times, np.float64)

@@ -1,0 +1,49 @@
+"""The static law is found where the data hold it; of the rest no number is quoted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigd.analysis.check import Case, SimulatedTrial, check_analysis
+from rigd_analyses.static.analysis import StaticFrictionAnalysis
+from rigd_analyses.static.evaluation import friction, steady
+
+TRUTH = {"F_c": 60.0, "F_s": 75.0, "v_s": 0.002, "k_v": 300.0}
+TIMES_S = np.arange(0.0, 3.0, 0.01)
+
+
+def stroke(first_m_s: float, last_m_s: float, seed: int) -> SimulatedTrial:
+    """A stroke whose speed goes from one value to another, with ramps from and to rest."""
+    speed = np.interp(TIMES_S, [0.0, 0.2, 2.8, 3.0], [0.0, first_m_s, last_m_s, 0.0])
+    drop = (TRUTH["F_s"] - TRUTH["F_c"]) * np.exp(-((speed / TRUTH["v_s"]) ** 2))
+    force = TRUTH["F_c"] + drop + TRUTH["k_v"] * speed
+    noise = np.random.default_rng(seed).normal(0.0, 0.5, len(speed))
+    return SimulatedTrial(TIMES_S, {"force": force * np.sign(speed) + noise, "speed": speed})
+
+
+def test_static_law_passes_check_analysis(tmp_path: Path) -> None:
+    speeds = (0.0005, 0.001, 0.002, 0.004, 0.01, 0.03, 0.1)
+    whole = Case([stroke(v, v, seed) for seed, v in enumerate(speeds)], {}, TRUTH)
+    fast = {"F_c": TRUTH["F_c"], "k_v": TRUTH["k_v"]}
+    high = Case([stroke(0.1, 0.4, 9)], {}, fast, unknown=("F_s", "v_s"))
+    report = check_analysis(StaticFrictionAnalysis, [whole, high], tmp_path)
+    assert report.skipped == {}
+
+
+def test_derivatives_are_those_of_the_law() -> None:
+    theta = np.array([60.0, 75.0, 0.002, 300.0])
+    speed = np.array([0.0005, 0.002, 0.01])
+    value, derivatives = friction(theta, speed)
+    for index in range(4):
+        step = theta * 1e-7 * (np.arange(4) == index)
+        change = (friction(theta + step, speed)[0] - value) / step[index]
+        assert derivatives[:, index] == pytest.approx(change, rel=1e-4, abs=1e-4)
+
+
+def test_samples_in_ramps_do_not_count() -> None:
+    speed = np.interp(TIMES_S, [0.0, 0.2, 2.8, 3.0], [0.0, 0.1, 0.1, 0.0])
+    counted = TIMES_S[steady(TIMES_S, speed, 0.1)]
+    assert (counted[0], counted[-1]) == pytest.approx((0.29, 2.71), abs=0.02)

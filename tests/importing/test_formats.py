@@ -1,0 +1,153 @@
+"""The same table in every format gives the same rows; what is wrong is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, TdmsWriter
+
+from rigd.importing import import_files, parse_map
+from rigd.model import ConfigError
+from rigd.record import Recording
+
+START_NS = 1_457_085_600_000_000_000
+TIMES_S = np.arange(500) / 1000.0
+FORCE = np.random.default_rng(5).normal(size=500)
+MAP = """\
+map: bench
+rig: old_bench
+started: 2016-03-04T10:00:00Z
+sources:
+  samples:
+    GROUP
+    time: {column: TIME, unit: s}
+    channels: {force: {column: force, unit: kN}}
+"""
+
+
+def write_hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["run/t"] = TIMES_S
+        file["run/force"] = FORCE
+        file["run/force"].attrs["unit"] = "kN"
+        file["other"] = np.zeros((7, 2))
+
+
+def write_compound(path: Path) -> None:
+    rows = np.zeros(500, [("t", "<f8"), ("force", "<f8")])
+    rows["t"], rows["force"] = TIMES_S, FORCE
+    with h5py.File(path, "w") as file:
+        file["run"] = rows
+
+
+def write_mat(path: Path) -> None:
+    content = {"t": TIMES_S, "force": FORCE, "units": {"force": "kN"}, "note": "old"}
+    scipy.io.savemat(path, {"run": content})
+
+
+def write_mat_of_version_7_3(path: Path) -> None:
+    """As MATLAB does: a head of 512 bytes, vectors that lie."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["run/t"] = TIMES_S[None, :]
+        file["run/force"] = FORCE[None, :]
+    with path.open("r+b") as head:
+        head.write(b"MATLAB 7.3 MAT-file")
+
+
+def write_tdms(path: Path) -> None:
+    about = {"unit_string": "kN", "wf_increment": 0.001, "wf_start_offset": 0.0}
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("run", "force", FORCE, properties=about)])
+
+
+def write_mdf(path: Path) -> None:
+    with MDF() as file:
+        file.append([Signal(FORCE, TIMES_S, unit="kN", name="force")])
+        file.save(path)
+
+
+def write_parquet(path: Path) -> None:
+    pq.write_table(pa.table({"t": TIMES_S, "force [kN]": FORCE}), path)
+
+
+FORMATS = {
+    "a.h5": (write_hdf5, "group: run", "t"),
+    "compound.h5": (write_compound, "group: run", "t"),
+    "a.mat": (write_mat, "group: run", "t"),
+    "new.mat": (write_mat_of_version_7_3, "group: run", "t"),
+    "a.tdms": (write_tdms, "group: run", "(time)"),
+    "a.mf4": (write_mdf, "group: '0'", "(time)"),
+    "a.parquet": (write_parquet, "sparse: false", "t"),
+}
+
+
+def bring_in(path: Path, group: str, time: str) -> Recording:
+    FORMATS[path.name][0](path)
+    what = parse_map(MAP.replace("GROUP", group).replace("TIME", time), Path("map.yaml"))
+    (made,) = import_files(what, [path], path.parent / "runs")
+    return Recording.open(made.path)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_gives_the_same_rows(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.importing.array_table.BATCH_ROWS", 128)
+    rows = bring_in(tmp_path / name, *FORMATS[name][1:]).read("samples")
+    assert rows["t_ns"].tolist() == [START_NS + i * 1_000_000 for i in range(500)]
+    assert rows["force"].tolist() == (FORCE * 1000.0).tolist()
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "a.parquet"])
+def test_unknown_group_is_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ConfigError, match=r"has no (group|structure|channel group) 'rum'"):
+        bring_in(tmp_path / name, "group: rum", FORMATS[name][2])
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.mat", "a.tdms", "a.mf4"])
+def test_file_that_is_cut_off_is_named(tmp_path: Path, name: str) -> None:
+    write, group, time = FORMATS[name]
+    path = tmp_path / name
+    write(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 3])
+    what = parse_map(MAP.replace("GROUP", group).replace("TIME", time), Path("map.yaml"))
+    with pytest.raises(ConfigError, match=r"cut off|has no |rows"):
+        import_files(what, [path], tmp_path / "runs")
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", ["h5", "mat", "tdms", "mf4", "parquet"])
+def test_file_of_another_format_is_named(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"a.{ending}"
+    path.write_text("t,force\n" * 200)
+    what = parse_map(MAP.replace("GROUP", "sparse: false").replace("TIME", "t"), Path("map.yaml"))
+    with pytest.raises(ConfigError, match="cut off, damaged or no "):
+        import_files(what, [path], tmp_path / "runs")
+
+
+def test_start_that_a_file_states_counts(tmp_path: Path) -> None:
+    begun = np.datetime64("2016-03-04T10:00:00.25", "us")
+    about = {"wf_increment": 0.001, "wf_start_time": begun}
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("run", "force", FORCE, properties=about)])
+    text = MAP.replace("started: 2016-03-04T10:00:00Z\n", "").replace("TIME", "(time)")
+    what = parse_map(text.replace("GROUP", "group: run"), Path("map.yaml"))
+    (made,) = import_files(what, [tmp_path / "a.tdms"], tmp_path / "runs")
+    recording = Recording.open(made.path)
+    assert recording.start_ns == START_NS + 250_000_000
+    assert recording.metadata["import"]["started_from"] == "the start that the file states"
+
+
+def test_columns_of_different_lengths_are_named(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["t"], file["force"] = TIMES_S, FORCE[:-1]
+    what = parse_map(MAP.replace("GROUP", "sparse: false").replace("TIME", "t"), Path("map.yaml"))
+    with pytest.raises(ConfigError, match="'force' has 499 rows, 't' 500"):
+        import_files(what, [tmp_path / "a.h5"], tmp_path / "runs")
