@@ -31,7 +31,7 @@ sources:
     text: {missing: nan}
     time: {column: t_ns, since: 1970-01-01}
     channels: {speed: {column: speed}}
-ignore: events.FORMAT
+ignore: [events.FORMAT, steps.FORMAT, metadata.json]
 trials:
   columns: trial
   outside: "-1"
@@ -107,6 +107,33 @@ def samples(path: Path, channels: list[str]) -> list[bytes]:
                 for cells in (line.split(b",") for line in lines)]  # fmt: skip
     table = pq.read_table(path)
     return [table.column(name).to_numpy().tobytes() for name in ("t_ns", *channels)]
+
+
+@pytest.mark.parametrize(
+    ("format", "ending", "prefix"), [("hdf5", "h5", ""), ("mdf4", "mf4", "STREAM.")]
+)
+def test_one_file_comes_back_bit_for_bit(
+    original: Recording, tmp_path: Path, format: Format, ending: str, prefix: str
+) -> None:
+    files = export(original, tmp_path / f"old.{ending}", format)
+    text = "map: bench\nrig: old_bench\nsources:\n"
+    for stream in (FAST, SLOW):
+        own = prefix.replace("STREAM", stream.name)
+        names = ", ".join(f"{c.name}: {{column: {own}{c.name}}}" for c in stream.channels)
+        text += f"""\
+  {stream.name}:
+    file: "*.{ending}"
+    group: {stream.name}
+    time: {{column: {own}t_ns, since: 1970-01-01}}
+    channels: {{{names}}}
+"""
+    own = prefix.replace("STREAM", "force")
+    text += f"trials: {{columns: {own}trial, outside: '-1'}}\n"
+    (made,) = import_files(parse_map(text, Path("m.yaml")), files, tmp_path / "runs")
+    again = Recording.open(made.path)
+    for name in ("force", "speed"):
+        assert again.read(name).tobytes() == original.read(name).tobytes()
+    assert [trial.number for trial in again.trials] == [1, 2]
 
 
 def test_cut_parquet_file_is_named(original: Recording, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def evaluate(
         force = np.concatenate([trial.measured[trial.used] for trial in trials])
         speed = np.concatenate([trial.x[trial.used] for trial in trials])
         size = float(np.median(np.abs(force))) or 1.0
-        model = ResponseModel(parameters(size, speed), friction, trials, size)
+        model = ResponseModel(parameters(size, speed, force), friction, trials, size)
         result = identify_response(model, WORDING, options, account(group))
         fitted.append(Fitted(group, result))
     return ParameterEvaluation.of(sweeps, fitted, options)
@@ -79,16 +79,27 @@ def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
     return coulomb + drop * share + viscous * speed, derivatives
 
 
-def parameters(size_n: float, speed: FloatArray) -> tuple[FitParameter, ...]:
-    """Return the parameters with wide bounds around the size of force in N and speed in m/s."""
+def parameters(size_n: float, speed: FloatArray, force: FloatArray) -> tuple[FitParameter, ...]:
+    """Return the parameters with wide bounds around the size of force in N and speed in m/s.
+
+    The first start is the straight line through all samples.
+    """
     low, usual = (float(x) for x in np.quantile(speed, [0.01, 0.5]))
     viscous = size_n / usual
+    centre = float(np.mean(speed))
+    spread = float(np.sum((speed - centre) ** 2)) or 1.0
+    slope = float(np.sum((speed - centre) * force)) / spread
+    constant = float(np.mean(force)) - slope * centre
+    coulomb = float(np.clip(constant, 0.01 * size_n, size_n))
     return (
-        FitParameter("F_c", "N", 1e-3 * size_n, 1e2 * size_n, size_n),
-        FitParameter("F_s", "N", 1e-3 * size_n, 1e2 * size_n, 1.2 * size_n),
+        FitParameter("F_c", "N", 1e-3 * size_n, 1e2 * size_n, coulomb),
+        FitParameter("F_s", "N", 1e-3 * size_n, 1e2 * size_n, 1.2 * coulomb),
         FitParameter("v_s", "m/s", 1e-2 * low, 1e1 * usual, min(2.0 * low, usual)),
-        FitParameter("k_v", "N s/m", 1e-5 * viscous, 1e1 * viscous, 0.1 * viscous),
-    )
+        FitParameter(
+            "k_v", "N s/m", 1e-5 * viscous, 1e1 * viscous,
+            float(np.clip(slope, 1e-3 * viscous, viscous)),
+        ),
+    )  # fmt: skip
 
 
 def response(sweep: RecordedSweep, trial: TrialInfo) -> ResponseTrial:
