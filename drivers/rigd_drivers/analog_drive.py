@@ -122,6 +122,7 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
                 hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
             )
         card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
+        self._check_span()
         lines = () if config.ready_input is None else (config.ready_input,)
         card.use_inputs(analog=(config.monitor_input,), lines=lines)
 
@@ -180,6 +181,23 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
     def rescue(self) -> None:
         """Bring all outputs of the card to rest, over a connection of its own."""
         self.link.rescue()
+
+    def _check_span(self) -> None:
+        """Check that the output of the card can give what every setpoint needs.
+
+        Raises:
+            LinkError: it cannot.
+
+        """
+        output, wanted = self.config.set_output, self._setpoint
+        low, high = self.link.output_span(output)
+        ends = sorted(value * self._volts_per_unit for value in (wanted.low, wanted.high))
+        if ends[0] < low - 1e-9 or ends[1] > high + 1e-9:
+            raise LinkError(
+                f"analogue output {output} gives {low:g} to {high:g} V; {wanted.low:g} to "
+                f"{wanted.high:g} {wanted.unit} need {ends[0]:g} to {ends[1]:g} V",
+                hint="use an output that gives both signs; of a LabJack, one of an LJTick-DAC",
+            )
 
     def _rest(self) -> None:
         self.link.set_volts(self.config.set_output, 0.0)

@@ -67,6 +67,15 @@ class Card(Link):
     def rests_high(self, line: int) -> bool:
         """Return whether a digital output is high at rest."""
 
+    def output_span(self, output: int) -> tuple[float, float]:
+        """Return the lowest and the highest volts that an analogue output can give.
+
+        Raises:
+            LinkError: the card has no such output.
+
+        """
+        return -10.0, 10.0
+
     @abstractmethod
     def set_volts(self, output: int, volts: float) -> None:
         """Set an analogue output, clipped to what it can give, put out with the rest."""

@@ -22,6 +22,8 @@ from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.labjack import SimLabjack
+from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.mf624 import SimMf624
 from rigd_sim.wire.modbus.line import TcpLine
 from rigd_sim.wire.modbus.servo import SimModbusServo
@@ -176,6 +178,22 @@ class NiCardOptions(SimulationConfig):
     """Whether that timer can act on analogue outputs, too."""
 
 
+class LabjackOptions(SimulationConfig):
+    """A LabJack T7 with the rig wired to it, as ``configs/labjack_lugre.yaml`` has it.
+
+    An LJTick-DAC on FIO4 and FIO5 gives the set values of wheel and longitudinal belt (TDAC4, TDAC5).
+    Encoders are on FIO0, FIO2 and FIO6 (wheel, guide, longitudinal belt). EIO0 to 7 are the digital
+    outputs, CIO0 to 3 the digital inputs; EIO7 is wired to CIO3.
+    """
+
+    host: str = "127.0.0.1"
+    """Address where it is reached."""
+    port: Annotated[int, Ge(0), Le(65535)] = 31766
+    """TCP port where it is reached."""
+    serial: Annotated[int, Ge(1), Le(0xFFFFFFFF)] = 470012345
+    """Its serial number."""
+
+
 class CanSensorOptions(SimulationConfig):
     """A sensor that sends a message of a DBC file by itself, with values that stand still."""
 
@@ -326,6 +344,25 @@ def _ni_card(name: str, options: NiCardOptions, bench: Bench) -> Part:
     return SimNiIo(name, terminals, wiring, address=options.address, device=options.device)
 
 
+def _labjack(name: str, options: LabjackOptions, bench: Bench) -> Part:
+    world = bench.world
+    wiring = LugreWiring(world.plant, one_shot_s=None, advance=world.at)
+    registers = labjack_of(wiring, serial=options.serial)
+    return SimLabjack(name, TcpLine(options.host, options.port), registers, wiring)
+
+
+def labjack_of(wiring: LugreWiring, *, serial: int = 470012345) -> LabjackRegisters:
+    """Return a T7 with the rig wired to it as :class:`LabjackOptions` states."""
+    return LabjackRegisters(
+        wiring.wires(),
+        lines_out={line: line - 8 for line in range(8, 16)},
+        lines_in={16: 0, 17: 1, 18: 2, 19: 7},
+        volts_out={"TDAC4": 0, "TDAC5": 1},
+        counters={0: 0, 2: 1, 6: 2},
+        serial=serial,
+    )
+
+
 def _traction(name: str, options: TransmitterOptions, bench: Bench) -> Part:
     cell = LoadCell(
         bench.world.reading(layout.READINGS.index("traction_force")),
@@ -363,6 +400,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     "scale": _scale,
     "card": _card,
     "ni_card": _ni_card,
+    "labjack": _labjack,
 }
 
 
@@ -393,12 +431,16 @@ class DeviceOptions(SimulationConfig):
     """Sensors that send messages of DBC files on a bus, by name."""
     ni_card: NiCardOptions | None = None
     """NI card that drives the rig in place of the three servo drives."""
+    labjack: LabjackOptions | None = None
+    """LabJack that drives the wheel and the longitudinal belt in place of the three servo drives."""
 
     @model_validator(mode="after")
     def _one_drive_per_axis(self) -> Self:
-        card = self.card or self.ni_card
-        if self.card is not None and self.ni_card is not None:
-            raise ValueError("one card drives the rig: remove `card` or `ni_card`")
+        cards = {"card": self.card, "ni_card": self.ni_card, "labjack": self.labjack}
+        given = [name for name, options in cards.items() if options is not None]
+        card = cards[given[0]] if given else None
+        if len(given) > 1:
+            raise ValueError(f"one card drives the rig: remove `{given[0]}` or `{given[1]}`")
         for name in ("wheel_servo", "longitudinal_belt", "lateral_belt"):
             if card is not None and getattr(self, name) is not None:
                 raise ValueError(f"the card drives the rig already; write '{name}: null'")
