@@ -6,7 +6,7 @@ from the recording. The rig is the shipped one at the wire.
     python benchmarks/kill_table.py --kills 50 --table kills.jsonl --holding
                         continues the table: stop it and start it as you like; with --holding, a
                         controller moves the wheel, with --held it does so in a step that is held;
-                        with --ni the rig stands on an NI card
+                        with --ni the rig stands on an NI card, with --labjack on a LabJack
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.fault_rigs import NI_SHAKING
+from support.fault_rigs import LABJACK_SHAKING, NI_SHAKING
 from support.killing import (
     HELD,
     HOLDING,
@@ -41,7 +41,7 @@ from support.killing import (
     bound_s,
     own_state,
 )
-from support.wire import LUGRE, NI, WireRig, wire_rig
+from support.wire import LABJACK, LUGRE, NI, WireRig, wire_rig
 
 Row = dict[str, Any]
 
@@ -95,6 +95,7 @@ def main() -> int:
     parser.add_argument("--holding", action="store_true", help="while a controller acts")
     parser.add_argument("--held", action="store_true", help="the same in a step that is held")
     parser.add_argument("--ni", action="store_true", help="the rig on an NI card")
+    parser.add_argument("--labjack", action="store_true", help="the rig on a LabJack")
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
     draw = random.Random(args.seed)
@@ -114,6 +115,8 @@ def main() -> int:
     movement, changes, shipped = SHAKING, PATIENT, LUGRE
     if args.ni:
         movement, changes, shipped = NI_SHAKING, {}, NI
+    if args.labjack:
+        movement, changes, shipped = LABJACK_SHAKING, {}, LABJACK
     if args.holding or args.held:
         movement, changes = (HELD if args.held else HOLDING), PATIENT | RIM_HOLD
     with (

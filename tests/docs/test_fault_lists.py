@@ -15,6 +15,7 @@ from rigd_sim.wire.can.encoder import Cia406Encoder
 from rigd_sim.wire.can.misbehaviour import FAULTS
 from rigd_sim.wire.can.transmitter import Cia404Transmitter
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.labjack import SimLabjack
 from rigd_sim.wire.lines import SimLines
 from rigd_sim.wire.modbus.part import LINE_FAULTS
 from rigd_sim.wire.modbus.servo import SimModbusServo
@@ -42,6 +43,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "Sensor of a DBC file": SimDbcSensor.faults,
     "NI card": SimNi.faults,
     "NI card that drives": {**Terminals.faults, "stall": "answers are held back (seconds)"},
+    "LabJack": beyond(SimLabjack.faults, LINE_FAULTS),
     "Relay": SimRelay.faults,
     "Scale": SimScale.faults,
     "Device that sends lines": SimLines.faults,

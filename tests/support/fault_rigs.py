@@ -74,6 +74,12 @@ NI_SHAKING: Final = replace(
     moves=lambda parts: abs(parts["ni_card"]["wheel_demand"]) > 0.01,
     watchdog_s=0.2,
 )
+LABJACK_SHAKING: Final = replace(
+    SHAKING,
+    drives=("labjack",),
+    moves=lambda parts: abs(parts["labjack"]["wheel_demand"]) > 0.01,
+    watchdog_s=2.0,
+)
 
 _INVERTER_RIG: Final = """\
 rig: wire-inverter

@@ -102,6 +102,10 @@ ANGLE = Shipped(
 )  # fmt: skip
 LINES = Shipped("wire_lines.yaml", "lines-1", "/tmp/rigd-wire-lines", "", ())
 NI = Shipped("ni_lugre.yaml", "ni-lugre", "/tmp/rigd-ni-lugre", "lugre.yaml", ("127.0.0.1:31765",))
+LABJACK = Shipped(
+    "labjack_lugre.yaml", "labjack-lugre", "/tmp/rigd-labjack-lugre", "lugre.yaml",
+    ("port: 31766",),
+)  # fmt: skip
 OVEN = Shipped("wire_oven.yaml", "oven-1", "/tmp/rigd-wire-oven", "", ())
 ROBOT = Shipped(
     "wire_articulated.yaml", "articulated-wire-1", "/tmp/rigd-wire-robot", "articulated.yaml",

@@ -157,9 +157,7 @@ class Connection:
     def _refusal(self, asked: Packet, until_s: float) -> DeviceError:
         """Return the error that names what the device refuses, and why."""
         data = self._exchange(_ERROR_DETAIL, until_s)
-        code = (
-            0 if data is None or len(data) != _ERROR_DETAIL.answer.size else data[0] << 8 | data[1]
-        )
+        code = 0 if data is None else int.from_bytes(data, "big")
         named = _ERRORS.get(code, "see LabJack's list of errors")
         return DeviceError(
             f"{self.where} refuses a packet of {', '.join(asked.names)}: error {code}, {named}",

@@ -78,8 +78,7 @@ class Device:
             ProtocolError: it is another device than the rig file names.
             DeviceError: it refuses what the rig file asks for.
         """
-        self._connection.open(OPEN_S)
-        identity = self._check_product()
+        identity = self._connect()
         self._check_unused()
         self.rest()
         self._set_up_watchdog()
@@ -101,8 +100,7 @@ class Device:
             DeviceError: it does not take it.
         """
         try:
-            self._connection.open(OPEN_S)
-            self._check_product()
+            self._connect()
             self.rest()
         finally:
             self.close()
@@ -207,6 +205,18 @@ class Device:
         until_s = time.monotonic() + CALL_S if self._until_s is None else self._until_s
         return self._connection.ask(asked, until_s)
 
+    def _connect(self) -> str:
+        """Connect, and return what device it is."""
+        try:
+            self._connection.open(OPEN_S)
+            return self._check_product()
+        except LinkError as error:
+            raise LinkError(
+                error.message,
+                hint="check its address, power and cable; it takes two connections at once, and "
+                "rigd needs both: close Kipling and other programs",
+            ) from error
+
     def _check_product(self) -> str:
         config = self._config
         asked = packet(lj.PRODUCT_ID, lj.FIRMWARE_VERSION, lj.SERIAL_NUMBER)
@@ -253,7 +263,7 @@ class Device:
                 raise LinkError(
                     f"the drives on {self} are kept enabled: another program feeds the one-shot or "
                     "watchdog, or it no longer falls by itself",
-                    hint="end that run; if there is none, check the wire of the one-shot or watchdog",
+                    hint="end that run; if there is none, check the wire of the guard",
                 )
             time.sleep(_LOOK_S)
 

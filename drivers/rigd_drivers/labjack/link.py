@@ -318,8 +318,8 @@ class Labjack(Card):
             for line in () if edges else (encoder, encoder + 1):
                 if line in used or line in config.edge_counters:
                     raise LinkError(
-                        f"encoder {encoder} needs lines {encoder} and {encoder + 1}; line {line} is "
-                        "used otherwise in the options of the link",
+                        f"encoder {encoder} needs lines {encoder} and {encoder + 1}; line {line} "
+                        "is used otherwise in the options of the link",
                         hint="wire the encoder or that signal to other lines",
                     )
 

@@ -13,6 +13,8 @@ from rigd_sim.wire.part import State
 
 #: The device is brought to now this often, so that its watchdog acts when nobody asks, in s.
 _TICK_S = 0.005
+#: TCP connections that a T7 or T4 keeps at once (T-Series Datasheet, "Ethernet").
+CONNECTIONS = 2
 _FAULTS = {
     "watchdog_dead": "the watchdog never acts",
     "watchdog_acts": "the watchdog acts, now",

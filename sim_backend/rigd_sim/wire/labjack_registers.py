@@ -21,7 +21,8 @@ from rigd_sim.wire.modbus.bank import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL
 
 LINES: Final = 23
 INPUTS: Final = 14
-COUNTING: Final = (0, 1, 2, 3, 6, 7)  #: lines that can count; an encoder takes 0+1, 2+3 or 6+7
+#: Lines that can count; an encoder takes 0+1, 2+3 or 6+7 of a T7, 4+5, 6+7 or 8+9 of a T4.
+COUNTING: Final = {7: (0, 1, 2, 3, 6, 7), 4: (4, 5, 6, 7, 8, 9)}
 _ALL: Final = (1 << LINES) - 1
 _FEEDBACK: Final = 76
 _QUADRATURE, _EDGES = 10, 8
@@ -147,6 +148,7 @@ class LabjackRegisters:
         self._lines_out, self._lines_in = lines_out, lines_in
         self._volts_out, self._counters = volts_out, counters
         self.watchdog = Watchdog(self._act, clock_s)
+        self._kind = 7
         self.product = 7.0
         self.has_tick = True
         self.input_failed = False
@@ -154,6 +156,7 @@ class LabjackRegisters:
         self._state = _ALL  # lines are pulled up
         self._direction = 0
         self._inhibit = 0
+        self._analog = 0  #: lines that are analogue inputs (T4)
         self._error = 0
         self._enabled = dict.fromkeys(range(LINES), 0)
         self._index = dict.fromkeys(range(LINES), 0)
@@ -164,7 +167,7 @@ class LabjackRegisters:
     @property
     def driven(self) -> int:
         """The lines that are outputs and high, one bit each."""
-        return self._state & self._direction
+        return self._state & self._direction & ~self._analog
 
     def advance(self) -> None:
         """Bring the device and what is wired to it to now."""
@@ -189,6 +192,15 @@ class LabjackRegisters:
         finally:
             self.watchdog.heard()
         return answered
+
+    def become_a_t4(self) -> None:
+        """Have the lines and inputs of a T4, whose lines 4 to 11 are analogue at first."""
+        self._kind = 4
+        self.product = 4.0
+        self._analog = 0xFF0
+        self._cells[2880] = _Cell("I", lambda: self._analog, self._set_analog)
+        for number in range(INPUTS):
+            del self._cells[40000 + 2 * number], self._cells[41000 + number]
 
     def reset_counters(self) -> None:
         """Let all counters begin at zero again."""
@@ -307,6 +319,9 @@ class LabjackRegisters:
         self._direction = self._direction & self._inhibit | int(value) & ~self._inhibit & _ALL
         self._drive()
 
+    def _set_analog(self, value: float) -> None:
+        self._analog = self._analog & self._inhibit | int(value) & ~self._inhibit & _ALL
+
     def _set_inhibit(self, value: float) -> None:
         self._inhibit = int(value) & _ALL
 
@@ -344,7 +359,7 @@ class LabjackRegisters:
     def _set_index(self, line: int, index: float) -> None:
         if self._enabled[line]:
             raise _Failure(_EF_ENABLED)
-        if line not in COUNTING or index not in (0, _QUADRATURE, _EDGES):
+        if line not in COUNTING[self._kind] or index not in (0, _QUADRATURE, _EDGES):
             raise _Failure(_EF_PIN_TYPE_MISMATCH)
         self._index[line] = int(index)
 

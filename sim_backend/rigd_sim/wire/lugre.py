@@ -22,7 +22,7 @@ from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
-from rigd_sim.wire.labjack import SimLabjack
+from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
 from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.mf624 import SimMf624
 from rigd_sim.wire.modbus.line import TcpLine
@@ -181,9 +181,9 @@ class NiCardOptions(SimulationConfig):
 class LabjackOptions(SimulationConfig):
     """A LabJack T7 with the rig wired to it, as ``configs/labjack_lugre.yaml`` has it.
 
-    An LJTick-DAC on FIO4 and FIO5 gives the set values of wheel and longitudinal belt (TDAC4, TDAC5).
-    Encoders are on FIO0, FIO2 and FIO6 (wheel, guide, longitudinal belt). EIO0 to 7 are the digital
-    outputs, CIO0 to 3 the digital inputs; EIO7 is wired to CIO3.
+    An LJTick-DAC on FIO4 and FIO5 gives the set values of wheel and longitudinal belt (TDAC4,
+    TDAC5). Encoders are on FIO0, FIO2 and FIO6 (wheel, guide, longitudinal belt). EIO0 to 7 are the
+    digital outputs, CIO0 to 3 the digital inputs; EIO7 is wired to CIO3.
     """
 
     host: str = "127.0.0.1"
@@ -348,7 +348,7 @@ def _labjack(name: str, options: LabjackOptions, bench: Bench) -> Part:
     world = bench.world
     wiring = LugreWiring(world.plant, one_shot_s=None, advance=world.at)
     registers = labjack_of(wiring, serial=options.serial)
-    return SimLabjack(name, TcpLine(options.host, options.port), registers, wiring)
+    return SimLabjack(name, TcpLine(options.host, options.port, CONNECTIONS), registers, wiring)
 
 
 def labjack_of(wiring: LugreWiring, *, serial: int = 470012345) -> LabjackRegisters:
@@ -432,7 +432,7 @@ class DeviceOptions(SimulationConfig):
     ni_card: NiCardOptions | None = None
     """NI card that drives the rig in place of the three servo drives."""
     labjack: LabjackOptions | None = None
-    """LabJack that drives the wheel and the longitudinal belt in place of the three servo drives."""
+    """LabJack that drives wheel and longitudinal belt in place of the three servo drives."""
 
     @model_validator(mode="after")
     def _one_drive_per_axis(self) -> Self:

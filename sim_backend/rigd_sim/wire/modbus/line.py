@@ -68,6 +68,7 @@ class TcpLine(Line):
 
     host: str = "127.0.0.1"
     port: int = 502
+    most: int = 1000  #: connections at once; it resets others
     is_serial = False
     _server: asyncio.Server | None = None
     _open: set[_Connection] = field(default_factory=set)
@@ -76,7 +77,7 @@ class TcpLine(Line):
         """See :class:`Line`."""
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(
-            lambda: _Connection(handle, self._open), self.host, self.port
+            lambda: _Connection(handle, self._open, self.most), self.host, self.port
         )
         self.port = self._server.sockets[0].getsockname()[1]
         return f"Modbus TCP at {self.host}:{self.port}"
@@ -101,9 +102,10 @@ class TcpLine(Line):
 
 
 class _Connection(asyncio.Protocol):
-    def __init__(self, handle: Handler, all_open: set[_Connection]) -> None:
+    def __init__(self, handle: Handler, all_open: set[_Connection], most: int) -> None:
         self._handle = handle
         self._all_open = all_open
+        self._most = most
         self._buffer = bytearray()
         self._transport: asyncio.Transport | None = None
         self._loop = asyncio.get_running_loop()
@@ -116,6 +118,8 @@ class _Connection(asyncio.Protocol):
             self._all_open.add(self)
             connected = transport.get_extra_info("socket")
             connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if len(self._all_open) > self._most:
+                self.reset()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._all_open.discard(self)
