@@ -97,7 +97,7 @@ SIDE_BY_SIDE = places(
 #: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.
 WITH_PRIORITY = places(
-    "drivers/canopen/test_conformance.py", "drivers/modbus", "drivers/ni_io",
+    "drivers/canopen/test_conformance.py", "drivers/labjack", "drivers/modbus", "drivers/ni_io",
     "drivers/ni_relay", "drivers/scale",
     "drivers/test_ni_clock.py", "drivers/test_ni_daq.py", "engine/slow/test_ni_in_helper.py",
     "sim/wire",

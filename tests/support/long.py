@@ -351,6 +351,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_it_conforms[wheel_encoder]",
             "test_it_conforms[wheel_servo]",
         ),
+        "drivers/labjack/test_conformance.py": (),
+        "drivers/labjack/test_link.py": ("test_open_wire_of_the_watchdog_is_named",),
         "drivers/ni_io/test_conformance.py": (),
         "drivers/test_ni_daq.py": ("test_crystals_drift_is_seen_against_machines_clock",),
         "engine/recorder/test_recorder.py": ("test_repeatedly_killed_recorder_loses_nothing",),
@@ -402,6 +404,14 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_run_is_refused_before_anything_moves[servo_bus second_rigd before]",
         ),
         "system/test_in_loop_wire.py": (),
+        "system/test_labjack_wire.py": (
+            "test_fault_of_device_ends_run_with_its_name",
+            "test_kill_leaves_drives_disabled_and_every_sample[all-SIGSTOP",
+            "test_kill_leaves_drives_disabled_and_every_sample[cycle",
+            "test_kill_leaves_drives_disabled_and_every_sample[daemon",
+            "test_quick_procedure_completes_on_the_device",
+            "test_watchdog_that_does_not_act_is_not_armed",
+        ),
         "system/test_ni_card_wire.py": (
             "test_fault_of_card_ends_run_with_its_name",
             "test_kill_leaves_outputs_at_rest_and_every_sample[all",

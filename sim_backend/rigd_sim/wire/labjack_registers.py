@@ -266,8 +266,9 @@ class LabjackRegisters:
                 self._setting(cells, first + step * number, kind, value)
         for number in (0, 1):
             name = f"DAC{number}"
-            read, write = partial(self.volts.get, name, 0.0), partial(self._dac, name)
-            cells[1000 + 2 * number] = _Cell("f", read, write)
+            cells[1000 + 2 * number] = _Cell(
+                "f", partial(self._given, name), partial(self._dac, name)
+            )
         for number in range(22):
             cells[30000 + 2 * number] = _Cell("f", None, partial(self._tick, f"TDAC{number}"))
         for line in range(LINES):
@@ -280,8 +281,11 @@ class LabjackRegisters:
             )
         for address in self.watchdog.values:
             kind = "f" if address in (61642, 61652) else "I"
-            read = partial(self.watchdog.values.__getitem__, address)
-            cells[address] = _Cell(kind, read, partial(self.watchdog.set, address))
+            cells[address] = _Cell(
+                kind,
+                partial(self.watchdog.values.__getitem__, address),
+                partial(self.watchdog.set, address),
+            )
         return cells
 
     def _setting(self, cells: dict[int, _Cell], address: int, kind: str, value: float) -> None:
@@ -339,6 +343,9 @@ class LabjackRegisters:
             wire = self._wires.volts_out.get(self._volts_out[name])
             if wire is not None:
                 wire(volts)
+
+    def _given(self, name: str) -> float:
+        return self.volts.get(name, 0.0)
 
     def _dac(self, name: str, volts: float) -> None:
         self._give(name, min(max(volts, 0.0), 5.0))
