@@ -97,3 +97,11 @@ def test_one_load_of_one_set_gives_its_maximum(tmp_path: Path) -> None:
     assert only.maximum is not None
     assert only.maximum.value == pytest.approx(0.2475, rel=0.05)
     assert only.maximum.low < 0.2475 < only.maximum.high
+    for run in found.result.runs:
+        on = run.run.run_on
+        assert on.at_rest and on.by_travel and on.threshold_m == 0.3
+        assert 0.0 < on.overshoot_s < 0.035  # a block, its latency, and the cycle: 15 ms on average
+        assert 0.45 < on.final_travel_m < 0.48  # the bumper begins at 0.45 m
+        assert 10.0 < on.final_turning_rad < on.turning_limit_rad
+    assert [point.runs for point in found.result.slips] == [2, 2, 2, 2, 2]
+    assert found.result.slips[-1].slip > found.result.slips[0].slip > 0.0

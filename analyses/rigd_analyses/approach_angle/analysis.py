@@ -34,8 +34,9 @@ class ApproachAngleAnalysis(Analysis):
             "relay": "1",
             "load": "kg",
         },
-        optional_signals={"normal_force": "V"},
+        optional_signals={"normal_force": "V", "final_travel": "m", "final_turning": "rad"},
         constants=("angle", "wheel_radius", "wheel_inertia", "platform_mass", "gravity"),
+        optional_constants=("stop_travel", "most_turning"),
         references=("maximum",),
         trial_parameters=("set", "load", "voltage"),
         calibrated=(

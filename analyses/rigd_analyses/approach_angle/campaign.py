@@ -18,6 +18,8 @@ from rigd_analyses.approach_angle.flags import raw_flags
 from rigd_analyses.approach_angle.paper import PaperSettings, analyse_paper
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetResult, Trend
 from rigd_analyses.approach_angle.sets import evaluate_set
+from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
+from rigd_analyses.approach_angle.stops import stops_of
 from rigd_analyses.approach_angle.trend import trend
 
 
@@ -62,7 +64,8 @@ def analyse_campaign(
         trends=trends,
         reference="" if reference is None else reference.label,
         statements=_statements(bending, better),
-        warnings=tuple(_warnings(sets, trends)),
+        warnings=(*_warnings(sets, trends), *_stop_warnings(runs)),
+        slips=slip_over_angle(results),
     )
 
 
@@ -182,3 +185,14 @@ def _warnings(sets: Sequence[SetResult], trends: Mapping[str, Trend]) -> list[st
     if "better" not in trends:
         found.append("There is no trend over the angle: fewer than three angles have a maximum.")
     return found
+
+
+def _stop_warnings(runs: Sequence[KnownRun]) -> list[str]:
+    stops = stops_of([known.run.run_on for known in runs])
+    if not stops.beyond:
+        return []
+    return [
+        f"The wheel ran on to {max(stops.beyond):.1f} rad in {len(stops.beyond)} of {len(runs)} "
+        f"runs, at most {stops.limit_rad:g} rad is allowed: give the procedure a larger run_on, "
+        "or its potentiometer will come to its end."
+    ]

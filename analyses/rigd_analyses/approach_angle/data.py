@@ -101,6 +101,52 @@ class Flag:
         }
 
 
+@dataclass(frozen=True)
+class RunOn:
+    """How far platform and wheel went beyond the stop; NaN for what the recording does not show.
+
+    Positions are those of the converted channels, by which the procedure stops a run.
+    """
+
+    stop_travel_m: float = math.nan  #: where the platform was as the relay was commanded to open
+    stop_speed_m_s: float = math.nan  #: of the platform then
+    threshold_m: float = math.nan  #: travel at which the relay is to open
+    final_travel_m: float = math.nan  #: the farthest that the platform went
+    final_turning_rad: float = math.nan  #: where the wheel came to rest
+    turning_limit_rad: float = math.nan  #: where it is to have come to rest
+    at_rest: bool = False  #: whether both stood still at the end of what was recorded
+
+    @property
+    def by_travel(self) -> bool:
+        """Whether the travel stopped the run; if not, the wheel's turning or the time did."""
+        return self.stop_travel_m >= self.threshold_m
+
+    @property
+    def overshoot_m(self) -> float:
+        """Travel beyond the threshold at the command; NaN if another condition stopped the run."""
+        return self.stop_travel_m - self.threshold_m if self.by_travel else math.nan
+
+    @property
+    def overshoot_s(self) -> float:
+        """Time since the platform passed the threshold: overshoot over speed (angle.md 4.6)."""
+        return self.overshoot_m / self.stop_speed_m_s if self.stop_speed_m_s > 0.0 else math.nan
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "stopped_by": "travel" if self.by_travel else "other",
+            "travel_at_stop_m": self.stop_travel_m,
+            "speed_at_stop_m_per_s": self.stop_speed_m_s,
+            "threshold_m": self.threshold_m,
+            "overshoot_m": self.overshoot_m,
+            "overshoot_s": self.overshoot_s,
+            "final_travel_m": self.final_travel_m,
+            "final_turning_rad": self.final_turning_rad,
+            "turning_limit_rad": self.turning_limit_rad,
+            "at_rest": self.at_rest,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class AngleRun:
     """One run: raw volts over the time since the relay COMMAND; negative times are pre-trigger.
@@ -131,6 +177,7 @@ class AngleRun:
     recording: str = ""
     planned_load_kg: float = math.nan  #: NaN if it is the one announced
     flags: tuple[Flag, ...] = ()  #: what is wrong with the run by its recording, such as incomplete
+    run_on: RunOn = field(default_factory=RunOn)
 
     @property
     def cell(self) -> tuple[str, float, float]:

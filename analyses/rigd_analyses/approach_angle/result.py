@@ -63,6 +63,7 @@ class RunResult:
             "excluded": self.excluded,
             "paper": self.paper,
             "better": self.better,
+            "run_on": run.run_on,
             "flags": self.flags,
         }
 
@@ -311,6 +312,43 @@ class Trend:
 
 
 @dataclass(frozen=True)
+class SlipPoint:
+    """Corrected slip of one set at one voltage: the mean over its loads, dimensionless.
+
+    ``expanded`` is the half width of its 95 % interval, NaN without equal runs that show their
+    spread. ``lowest_load`` and ``highest_load`` are the smallest and the largest mean of a load.
+    """
+
+    set_name: str
+    wheel: str
+    alpha_rad: float
+    voltage_v: float
+    slip: float
+    expanded: float
+    lowest_load: float
+    highest_load: float
+    loads_kg: tuple[float, ...]
+    runs: int
+    regimes: tuple[Regime, ...]  #: of the runs, each once
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "set": self.set_name,
+            "wheel": self.wheel,
+            "angle_deg": math.degrees(self.alpha_rad),
+            "motor_voltage_V": self.voltage_v,
+            "slip_corrected": self.slip,
+            "U_95": self.expanded,
+            "lowest_mean_of_a_load": self.lowest_load,
+            "highest_mean_of_a_load": self.highest_load,
+            "loads_kg": self.loads_kg,
+            "runs": self.runs,
+            "regimes": self.regimes,
+        }
+
+
+@dataclass(frozen=True)
 class CampaignResult:
     """The whole campaign. ``trends`` by source; one is missing with less than three clean sets."""
 
@@ -320,6 +358,7 @@ class CampaignResult:
     reference: str  #: origin of the published values; empty without
     statements: tuple[str, ...]  #: what was done to the data, in words
     warnings: tuple[str, ...] = ()
+    slips: tuple[SlipPoint, ...] = ()  #: slip over the angle, by set and voltage
 
     def to_json(self) -> dict[str, object]:
         """Return an object ready for ``json.dump(..., allow_nan=False)``.
@@ -337,6 +376,7 @@ class CampaignResult:
             "coefficients": {item.value: meaning for item, meaning in _MEANING.items()},
             "sets": {item.name: item for item in self.sets},
             "trends": self.trends,
+            "slip_over_angle": self.slips,
             "runs": self.runs,
             "reference": self.reference,
             "statements": self.statements,

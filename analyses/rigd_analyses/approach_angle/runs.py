@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError, format_quantity
 from rigd.analysis.source import STALE, STATUS_FIELD, TIME_FIELD, RecordedSweep, Stream, TrialInfo
 from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
+from rigd_analyses.approach_angle.run_on import read_run_on
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
 #: if so much was recorded. The analyses need 0.1 s before and 50 ms after.
@@ -99,6 +100,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         recording=sweep.path.name,
         planned_load_kg=load_kg,
         flags=tuple(flags),
+        run_on=read_run_on(sweep, trial, card, signals.fields, signals.card, drive.stop_ns),
     )
 
 

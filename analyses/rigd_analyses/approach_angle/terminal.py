@@ -27,6 +27,9 @@ from rigd_analyses.approach_angle.report.tables import (
     SetRow,
     flagged_rows,
     set_rows,
+    slip_rows,
+    slip_voltages,
+    stop_sentences,
     trend_rows,
     trend_sentence,
 )
@@ -34,6 +37,10 @@ from rigd_analyses.approach_angle.result import CampaignResult
 
 #: Runs of one reason that are named; the report names all.
 NAMED: Final = 3
+SLIP_LEGEND: Final = (
+    "Corrected slip w R_eff/(V cos α) - 1, the mean over the loads ± its 95 % interval; r: the "
+    "wheel rolled in all of these runs."
+)
 
 
 def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]) -> TerminalReport:
@@ -43,6 +50,10 @@ def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]
     if result.trends:
         shown.append(_trends(result))
         shown.append(trend_sentence(result))
+    if result.slips:
+        shown += [_slips(result), SLIP_LEGEND]
+    if stops := stop_sentences(result):
+        shown.append("\n".join(stops))
     if result.warnings:
         shown.append("\n".join(["warnings:", *(f"  {warning}" for warning in result.warnings)]))
     shown.append(_flagged(result))
@@ -122,6 +133,12 @@ def _trends(result: CampaignResult) -> TerminalTable:
             for row in trend_rows(result)
         ),
     )
+
+
+def _slips(result: CampaignResult) -> TerminalTable:
+    voltages = (Column(f"{volts:g} V", right=True) for volts in slip_voltages(result))
+    rows = tuple(TableRow((row.label, *row.cells)) for row in slip_rows(result))
+    return TerminalTable((Column("slip over the angle"), *voltages), rows)
 
 
 def _flagged(result: CampaignResult) -> str:

@@ -178,5 +178,40 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
     return figure
 
 
+def slip_over_angle(result: CampaignResult) -> Figure:
+    """Return the corrected slip over the angle: a line for each voltage through one wheel."""
+    figure, (ax,) = grid(1, 1, 9.0, 3.7, margins=Margins(right=1.6))
+    wheels = [point.wheel for point in result.slips]
+    main = max(
+        dict.fromkeys(wheels),
+        key=lambda w: len({point.alpha_rad for point in result.slips if point.wheel == w}),
+    )
+    for index, volts in enumerate(sorted({point.voltage_v for point in result.slips})):
+        of_voltage = [point for point in result.slips if point.voltage_v == volts]
+        for mine in (True, False):
+            points = sorted(
+                (point for point in of_voltage if (point.wheel == main) is mine),
+                key=lambda point: point.alpha_rad,
+            )
+            if not points:
+                continue
+            ax.errorbar(
+                [math.degrees(point.alpha_rad) for point in points],
+                [point.slip for point in points],
+                yerr=[point.expanded if math.isfinite(point.expanded) else 0.0 for point in points],
+                linestyle="-" if mine else "none",
+                marker="o",
+                markersize=4.5,
+                markerfacecolor=None if mine else "none",
+                color=series(index),
+                capsize=2.5,
+                label=f"{volts:g} V" if mine else None,
+            )
+    ax.axhline(0.0, color=INK, linewidth=0.7, linestyle=":")
+    label(ax, "approach angle α", "°", "corrected slip", "1")
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    return figure
+
+
 def _in_trend(set_result: SetResult, result: CampaignResult) -> bool:
     return any(set_result.name in trend.sets for trend in result.trends.values())

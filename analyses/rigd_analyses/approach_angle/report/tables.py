@@ -19,8 +19,10 @@ from rigd_analyses.approach_angle.result import (
     Estimate,
     RunResult,
     SetResult,
+    SlipPoint,
     Trend,
 )
+from rigd_analyses.approach_angle.stops import stops_of
 
 #: Text in place of a missing number.
 NONE: Final = "–"
@@ -162,6 +164,62 @@ def _trend_row(trend: Trend) -> TrendRow:
 
 
 @dataclass(frozen=True)
+class SlipRow:
+    """The slip of one set over the voltages; a cell is ``0.41 ± 0.03`` or a dash."""
+
+    label: str
+    cells: tuple[str, ...]
+
+
+def slip_voltages(result: CampaignResult) -> tuple[float, ...]:
+    """Return the voltages of the campaign's slips, in V, rising."""
+    return tuple(sorted({point.voltage_v for point in result.slips}))
+
+
+def slip_rows(result: CampaignResult) -> tuple[SlipRow, ...]:
+    """Return the corrected slip of each set at each voltage, as :func:`slip_voltages` has them."""
+    known = {(point.set_name, point.voltage_v): point for point in result.slips}
+    voltages = slip_voltages(result)
+    return tuple(
+        SlipRow(label(item), tuple(_slip(known.get((item.name, volts))) for volts in voltages))
+        for item in result.sets
+        if any(point.set_name == item.name for point in result.slips)
+    )
+
+
+def _slip(point: SlipPoint | None) -> str:
+    if point is None:
+        return NONE
+    rolls = " r" if point.regimes == (Regime.ROLLING,) else ""
+    if not np.isfinite(point.expanded):
+        return f"{number(point.slip, 2)}{rolls}"
+    places = places_for(point.expanded)
+    return f"{number(point.slip, places)} ± {number(point.expanded, places)}{rolls}"
+
+
+def stop_sentences(result: CampaignResult) -> tuple[str, ...]:
+    """Return what the campaign shows of its automatic stop; nothing if it was not recorded."""
+    stops = stops_of([item.run.run_on for item in result.runs])
+    found = []
+    if stops.overshoot_s.size:
+        found.append(
+            f"{stops.overshoot_s.size} runs were stopped by the travel. The relay was commanded "
+            f"{1e3 * float(np.mean(stops.overshoot_s)):.1f} ms behind the threshold on average, "
+            f"which is {1e3 * float(np.mean(stops.overshoot_m)):.0f} mm of travel, at most "
+            f"{1e3 * float(np.max(stops.overshoot_m)):.0f} mm."
+        )
+    if stops.final_travel_m.size and stops.final_turning_rad.size:
+        rest = f" In {stops.unrested} runs something still moved." if stops.unrested else ""
+        found.append(
+            f"The platform came to rest at {np.min(stops.final_travel_m):.3f} m to "
+            f"{np.max(stops.final_travel_m):.3f} m, the wheel at "
+            f"{np.min(stops.final_turning_rad):.1f} rad to "
+            f"{np.max(stops.final_turning_rad):.1f} rad.{rest}"
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
 class BudgetRow:
     """One term of a budget: relative standard uncertainties (k = 1) in percent."""
 
@@ -255,6 +313,8 @@ class RunRow:
     slip_corrected: str
     better: str
     demand: str
+    overshoot: str  #: at the stop, in mm
+    final_travel: str  #: of the platform, in mm
     excluded: bool
     flags: tuple[str, ...]
 
@@ -273,6 +333,8 @@ def run_rows(name: str, result: CampaignResult) -> tuple[RunRow, ...]:
             slip_corrected=quantity(run.better.slip_corrected, 3),
             better=_with_u(run.better.mu, run.better.mu_u),
             demand=quantity(run.better.demand, PLACES),
+            overshoot=quantity(1e3 * run.run.run_on.overshoot_m, 1),
+            final_travel=quantity(1e3 * run.run.run_on.final_travel_m, 0),
             excluded=run.excluded,
             flags=tuple(flag.reason for flag in run.flags),
         )

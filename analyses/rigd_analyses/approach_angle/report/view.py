@@ -21,6 +21,7 @@ from rigd_analyses.approach_angle.report.tables import (
     FlaggedRow,
     RunRow,
     SetRow,
+    SlipRow,
     TrendRow,
     budget_rows,
     estimate,
@@ -29,6 +30,9 @@ from rigd_analyses.approach_angle.report.tables import (
     run_rows,
     set_rows,
     share,
+    slip_rows,
+    slip_voltages,
+    stop_sentences,
     trend_rows,
     trend_sentence,
     trial_of,
@@ -76,6 +80,10 @@ class CampaignView:
     friction: Drawing | None
     coated: Drawing | None
     curves: Drawing | None
+    slip: Drawing | None
+    slip_voltages: tuple[str, ...]
+    slips: tuple[SlipRow, ...]
+    stops: tuple[str, ...]
     flagged: tuple[FlaggedRow, ...]
     excluded: int
     runs: int
@@ -116,6 +124,10 @@ def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> 
         friction=_friction(result, colours),
         coated=_coated(result, colours),
         curves=_curves(result, colours),
+        slip=_slip(result),
+        slip_voltages=tuple(f"{volts:g} V" for volts in slip_voltages(result)),
+        slips=slip_rows(result),
+        stops=stop_sentences(result),
         flagged=flagged_rows(result),
         excluded=sum(run.excluded for run in result.runs),
         runs=len(result.runs),
@@ -205,6 +217,17 @@ def _curves(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
     figure = set_plots.pooled_curves(sets, [colours[item.name] for item in sets])
     alt = f"Friction limit F_r/N over the sliding speed for {', '.join(label(s) for s in sets)}."
     return draw(figure, "curves", alt, caption)
+
+
+def _slip(result: CampaignResult) -> Drawing | None:
+    if not result.slips:
+        return None
+    caption = (
+        "Corrected slip of each set, the mean over the loads, a line for each voltage of the "
+        "motor; open markers: other wheels. Bars: 95 % intervals."
+    )
+    alt = "Corrected slip over the approach angle, a line for each voltage; the table has them all."
+    return draw(set_plots.slip_over_angle(result), "slip", alt, caption)
 
 
 def _chapter(
