@@ -24,7 +24,6 @@ from rigd.config.calibration_source import (
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.quantities import read_difference, read_quantity
-from rigd.config.shipped import find_beside
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_difference, format_quantity
 from rigd.sdk.analysis import Calibratable
@@ -132,11 +131,12 @@ def parse_calibration(text: str, name: str) -> Calibration:
 def read_setup(name: str | None, folder: Path, problems: Problems) -> CalibrationSetup | None:
     """Return the calibration that a rig file in ``folder`` names, or None with problems noted.
 
-    A missing file is not a problem here: it only blocks some runs.
+    A missing file is not a problem here: it only blocks some runs. A shipped file of that name
+    never stands in for it: it is the calibration of another bench.
     """
     if name is None:
         return None
-    path = find_beside(name, folder)
+    path = folder / name
     if not path.is_file():
         return CalibrationSetup(path, None)
     try:

@@ -21,7 +21,6 @@ from rigd.config.calibration import (
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.schema import calibration_schema
-from rigd.config.shipped import find_beside
 from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_folder
 
@@ -138,13 +137,13 @@ def test_a_missing_file_keeps_no_rig_from_loading(tmp_path: Path) -> None:
     assert (setup.path, setup.held) == (tmp_path / "none.yaml", None)
 
 
-def test_file_beside_rig_file_precedes_shipped_file(tmp_path: Path) -> None:
+def test_shipped_file_never_stands_in_for_missing_one(tmp_path: Path) -> None:
+    rig = load_rig("angle-1")
+    assert rig.calibration is not None and rig.calibration.path.samefile(SHIPPED)
+    copied = parse_rig(rig.source.text, tmp_path / "rig.yaml").calibration
+    assert copied is not None
     name = "calibrations/approach_angle.yaml"
-    assert find_beside(name, tmp_path) == SHIPPED
-    own = tmp_path / name
-    own.parent.mkdir()
-    own.write_text(TEXT)
-    assert find_beside(name, tmp_path) == own
+    assert (copied.path, copied.held) == (tmp_path / name, None)
 
 
 def test_shipped_schema_is_current_and_fits_shipped_file() -> None:

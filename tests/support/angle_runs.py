@@ -70,6 +70,12 @@ def trial(
         set_name, load_kg, voltage_v, seed=seed, individual=individual, rubbing_nm=rubbing_nm,
         load_cell=load_cell, noise=noise, drag=drag, fault=fault,
     )  # fmt: skip
+    return Trial(known_run(done, rig, repeat, number), done)
+
+
+def known_run(done: SimulatedRun, rig: AngleRig, repeat: int, number: int) -> KnownRun:
+    """Return a simulated run as the analysis takes it, with the calibration of its sensors."""
+    load_cell = done.normal_force_v is not None
     cell = Known(done.normal_force_scale, 0.003 * done.normal_force_scale) if load_cell else None
     calibration = AngleCalibration(
         torque=Known(done.torque_scale, 0.0025 * abs(done.torque_scale)),
@@ -80,12 +86,12 @@ def trial(
         normal_force_zero=Known(done.normal_force_zero_v if load_cell else 0.0),
     )
     run = AngleRun(
-        label=f"{set_name} {load_kg:g} kg {voltage_v:g} V #{repeat}",
-        set_name=set_name,
-        wheel=set_name.partition("_")[0],
+        label=f"{done.set_name} {done.announced_load_kg:g} kg {done.voltage_v:g} V #{repeat}",
+        set_name=done.set_name,
+        wheel=done.set_name.partition("_")[0],
         alpha_rad=done.alpha_rad,
-        announced_load_kg=load_kg,
-        voltage_v=voltage_v,
+        announced_load_kg=done.announced_load_kg,
+        voltage_v=done.voltage_v,
         repeat=repeat,
         t_s=done.t_s,
         gauge_a_v=done.gauge_a_v,
@@ -98,7 +104,7 @@ def trial(
         normal_force_v=done.normal_force_v,
         number=number,
     )
-    return Trial(KnownRun(run, calibration, rig), done)
+    return KnownRun(run, calibration, rig)
 
 
 def campaign(

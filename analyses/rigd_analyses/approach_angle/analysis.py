@@ -36,7 +36,7 @@ class ApproachAngleAnalysis(Analysis):
         },
         optional_signals={"normal_force": "V", "final_travel": "m", "final_turning": "rad"},
         constants=("angle", "wheel_radius", "wheel_inertia", "platform_mass", "gravity"),
-        optional_constants=("stop_travel", "most_turning"),
+        optional_constants=("stop_travel", "most_turning", "pre_trigger"),
         references=("maximum",),
         trial_parameters=("set", "load", "voltage"),
         calibrated=(
@@ -55,7 +55,7 @@ class ApproachAngleAnalysis(Analysis):
             "rail_viscous",
         ),
         calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
-        calibrated_if_known=("load_rise",),
+        calibrated_if_known=("load_rise", "gauge_share"),
     )
     calibratable = CALIBRATABLE
     options = ("calibration",)

@@ -48,8 +48,10 @@ class Conditions:
 class Sizes:
     """Standard uncertainties (k = 1) that neither the calibration nor the rig file gives.
 
-    ``zero_nm`` is what is left of the gauges' zero: the spread of the zeros before the triggers,
-    and ``tare_nm`` the noise of one such zero, which is all that is left if ``tared``.
+    ``zero_nm`` is what is left of the gauges' zero: the spread of the zeros before the triggers
+    (or their size, if they cannot be told from crosstalk), and ``tare_nm`` the noise of one such
+    zero, which is all that is left if ``tared``. A zero that is not taken off may be the same in
+    all runs.
     ``crosstalk`` is the amplitude of N m per N of load (0: unknown), ``crosstalk_u`` what is left
     of it after its removal. ``scatter`` is the relative spread between equal runs.
     """
@@ -200,6 +202,7 @@ def set_budget(
     first = runs[0].sizes
     sizes = replace(
         first,
+        zero_nm=_median([b.sizes.zero_nm for b in runs]),
         tare_nm=_median([b.sizes.tare_nm for b in runs]),
         noise_nm=_median([b.sizes.noise_nm for b in runs]),
         tared=all(b.sizes.tared for b in runs),
@@ -254,8 +257,9 @@ def _torque_terms(
         _term("torque calibration", scale.u, "N m/V", at.torque_nm * per_nm / scale.value,
               "the calibration's own uncertainty: mass, arm, gravity, fit"),
         _term("gauge zero", sizes.tare_nm if sizes.tared else sizes.zero_nm, "N m", per_nm,
-              "spread of the zeros before the triggers; tared: the noise of one zero",
-              paper=sizes.zero_nm * per_nm, kind="A", systematic=False),
+              "tared: the noise of one zero; else the zeros before the triggers, which all runs "
+              "may share",
+              paper=sizes.zero_nm * per_nm, kind="A", systematic=not sizes.tared),
         _term("gauge noise and hum", noise, "N m", per_nm,
               "spread of neighbouring samples, over the number of samples; blocks are whole "
               "periods of the mains", kind="A", systematic=False),

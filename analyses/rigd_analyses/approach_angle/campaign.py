@@ -18,6 +18,9 @@ from rigd_analyses.approach_angle.flags import raw_flags
 from rigd_analyses.approach_angle.paper import PaperSettings, analyse_paper
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetResult, Trend
 from rigd_analyses.approach_angle.sets import evaluate_set
+from rigd_analyses.approach_angle.shared.balance import balance_errors
+from rigd_analyses.approach_angle.shared.load import load_errors
+from rigd_analyses.approach_angle.shared.share import share_errors
 from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
 from rigd_analyses.approach_angle.stops import stops_of
 from rigd_analyses.approach_angle.trend import trend
@@ -43,6 +46,11 @@ def analyse_campaign(
         _both(known, flags, moves, paper, better, bending)
         for known, (flags, moves) in zip(runs, moved, strict=True)
     ]
+    shared = (
+        *balance_errors(runs, results),
+        *load_errors(runs, results),
+        *share_errors(runs, results),
+    )
     cells = _cells(runs)
     expected = max([k.run.repeat for k in runs], default=1) if repeats is None else repeats
     published = {} if reference is None else reference.values
@@ -54,6 +62,7 @@ def analyse_campaign(
             published=published.get(name),
             missing=_missing(name, cells, expected),
             settings=better,
+            shared=shared,
         )
         for name in _set_names(runs)
     )
@@ -64,7 +73,12 @@ def analyse_campaign(
         trends=trends,
         reference="" if reference is None else reference.label,
         statements=_statements(bending, better),
-        warnings=(*_warnings(sets, trends), *_stop_warnings(runs)),
+        warnings=(
+            *(error.sentence for error in shared),
+            *_warnings(sets, trends),
+            *_stop_warnings(runs),
+        ),
+        shared=shared,
         slips=slip_over_angle(results),
     )
 

@@ -40,6 +40,11 @@ class Known:
 UNKNOWN_RISE = Known(0.0, 0.05)
 
 
+#: Share of the torque that gauge a shows, if it is not known: two gauges at 45 degrees, and
+#: amplifiers whose gains are equal to 1 %.
+UNKNOWN_SHARE = Known(0.5, 0.0035)
+
+
 @dataclass(frozen=True)
 class AngleCalibration:
     """The values that convert volts to quantities, from the calibration in the recording."""
@@ -50,6 +55,7 @@ class AngleCalibration:
     load: Known = Known(1.0)  #: true load per indicated load of the scale
     normal_force: Known | None = None  #: N per V of the high-rate load cell, if there is one
     normal_force_zero: Known = Known(0.0)  #: V of the load cell that mean 0 N
+    gauge_share: Known = UNKNOWN_SHARE  #: of the torque, that gauge a shows
 
 
 @dataclass(frozen=True)

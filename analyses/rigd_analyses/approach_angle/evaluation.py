@@ -13,6 +13,7 @@ from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.source import COMPLETE, RecordedSweep
 from rigd.analysis.terminal import TerminalReport
+from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import KnownRun, SetReference
 from rigd_analyses.approach_angle.known import (
@@ -21,6 +22,7 @@ from rigd_analyses.approach_angle.known import (
     angle_rig,
     calibration_of,
 )
+from rigd_analyses.approach_angle.limits import Limits
 from rigd_analyses.approach_angle.report.opening import campaign_opening
 from rigd_analyses.approach_angle.result import CampaignResult
 from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
@@ -123,7 +125,7 @@ def evaluate(
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
     notify(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
-    result = analyse_campaign(known, _reference(sweeps))
+    result = analyse_campaign(known, _reference(sweeps), better=_settings(sweeps))
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
     used = [
         sum(not run.excluded for run in result.runs if run.run.recording == sweep.path.name)
@@ -141,6 +143,22 @@ def evaluate(
     return CampaignEvaluation(
         title, result, tuple(sweep.path for sweep in sweeps), calibrations, origin
     )
+
+
+def _settings(sweeps: Sequence[RecordedSweep]) -> BetterSettings:
+    """Return the settings; the constant ``pre_trigger`` is the least time before the command.
+
+    0 s accepts records that have none, as the paper's own; the smallest of all recordings counts.
+    """
+    given = [
+        sweep.constant(sweep.info.trials[0], "pre_trigger")
+        for sweep in sweeps
+        if "pre_trigger" in sweep.plan.constants
+    ]
+    limits = Limits()
+    if given:
+        limits = replace(limits, pre_trigger_s=max(0.0, min(given)))
+    return BetterSettings(limits=limits)
 
 
 def _known_runs(

@@ -12,6 +12,7 @@ too_short            excluded  less than 0.2 s from command to stop, or the reco
 nan_samples          excluded  a signal has samples that are no number, or that no card can give
 missing_samples      excluded  a gap in the times: for filters and the Fourier step it is a jump
 at_rail              excluded  a signal is at the limit of the converter
+stuck_samples        excluded  a gauge repeats one value for longer than its noise allows
 noisy                excluded  a signal has many times its usual noise: a broken wire or screen
 moving_at_start      excluded  wheel or platform moves before the command: not at rest, no tare
 watchdog             excluded  the watchdog time stopped the run, not the travel
@@ -64,6 +65,12 @@ REST_S = 0.005
 FEWEST_SAMPLES = 100
 #: The end of a range counts from this many samples on; one is a spike.
 AT_END_SAMPLES = 10
+#: A signal with less noise than so many steps of the converter repeats values by itself.
+QUIET = 2.0
+#: Less noise than this is that of a simulation: amplifiers and wires have more.
+QUIET_V = 1e-4
+#: Repetitions that are no news in any signal, and the chance of more in a whole run.
+LEAST_STUCK, CHANCE = 8, 1e-9
 #: Speeds of potentiometers are judged over so long, s.
 JUMP_S = 0.0025
 
@@ -208,6 +215,9 @@ def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> It
             "loose screen, an amplifier that oscillates.",
         )
         return
+    for name, volts in _volts(run).items():
+        if "gauge" in name:
+            yield from _stuck(name, t_s[t_s > REST_S], volts[used][t_s > REST_S])
     pots = (
         _Pot("wheel", "rad", t_s, run.wheel_v[used], calibration.wheel.value,
              limits.wheel_rad, limits.wheel_room_rad),
@@ -252,6 +262,34 @@ def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> It
     excitation_v = abs(2.0 * math.pi * limits.turns / calibration.wheel.value)
     for pot, standstill in zip(pots, standstills, strict=True):
         yield from _potentiometer(pot, standstill, excitation_v, limits)
+
+
+def _stuck(name: str, t_s: FloatArray, volts: FloatArray) -> Iterator[Flag]:
+    """Report the longest repetition of one value in a noisy signal, if chance does not explain it.
+
+    Neighbours are equal with the share p that the signal itself shows; L of them in a row have the
+    probability p^L, at any of its n places.
+    """
+    steps = np.diff(volts)
+    equal = steps == 0.0
+    apart = np.abs(steps[~equal])
+    if not apart.size or _noise(volts) < max(QUIET * float(np.min(apart)), QUIET_V):
+        return  # the noise is finer than the converter: it repeats itself
+    share = min(float(np.mean(equal)), 0.98)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
+    if not edges.size:
+        return
+    lengths = edges[1::2] - edges[::2]
+    longest = int(np.argmax(lengths))
+    most = max(LEAST_STUCK, math.log(CHANCE / volts.size) / math.log(share))
+    if lengths[longest] > most:
+        at = int(edges[2 * longest])
+        yield Flag(
+            "stuck_samples",
+            f"From {t_s[at]:.4f} s on {name} gives {volts[at]:z.4f} V {int(lengths[longest]) + 1} "
+            f"times in a row; its noise explains {int(most) + 1}: the card or its driver repeats "
+            "samples.",
+        )
 
 
 def _gauges(torque: float, rise_a: float, rise_b: float, limits: Limits) -> Iterator[Flag]:

@@ -17,7 +17,13 @@ from rigd.analysis.calibration import (
 from rigd.analysis.report.rounding import number, percent, places_for
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.approach_angle.analysis import ApproachAngleAnalysis
-from rigd_analyses.approach_angle.data import UNKNOWN_RISE, AngleCalibration, AngleRig, Known
+from rigd_analyses.approach_angle.data import (
+    UNKNOWN_RISE,
+    UNKNOWN_SHARE,
+    AngleCalibration,
+    AngleRig,
+    Known,
+)
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,7 @@ def angle_calibration(sweep: RecordedSweep, calibration: Calibration) -> AngleCa
         load=known["load_scale"],
         normal_force=known["normal_force_scale"] if loaded else None,
         normal_force_zero=known["normal_force_zero"] if loaded else Known(0.0),
+        gauge_share=_optional(calibration, "gauge_share", UNKNOWN_SHARE),
     )
 
 

@@ -24,6 +24,7 @@ from rigd_analyses.approach_angle.data import (
     Severity,
 )
 from rigd_analyses.approach_angle.paper.result import PaperRun
+from rigd_analyses.approach_angle.shared.result import SharedError
 
 #: What each coefficient is, for readers of the JSON object alone.
 _MEANING: Final = {
@@ -173,10 +174,10 @@ class FrictionCurve:
 class SetResult:
     """One set of the campaign: wheel and angle.
 
-    ``maximum`` is the maximum of the pooled curve; its u holds the spread between runs and the
-    systematic terms of the budget. ``usable`` and ``resultant`` follow from it and the rollers'
-    drag. All three are ``None`` if the data do not determine them, and ``warnings`` gives the
-    reason.
+    ``maximum`` is the maximum of the pooled curve; its u holds the spread between runs, the
+    systematic terms of the budget, and errors that the runs share. ``usable`` and ``resultant``
+    follow from it and the rollers' drag. All three are ``None`` if the data do not determine them,
+    and ``warnings`` gives the reason.
     """
 
     name: str
@@ -193,6 +194,7 @@ class SetResult:
     budget: Budget | None
     missing: tuple[str, ...] = ()  #: repeats that the campaign lacks, one sentence each
     warnings: tuple[str, ...] = ()
+    shared_u: float = 0.0  #: relative, in ``maximum``: errors that the runs share, at full size
 
     @property
     def estimates(self) -> tuple[estimates.Estimate, ...]:
@@ -226,6 +228,7 @@ class SetResult:
             "usable": self.usable,
             "resultant": self.resultant,
             "statistical_u_k1": self.statistical_u,
+            "shared_errors_relative_u_k1": self.shared_u,
             "sliding_runs": self.sliding_runs,
             "curve": self.curve,
             "budget": self.budget,
@@ -359,6 +362,7 @@ class CampaignResult:
     statements: tuple[str, ...]  #: what was done to the data, in words
     warnings: tuple[str, ...] = ()
     slips: tuple[SlipPoint, ...] = ()  #: slip over the angle, by set and voltage
+    shared: tuple[SharedError, ...] = ()  #: errors that the runs have in common
 
     def to_json(self) -> dict[str, object]:
         """Return an object ready for ``json.dump(..., allow_nan=False)``.
@@ -377,6 +381,7 @@ class CampaignResult:
             "sets": {item.name: item for item in self.sets},
             "trends": self.trends,
             "slip_over_angle": self.slips,
+            "shared_errors": self.shared,
             "runs": self.runs,
             "reference": self.reference,
             "statements": self.statements,

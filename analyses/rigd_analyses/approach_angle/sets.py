@@ -25,6 +25,7 @@ from rigd_analyses.approach_angle.budget import Budget, set_budget
 from rigd_analyses.approach_angle.curve import Pooled, pool
 from rigd_analyses.approach_angle.data import AngleRig, Coefficient, KnownRun, Severity
 from rigd_analyses.approach_angle.result import Estimate, PaperMaximum, RunResult, SetResult
+from rigd_analyses.approach_angle.shared.result import SharedError
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
 MIN_RUNS, FEW = 5, 10
@@ -42,8 +43,12 @@ def evaluate_set(
     published: float | None,
     missing: tuple[str, ...],
     settings: BetterSettings,
+    shared: Sequence[SharedError] = (),
 ) -> SetResult:
-    """Return the result of a set; ``known`` and ``results`` are of the same runs, in order."""
+    """Return the result of a set; ``known`` and ``results`` are of the same runs, in order.
+
+    ``shared`` errors widen the interval of the maximum by their effect.
+    """
     alphas = [k.run.alpha_rad for k in known]
     sliding = [
         (k, r)
@@ -72,7 +77,14 @@ def evaluate_set(
         first = sliding[0][0]
         runs = [b for _, r in sliding if (b := r.better.budget) is not None]
         budget = set_budget(runs, first.calibration, first.rig, scatter)
-    maximum = None if pooled is None or budget is None else _maximum(pooled, budget)
+    shared_u = math.hypot(*(error.effect.get(name, 0.0) for error in shared))
+    maximum = None if pooled is None or budget is None else _maximum(pooled, budget, shared_u)
+    if maximum is not None and shared_u > 0.0:
+        codes = ", ".join(error.code for error in shared if error.effect.get(name, 0.0) > 0.0)
+        warnings.append(
+            f"the interval of the maximum is widened by {shared_u:.1%} (k = 1) for what all runs "
+            f"show ({codes}; see the warnings)"
+        )
     usable, resultant = _others(maximum, alphas[0], known[0].rig, settings)
     return SetResult(
         name=name,
@@ -89,6 +101,7 @@ def evaluate_set(
         budget=budget,
         missing=missing,
         warnings=tuple(warnings),
+        shared_u=shared_u,
     )
 
 
@@ -101,8 +114,8 @@ def _pooled(results: Sequence[RunResult]) -> Pooled:
     )
 
 
-def _maximum(pooled: Pooled, budget: Budget) -> Estimate:
-    u = math.hypot(pooled.maximum_u, budget.systematic * pooled.maximum)
+def _maximum(pooled: Pooled, budget: Budget, shared_u: float) -> Estimate:
+    u = math.hypot(pooled.maximum_u, math.hypot(budget.systematic, shared_u) * pooled.maximum)
     return Estimate(pooled.maximum, u, Coefficient.ROLLING)
 
 

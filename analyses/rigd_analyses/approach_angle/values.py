@@ -10,6 +10,11 @@ CALIBRATABLE: Final = {
     "torque_scale": Calibratable(
         "N m/V", "torque per volt of (gauge a - gauge b)", "calibrate_torque", "positive"
     ),
+    "gauge_share": Calibratable(
+        "1",
+        "share of the torque that gauge a shows, one half if both gains are equal",
+        sign="positive",
+    ),
     "wheel_scale": Calibratable(
         "rad/V", "angle per volt of the wheel's potentiometer", sign="positive"
     ),

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.angle_better import analyse_better
+from support.angle_headless import simulate
+from support.angle_plant import varied
 from support.angle_runs import drawn_rig, trial
 
 from rigd_analyses.approach_angle.better.bending import Bending
@@ -93,7 +95,32 @@ def test_force_balance_finds_torque_lost_behind_gauges(set_name: str) -> None:
     assert np.isnan([found.mu, found.mu_u, found.demand]).all()
     well = analyse_better(good.run, good.calibration, good.rig)
     assert not well.excluded
-    assert well.force_residual < 0.5 * well.force_residual_limit
+    assert abs(well.force_residual) < 0.5 * well.force_residual_limit
+    half = replace(good.run, gauge_a_v=0.5 * good.run.gauge_a_v)
+    lost = analyse_better(half, good.calibration, good.rig)
+    assert "torque_missing" in codes(lost) and lost.force_residual < 0.0
+
+
+def test_wheel_that_hops_is_named() -> None:
+    done = simulate("clean_0", 4.0, 10.0, seed=3, parameters=varied(
+        normal_force={"profile_rollers": 6e-4}))  # fmt: skip
+    item = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
+    hopping = replace(
+        item.run, t_s=done.t_s, gauge_a_v=done.gauge_a_v, gauge_b_v=done.gauge_b_v,
+        wheel_v=done.wheel_v, platform_v=done.platform_v, stop_s=done.stop_s,
+        load_n=9.81 * done.scale_kg,
+    )  # fmt: skip
+    assert "wheel_hop" in codes(analyse_better(hopping, item.calibration, item.rig))
+    assert "wheel_hop" not in codes(analyse_better(item.run, item.calibration, item.rig))
+
+
+def test_zero_not_taken_off_counts_as_shared() -> None:
+    item = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
+    moved = replace(item.run, gauge_a_v=item.run.gauge_a_v + 0.05)
+    found = analyse_better(moved, item.calibration, item.rig)
+    assert found.budget is not None
+    (zero,) = [term for term in found.budget.terms if term.name == "gauge zero"]
+    assert zero.systematic and zero.input_u > 0.06
 
 
 def swapped(run: AngleRun) -> AngleRun:

@@ -70,6 +70,11 @@ FAULTS: dict[str, tuple[Fault, str, str]] = {
         "no_pre_trigger",
         r"begins 20 ms before",
     ),
+    "card repeats a sample": (
+        lambda r: put(r, "gauge_b_v", 0.2, 0.25, 24),
+        "stuck_samples",
+        r"From 0\.2\d* s on gauge b gives 0\.2500 V 24 times in a row",
+    ),
     "record begins late": (
         lambda r: cut(r, r.t_s >= 0.03),
         "no_pre_trigger",

@@ -21,6 +21,7 @@ import numpy as np
 
 from rigd_analyses.approach_angle.better.forces import demanded_force
 from rigd_analyses.approach_angle.better.motion import Motion
+from rigd_analyses.approach_angle.better.result import BalanceRow
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.budget import Budget
 from rigd_analyses.approach_angle.data import FloatArray
@@ -28,25 +29,53 @@ from rigd_analyses.approach_angle.data import FloatArray
 
 @dataclass(frozen=True)
 class Balance:
-    """Residual and its limit, N per N of load."""
+    """Signed residual and the limit of its size, N per N of load.
+
+    It is positive if the gauges show more than the motion needs.
+    """
 
     residual: float
     limit: float
+    row: BalanceRow
 
 
 def force_balance(
-    force: FloatArray, motion: Motion, budget: Budget, settings: BetterSettings
+    torque: FloatArray,
+    force: FloatArray,
+    motion: Motion,
+    budget: Budget,
+    settings: BetterSettings,
 ) -> Balance:
     """Return the balance of F_r = ``force`` (n,) in N, in the mean over all steady blocks.
 
-    ``budget`` is that of <F_r>/<N> over the same blocks.
+    ``torque`` (n,) in N m is the one at the gauges, ``budget`` that of <F_r>/<N> over the same
+    blocks.
     """
     known, means = motion.known, motion.means
     normal = float(np.mean(means.normal_force_n))
     needed = demanded_force(force, means, known.rig, known.run.alpha_rad)
-    residual = float(np.mean(force - needed)) / normal
+    residual = float(np.mean(force - needed))
     u = math.hypot(budget.mu * budget.force, _needed_u(force, motion, settings) / normal)
-    return Balance(abs(residual), settings.balance_coverage * u)
+    row = BalanceRow(
+        residual_n=residual,
+        normal_n=normal,
+        torque_nm=float(np.mean(torque)),
+        force_n=float(np.mean(force)),
+        wheel_speed_rad_s=float(np.mean(means.wheel_speed_rad_s)),
+        platform_speed_m_s=float(np.mean(means.platform_speed_m_s)),
+        push_n=known.rig.platform_mass_kg * float(np.mean(means.platform_acceleration_m_s2)),
+        on_rails_n=_on_rails(force, motion),
+    )
+    return Balance(residual / normal, settings.balance_coverage * u, row)
+
+
+def _on_rails(force: FloatArray, motion: Motion) -> float:
+    """Return the mean load of the rails in N."""
+    rig, alpha = motion.known.rig, motion.known.run.alpha_rad
+    normal = float(np.mean(motion.means.normal_force_n))
+    across = float(np.mean(force)) * math.sin(alpha)
+    across += rig.roller_drag.value * normal * math.cos(alpha)
+    return abs(normal - rig.platform_mass_kg * rig.gravity) + abs(across)
 
 
 def _needed_u(force: FloatArray, motion: Motion, settings: BetterSettings) -> float:
@@ -54,9 +83,6 @@ def _needed_u(force: FloatArray, motion: Motion, settings: BetterSettings) -> fl
     known, means, rig = motion.known, motion.means, motion.known.rig
     alpha = known.run.alpha_rad
     normal, speed = float(np.mean(means.normal_force_n)), means.platform_speed_m_s
-    axial = rig.roller_drag.value * normal
-    across = abs(float(np.mean(force)) * math.sin(alpha) + axial * math.cos(alpha))
-    on_rails = abs(normal - rig.platform_mass_kg * rig.gravity) + across
     inertia = rig.platform_mass_kg * abs(float(np.mean(means.platform_acceleration_m_s2)))
     platform = known.calibration.platform
     # The mean acceleration is the change of speed, uncertain at both ends, over the time.
@@ -66,7 +92,7 @@ def _needed_u(force: FloatArray, motion: Motion, settings: BetterSettings) -> fl
     )
     return math.hypot(
         rig.rail_constant.u,
-        rig.rail_load.u * on_rails,
+        rig.rail_load.u * _on_rails(force, motion),
         rig.rail_viscous.u * float(np.mean(speed)),
         rig.roller_drag.u * normal * math.sin(alpha),
         inertia * platform.u / platform.value,

@@ -49,6 +49,20 @@ class Smoothed:
 
 
 @dataclass(frozen=True)
+class BalanceRow:
+    """Means over the steady blocks of one run, by which errors that all runs share are found."""
+
+    residual_n: float  #: F_gauge - force that the motion needs
+    normal_n: float
+    torque_nm: float  #: at the gauges
+    force_n: float  #: F_r by the gauges
+    wheel_speed_rad_s: float
+    platform_speed_m_s: float
+    push_n: float  #: m a of the platform
+    on_rails_n: float  #: |N - m g| + |F_y|
+
+
+@dataclass(frozen=True)
 class BetterRun:
     """One run; a number that cannot be computed is NaN, a flag gives the reason; ``u`` are k = 1.
 
@@ -72,12 +86,13 @@ class BetterRun:
     relative_speed_m_s: float  #: mean of w R - V over the steady part
     regime: Regime | None  #: None if the run cannot be evaluated
     blocks: Blocks
-    force_residual: float  #: |F_gauge - force that the motion needs|/N
-    force_residual_limit: float  #: above it the run is flagged ``rubbing``
+    force_residual: float  #: (F_gauge - force that the motion needs)/N
+    force_residual_limit: float  #: beyond it the run is ``rubbing``, or its ``torque_missing``
     tare_v: float
     flags: tuple[Flag, ...] = ()
     curves: Smoothed | None = None
     budget: Budget | None = None  #: of ``mu``
+    balance: BalanceRow | None = None
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object; the curves stand in the recording."""

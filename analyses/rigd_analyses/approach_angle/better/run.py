@@ -13,6 +13,7 @@ import numpy as np
 from rigd_analyses.approach_angle.better.balance import Balance, force_balance
 from rigd_analyses.approach_angle.better.bending import Bending
 from rigd_analyses.approach_angle.better.forces import rolling_force
+from rigd_analyses.approach_angle.better.hop import MOST_SHARE, UNLOADED, unloaded_share
 from rigd_analyses.approach_angle.better.motion import Motion
 from rigd_analyses.approach_angle.better.result import BetterRun, Blocks, BoolArray
 from rigd_analyses.approach_angle.better.settings import BetterSettings
@@ -87,13 +88,14 @@ def evaluate(
     used = sliding if slides else np.ones_like(sliding)
     share = float(np.sum(force[used]) / np.sum(normal[used]))
     everywhere = _budget(motion, torque, force, np.ones_like(sliding), settings, bending)
-    balance = force_balance(force, motion, everywhere, settings)
-    rubs = balance.residual > balance.limit
+    balance = force_balance(torque, force, motion, everywhere, settings)
+    rubs = abs(balance.residual) > balance.limit
     terms = None
     if slides and not rubs:
         terms = _budget(motion, torque, force, used, settings, bending)
     slip = mean_slip(motion, settings)
-    found = [*flags, *_flags(sliding, balance, settings)]
+    hop = unloaded_share(motion, sliding, settings.block_s) if slides else 0.0
+    found = [*flags, *_flags(sliding, balance, hop, settings)]
     return BetterRun(
         mu=NAN if terms is None else share,
         mu_u=NAN if terms is None else abs(share) * terms.measurement,
@@ -109,6 +111,7 @@ def evaluate(
         blocks=Blocks(means.t_s, means.sliding_speed_m_s, force / normal, normal, sliding),
         force_residual=balance.residual,
         force_residual_limit=balance.limit,
+        balance=balance.row,
         tare_v=motion.tare_v,
         flags=tuple(found),
         curves=motion.smoothed,
@@ -116,7 +119,9 @@ def evaluate(
     )
 
 
-def _flags(sliding: BoolArray, balance: Balance, settings: BetterSettings) -> Iterator[Flag]:
+def _flags(
+    sliding: BoolArray, balance: Balance, hop: float, settings: BetterSettings
+) -> Iterator[Flag]:
     count = int(np.count_nonzero(sliding))
     if count < settings.min_sliding_blocks:
         yield Flag(
@@ -126,12 +131,28 @@ def _flags(sliding: BoolArray, balance: Balance, settings: BetterSettings) -> It
             "the motion asked for, not a limit of friction.",
             Severity.NOTE,
         )
+    if hop > MOST_SHARE:
+        yield Flag(
+            "wheel_hop",
+            f"In {hop:.0%} of the time in which the wheel slides the torque falls below "
+            f"{UNLOADED:.0%} of its mean: the wheel hops, and its contact is unloaded. F_r/N is a "
+            "mean over contact and air.",
+            Severity.NOTE,
+        )
+    at_most = f"at most {balance.limit:.3f} is explained"
     if balance.residual > balance.limit:
         yield Flag(
             "rubbing",
-            f"The gauges show {balance.residual:.3f} N per N of load more or less than the "
-            f"platform's motion and the rails need, at most {balance.limit:.3f} is explained: "
-            "torque is lost between gauges and wheel (bad clamping), or a calibration is wrong.",
+            f"The gauges show {balance.residual:.3f} N per N of load more than the platform's "
+            f"motion and the rails need, {at_most}: torque is lost between gauges and wheel (bad "
+            "clamping), or a calibration is wrong.",
+        )
+    if -balance.residual > balance.limit:
+        yield Flag(
+            "torque_missing",
+            f"The gauges show {-balance.residual:.3f} N per N of load less than the platform's "
+            f"motion and the rails need, {at_most}: a gauge has lost gain or its zero has moved, "
+            "the angle is another one, or a calibration is wrong. Rubbing cannot do that.",
         )
 
 
@@ -160,7 +181,7 @@ def _budget(
         samples=round(seconds / motion.period_s),
     )
     sizes = Sizes(
-        zero_nm=bending.zero_u_nm if bending and learnt else abs(scale) * settings.zero_u_v,
+        zero_nm=bending.zero_u_nm if bending and learnt else _zero_nm(motion, settings),
         tare_nm=abs(scale) * motion.tare_u_v,
         tared=bending is not None and math.isfinite(motion.tare_v),
         noise_nm=abs(scale) * motion.noise_v,
@@ -176,3 +197,13 @@ def _budget(
         vibration=settings.vibration_u,
     )
     return budget(at, calibration, motion.known.rig, sizes)
+
+
+def _zero_nm(motion: Motion, settings: BetterSettings) -> float:
+    """Return the standard uncertainty of a zero that stays in the torque, in N m.
+
+    Before the trigger the gauges show it, with the crosstalk of the start's angle.
+    """
+    assumed, seen = settings.zero_u_v, abs(motion.tare_v)
+    most = max(assumed, seen) if math.isfinite(seen) else assumed
+    return abs(motion.known.calibration.torque.value) * most

@@ -1,0 +1,222 @@
+"""Finds what the signed residuals of the force balance have in common.
+
+The residual of a run is E = F_gauge - F_needed in N (:mod:`..better.balance`). What the rig is
+known by is uncertain in all runs alike, and each uncertainty makes a residual of its own shape.
+With rho R the effective radius, x true less known:
+
+    b0, b1, bN, C_rr: (1, w, N, N R) x/(rho R)    rho: F x/rho    torque scale: T x/(rho R)
+    c0, c_N, c_v: (1, N_rails, V) x/cos(alpha)    mu_a: N tan(alpha) x    travel: m a x/cos(alpha)
+
+The residuals therefore have the covariance V = S + X U X', with S the scatter of single runs. An
+error d with the shape c has the generalised least-squares estimate
+
+    d = c' V^-1 E/(c' V^-1 c),   u(d) = (c' V^-1 c)^-1/2
+
+A gain shows in proportion to the torque, rubbing not at all: sets of strong and weak friction tell
+them apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rigd_analyses.approach_angle.better.result import BalanceRow
+from rigd_analyses.approach_angle.data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.result import RunResult
+from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
+
+#: Fewer runs do not show their scatter.
+MIN_RUNS: Final = 8
+#: The least scatter of a residual over N: noise of the gauges' zero and of the speeds at the ends.
+LEAST_SCATTER: Final = 4e-4
+#: The scatter is that about a fit in which everything may be so many times as wrong as it is known.
+LOOSE: Final = 30.0
+#: What differs from mounting to mounting, by which a force is wrong in a whole set: relative
+#: (assumed), and the angle.
+MOUNTING_U: Final = 0.003
+ANGLE_U_RAD: Final = math.radians(0.2)
+#: Errors that explain the data as well as the best one, by so much in chi^2, are named beside it.
+AS_GOOD: Final = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """One error: its size is 1 in ``unit`` where ``shape`` gives its residual, (n,) in N."""
+
+    code: str
+    unit: str
+    shape: FloatArray
+    effect: FloatArray  #: on F_r/N of each run, relative, (n,)
+    words: Callable[[float, float], str]
+
+
+def balance_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
+    """Return the error that explains the residuals of the used runs; none if none is needed."""
+    chosen = [
+        (k, row, r)
+        for k, r in zip(known, results, strict=True)
+        if not r.excluded and (row := r.better.balance) is not None
+    ]
+    if len(chosen) < MIN_RUNS:
+        return []
+    runs, rows = [k for k, _, _ in chosen], [row for _, row, _ in chosen]
+    residual = np.array([row.residual_n for row in rows])
+    explained = np.column_stack(
+        [
+            np.array([_known_shapes(k, row) for k, row in zip(runs, rows, strict=True)]),
+            _of_mounting(runs, rows),
+        ]
+    )
+    candidates = _candidates(runs, rows)
+    scatter = _scatter(residual, explained, candidates, rows)
+    covariance = np.diag(scatter**2) + explained @ explained.T
+    found = []
+    for item in candidates:
+        weighted = np.linalg.solve(covariance, item.shape)
+        information = float(item.shape @ weighted)
+        if information > 0.0:
+            size, u = float(residual @ weighted) / information, information**-0.5
+            found.append((abs(size) / u, size, u, item))
+    best = max(found, key=lambda entry: entry[0], default=None)
+    if best is None or best[0] < SIGNIFICANT:
+        return []
+    as_good = [entry for entry in found if entry[0] ** 2 > best[0] ** 2 - AS_GOOD]
+    names = [r.run.set_name for _, _, r in chosen]
+    return [_error(best, [entry for entry in as_good if entry is not best], names)]
+
+
+def _error(
+    best: tuple[float, float, float, _Candidate],
+    others: Sequence[tuple[float, float, float, _Candidate]],
+    names: Sequence[str],
+) -> SharedError:
+    _, size, u, item = best
+    effect = {
+        name: max(
+            abs(float(np.mean(of.effect[[n == name for n in names]]))) * abs(of_size)
+            for _, of_size, _, of in (best, *others)
+        )
+        for name in dict.fromkeys(names)
+    }
+    also = "".join(f" As well possible: {of.words(s, v)}" for _, s, v, of in others)
+    sentence = (
+        f"The force balance of all runs together shows {item.words(size, u)}{also} The intervals "
+        "are widened for it."
+    )
+    return SharedError(item.code, sentence, size, u, item.unit, effect)
+
+
+def _known_shapes(known: KnownRun, row: BalanceRow) -> FloatArray:
+    """Return the residual in N that each known quantity makes if it is wrong by its u, (k,)."""
+    rig, calibration = known.rig, known.calibration
+    rho, cos = rig.effective_radius.value, math.cos(known.run.alpha_rad)
+    radius = rho * rig.wheel_radius_m
+    return np.array(
+        [
+            row.torque_nm * calibration.torque.u / calibration.torque.value / radius,
+            rig.bearing_constant.u / radius,
+            rig.bearing_viscous.u * abs(row.wheel_speed_rad_s) / radius,
+            rig.bearing_load.u * row.normal_n / radius,
+            rig.rolling_resistance.u * row.normal_n / rho,
+            rig.effective_radius.u * row.force_n / rho,
+            rig.rail_constant.u / cos,
+            rig.rail_load.u * row.on_rails_n / cos,
+            rig.rail_viscous.u * row.platform_speed_m_s / cos,
+            rig.roller_drag.u * row.normal_n * math.tan(known.run.alpha_rad),
+            row.push_n * calibration.platform.u / calibration.platform.value / cos,
+        ]
+    )
+
+
+def _of_mounting(runs: Sequence[KnownRun], rows: Sequence[BalanceRow]) -> FloatArray:
+    """Return the residual in N that the mounting of each set makes in its runs, (n, sets)."""
+    names = [k.run.set_name for k in runs]
+    size = np.array(
+        [
+            abs(row.force_n) * math.hypot(MOUNTING_U, ANGLE_U_RAD * math.tan(k.run.alpha_rad))
+            for k, row in zip(runs, rows, strict=True)
+        ]
+    )
+    return np.column_stack(
+        [size * np.array([name == of for name in names]) for of in dict.fromkeys(names)]
+    )
+
+
+def _candidates(runs: Sequence[KnownRun], rows: Sequence[BalanceRow]) -> list[_Candidate]:
+    radius = np.array([k.rig.effective_radius.value * k.rig.wheel_radius_m for k in runs])
+    torque, force, normal = (
+        np.array([getattr(row, name) for row in rows])
+        for name in ("torque_nm", "force_n", "normal_n")
+    )
+    strong = np.maximum(np.abs(force), 1e-9)
+    alpha = np.array([k.run.alpha_rad for k in runs])
+    order = np.array([k.run.number for k in runs], dtype=np.float64)
+    span = float(np.ptp(order))
+    by_torque = torque / radius
+    none = np.zeros_like(torque)
+    found = [
+        _Candidate(
+            "torque_gain", "1", by_torque, by_torque / strong,
+            lambda size, u: f"{abs(size):.1%} (± {2 * u:.1%}) too {_much(size)} torque, in "
+            "proportion to it: the gain of a gauge or of both is not that of the calibration.",
+        ),
+        _Candidate(
+            "torque_offset", "N m", 1.0 / radius, 1.0 / radius / strong,
+            lambda size, u: f"{abs(size):.3f} N m (± {2 * u:.3f} N m) too {_much(size)} torque, "
+            "the same at any force: "
+            + ("something rubs between gauges and wheel in every run, or " if size > 0 else "")
+            + "the gauges' zero moves from the start to the run.",
+        ),
+        _Candidate(
+            "roller_drag", "1", normal * np.tan(alpha), none,
+            lambda size, u: f"a drag of the free rollers that is {size:+.3f} (± {2 * u:.3f}) from "
+            "the one of the calibration, or angles that are not as announced; F_r/N does not "
+            "depend on it, the usable coefficient does.",
+        ),
+        _Candidate(
+            "rails", "N", 1.0 / np.cos(alpha), none,
+            lambda size, u: f"rails that brake by {size:+.2f} N (± {2 * u:.2f} N) more than by the "
+            "calibration; F_r/N does not depend on it.",
+        ),
+    ]  # fmt: skip
+    if span > 0.0:
+        grown = (order - float(np.min(order))) / span
+        found.append(
+            _Candidate(
+                "torque_drift", "1", by_torque * grown, by_torque * grown / strong,
+                lambda size, u: f"a torque that is {abs(size):.1%} (± {2 * u:.1%}) too "
+                f"{_much(size)} at the last run and right at the first: a gauge's gain drifts.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _much(size: float) -> str:
+    return "much" if size > 0.0 else "little"
+
+
+def _scatter(
+    residual: FloatArray,
+    explained: FloatArray,
+    candidates: Sequence[_Candidate],
+    rows: Sequence[BalanceRow],
+) -> FloatArray:
+    """Return the standard deviation in N of each run about the loosest fit, (n,): s N."""
+    normal = np.array([row.normal_n for row in rows])
+    basis = np.column_stack(
+        [LOOSE * explained, *(1e3 * item.shape / np.linalg.norm(item.shape) for item in candidates
+                              if np.any(item.shape))]
+    ) / normal[:, None]  # fmt: skip
+    target = residual / normal
+    # A ridge of unit weight beside a typical scatter of LEAST_SCATTER: a fit with loose priors.
+    gram = basis.T @ basis / LEAST_SCATTER**2 + np.eye(basis.shape[1])
+    fitted = basis @ np.linalg.solve(gram, basis.T @ target / LEAST_SCATTER**2)
+    used = min(basis.shape[1], len(rows) - 2)
+    left = np.abs(target - fitted - np.median(target - fitted))
+    spread = 1.4826 * float(np.median(left)) * math.sqrt(len(rows) / max(len(rows) - used, 1))
+    return np.asarray(max(spread, LEAST_SCATTER) * normal)

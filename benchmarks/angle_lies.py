@@ -1,0 +1,491 @@
+"""Faults and lies in three sizes on whole campaigns of the approach-angle rig: is each one seen?
+
+    python benchmarks/angle_lies.py --table lies.jsonl
+                        continues the table: stop it and start it as you like
+    python benchmarks/angle_lies.py --rigs 2 --only gain
+                        fewer rigs, kinds whose name holds the word
+
+Each rig is another individual with hidden parameters (drags, contact, rise of the load, noise, all
+drawn), calibrated to what a calibration knows of it. A campaign is three sets under four loads at
+the three highest voltages, twice each. A fault is put into all its runs. It counts if it moves a
+maximum from the truth by more than the U that the good campaign has; it is then seen if the
+interval that is reported holds the truth, or if something is named that the good campaign has
+not: a shared error, a warning, a run that is left out or marked, a maximum that is refused.
+
+The plant is rigd's own; the analysis shares no code with it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # one core, set before numpy counts them
+
+import numpy as np
+from figures import at_least, at_most, noted
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.angle_headless import simulate
+from support.angle_plant import shipped, varied
+from support.angle_runs import drawn_rig, known_run
+
+from rigd_analyses.approach_angle.campaign import analyse_campaign
+from rigd_analyses.approach_angle.data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_sim.plants.angle.parameters import AngleParameters
+
+Row = dict[str, Any]
+Runs = list[KnownRun]
+Fault = Callable[[Runs, float], Runs]
+
+SETS = ("clean_0", "clean_15", "clean_45")
+LOADS_KG = (4.0, 5.0, 6.0, 8.0)
+VOLTAGES_V = (7.0, 8.5, 10.0)
+VOLTS_PER_USTRAIN = 0.02
+BLOCK = 96
+#: Rigs without any fault, for the intervals and the good runs that are left out.
+GOOD_RIGS = 20
+
+
+def hidden(number: int) -> AngleParameters:
+    """Return parameters that the analysis does not know: drawn about the shipped ones."""
+    rng = np.random.default_rng(7000 + number)
+
+    def about(value: float, spread: float) -> float:
+        return value * float(np.exp(spread * rng.standard_normal()))
+
+    p = shipped()
+    return varied(
+        normal_force={
+            "tilting": 0.02 * float(rng.uniform(0.0, 2.0)),
+            "relaxation": 0.01 * float(rng.uniform(0.0, 2.0)),
+        },
+        contact={
+            "peak_speed": about(p.contact.peak_speed, 0.25),
+            "hump": about(p.contact.hump, 0.25),
+            "breakaway": about(p.contact.breakaway, 0.3),
+            "scatter": 0.015 * float(rng.uniform(0.5, 1.6)),
+        },
+        gauges={"noise": about(p.gauges.noise, 0.3), "hum": about(p.gauges.hum, 0.3)},
+    )
+
+
+def campaign(number: int, profile_m: float | None = None) -> Runs:
+    """Return the runs of one rig."""
+    parameters = hidden(number)
+    if profile_m is not None:
+        normal = parameters.normal_force.model_copy(update={"profile_rollers": profile_m})
+        parameters = parameters.model_copy(update={"normal_force": normal})
+    rig, runs = drawn_rig(900 + number), []
+    for name in SETS:
+        for load in LOADS_KG:
+            for voltage in VOLTAGES_V:
+                for repeat in (1, 2):
+                    seed = 10_000 * number + len(runs) + 1
+                    done = simulate(
+                        name, load, voltage, seed=seed, individual=number, parameters=parameters
+                    )
+                    runs.append(known_run(done, rig, repeat, len(runs) + 1))
+    return runs
+
+
+def each(change: Callable[[KnownRun, float, int], KnownRun]) -> Fault:
+    """Return the fault that ``change`` makes of every run, with its size and its place from 0."""
+    return lambda runs, size: [change(item, size, k) for k, item in enumerate(runs)]
+
+
+def signals(item: KnownRun, **changed: Any) -> KnownRun:
+    return replace(item, run=replace(item.run, **changed))
+
+
+def gauges(a: float, b: float) -> Fault:
+    """Return the fault of gains (1 + a size), (1 + b size)."""
+    return each(
+        lambda item, size, _: signals(
+            item,
+            gauge_a_v=item.run.gauge_a_v * (1.0 + a * size),
+            gauge_b_v=item.run.gauge_b_v * (1.0 + b * size),
+        )
+    )
+
+
+def added(item: KnownRun, difference_v: FloatArray | float) -> KnownRun:
+    """Return ``item`` with so much more in (gauge a - gauge b)."""
+    half = 0.5 * difference_v
+    return signals(item, gauge_a_v=item.run.gauge_a_v + half, gauge_b_v=item.run.gauge_b_v - half)
+
+
+def drift(item: KnownRun, size: float, place: int) -> KnownRun:
+    grown = 1.0 + size * place / (len(SETS) * len(LOADS_KG) * len(VOLTAGES_V) * 2)
+    run = item.run
+    return signals(item, gauge_a_v=run.gauge_a_v * grown, gauge_b_v=run.gauge_b_v * grown)
+
+
+def rubbing(item: KnownRun, size_nm: float) -> KnownRun:
+    driven = np.clip(item.run.t_s / 0.02, 0.0, 1.0)
+    return added(item, driven * size_nm / item.calibration.torque.value)
+
+
+def some_rub(item: KnownRun, size: float, place: int) -> KnownRun:
+    return rubbing(item, size) if place % 5 in (0, 2) else item
+
+
+def zero_drift(item: KnownRun, size: float, _: int) -> KnownRun:
+    grown = np.clip(item.run.t_s / item.run.stop_s, 0.0, 1.0)
+    return added(item, size * VOLTS_PER_USTRAIN * grown)
+
+
+def stuck(at: float | None) -> Fault:
+    """Return the fault of ``size`` samples of both gauges that repeat ``at``, or the one before."""
+
+    def change(item: KnownRun, size: float, place: int) -> KnownRun:
+        run = item.run
+        first = int(np.searchsorted(run.t_s, 0.15)) + place
+        volts = {}
+        for name in ("gauge_a_v", "gauge_b_v"):
+            signal = getattr(run, name).copy()
+            signal[first : first + round(size)] = signal[first] if at is None else at
+            volts[name] = signal
+        return signals(item, **volts)
+
+    return each(change)
+
+
+def hum(together: bool, frequency_hz: float = 50.0) -> Fault:
+    """Return the fault of ``size`` microstrain of hum, of both gauges alike or against."""
+
+    def change(item: KnownRun, size: float, place: int) -> KnownRun:
+        phase = 2.0 * math.pi * frequency_hz * item.run.t_s + place
+        wave = size * VOLTS_PER_USTRAIN * np.sin(phase)
+        sign = 1.0 if together else -1.0
+        run = item.run
+        return signals(item, gauge_a_v=run.gauge_a_v + wave, gauge_b_v=run.gauge_b_v + sign * wave)
+
+    return each(change)
+
+
+def spike(item: KnownRun, size: float, place: int) -> KnownRun:
+    volts = item.run.gauge_a_v.copy()
+    volts[int(np.searchsorted(item.run.t_s, 0.2)) + place] += size
+    return signals(item, gauge_a_v=volts)
+
+
+def converter(item: KnownRun, size: float, _: int) -> KnownRun:
+    step = 20.0 / 2.0**size
+    names = ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+    return signals(item, **{n: step * np.round(getattr(item.run, n) / step) for n in names})
+
+
+def scaled(**factors: float) -> Fault:
+    """Return the fault of signals times (1 + factor size)."""
+    return each(
+        lambda item, size, _: signals(
+            item, **{n: getattr(item.run, n) * (1.0 + f * size) for n, f in factors.items()}
+        )
+    )
+
+
+def pot_noise(item: KnownRun, size: float, place: int) -> KnownRun:
+    noise = np.random.default_rng(place).standard_normal((2, item.run.t_s.size)) * size
+    run = item.run
+    return signals(item, wheel_v=run.wheel_v + noise[0], platform_v=run.platform_v + noise[1])
+
+
+def trigger(item: KnownRun, size: float, _: int) -> KnownRun:
+    return signals(item, t_s=item.run.t_s + size, stop_s=item.run.stop_s + size)
+
+
+def lost(closed: bool) -> Fault:
+    """Return the fault of ``size`` blocks that are lost, with a gap or with times closed up."""
+
+    def change(item: KnownRun, size: float, place: int) -> KnownRun:
+        run = item.run
+        first = int(np.searchsorted(run.t_s, 0.15)) + place
+        kept = np.ones(run.t_s.size, dtype=np.bool_)
+        kept[first : first + round(size) * BLOCK] = False
+        names = ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+        t_s = run.t_s[: int(kept.sum())] if closed else run.t_s[kept]
+        gone = round(size) * BLOCK / 9600.0 if closed else 0.0
+        return signals(
+            item, t_s=t_s, stop_s=run.stop_s - gone, **{n: getattr(run, n)[kept] for n in names}
+        )
+
+    return each(change)
+
+
+def repeated(item: KnownRun, size: float, place: int) -> KnownRun:
+    run, count = item.run, round(size) * BLOCK
+    first = int(np.searchsorted(run.t_s, 0.2)) + place
+    names = ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+    changed = {n: getattr(run, n).copy() for n in names}
+    for volts in changed.values():
+        volts[first : first + count] = volts[first - count : first]
+    return signals(item, **changed)
+
+
+def angle(item: KnownRun, size: float, _: int) -> KnownRun:
+    if item.run.alpha_rad == 0.0:
+        return item
+    return signals(item, alpha_rad=item.run.alpha_rad + math.radians(size))
+
+
+def answered(item: KnownRun, size: float, _: int) -> KnownRun:
+    return signals(item, announced_load_kg=item.run.announced_load_kg * (1.0 + size))
+
+
+def tare(item: KnownRun, size: float, _: int) -> KnownRun:
+    return signals(item, load_n=item.run.load_n + 9.81 * size)
+
+
+def rig_value(name: str) -> Fault:
+    """Return the fault of a constant or calibrated value of the rig that is (1 + size) times."""
+
+    def change(item: KnownRun, size: float, _: int) -> KnownRun:
+        value = getattr(item.rig, name)
+        wrong = (
+            value * (1.0 + size)
+            if isinstance(value, float)
+            else replace(value, value=value.value * (1.0 + size))
+        )
+        rig: Any = replace(item.rig, **{name: wrong})
+        return replace(item, rig=rig)
+
+    return each(change)
+
+
+def calibrated(name: str) -> Fault:
+    """Return the fault of a calibrated value that is (1 + size) times the right one."""
+
+    def change(item: KnownRun, size: float, _: int) -> KnownRun:
+        value = getattr(item.calibration, name)
+        wrong: Any = {name: replace(value, value=value.value * (1.0 + size))}
+        return replace(item, calibration=replace(item.calibration, **wrong))
+
+    return each(change)
+
+
+def swapped(item: KnownRun, size: float, place: int) -> KnownRun:
+    """Swap the gauges in that share of the runs."""
+    run = item.run
+    if place % 10 >= 10 * size:
+        return item
+    return signals(item, gauge_a_v=run.gauge_b_v, gauge_b_v=run.gauge_a_v)
+
+
+def clipped(item: KnownRun, size: float, _: int) -> KnownRun:
+    run = item.run
+    return signals(
+        item, gauge_a_v=np.clip(run.gauge_a_v, -size, size),
+        gauge_b_v=np.clip(run.gauge_b_v, -size, size),
+    )  # fmt: skip
+
+
+def clock(item: KnownRun, size: float, _: int) -> KnownRun:
+    run = item.run
+    return signals(item, t_s=run.t_s * (1.0 + size), stop_s=run.stop_s * (1.0 + size))
+
+
+def shifted(item: KnownRun, size: float, _: int) -> KnownRun:
+    """Shift the gauges against the potentiometers by so many samples."""
+    run = item.run
+    return signals(item, gauge_a_v=np.roll(run.gauge_a_v, round(size)),
+                   gauge_b_v=np.roll(run.gauge_b_v, round(size)))  # fmt: skip
+
+
+#: Each kind of fault, and its three sizes.
+KINDS: dict[str, tuple[Fault, tuple[float, float, float]]] = {
+    "gain of gauge a low": (gauges(-1.0, 0.0), (0.03, 0.06, 0.10)),
+    "gain of gauge b high": (gauges(0.0, 1.0), (0.03, 0.06, 0.10)),
+    "gain of both low": (gauges(-1.0, -1.0), (0.03, 0.05, 0.08)),
+    "gain of both high": (gauges(1.0, 1.0), (0.03, 0.05, 0.08)),
+    "gain drifts up": (each(drift), (0.04, 0.08, 0.12)),
+    "gain drifts down": (each(lambda i, s, p: drift(i, -s, p)), (0.04, 0.08, 0.12)),
+    "rubbing in all runs": (each(lambda i, s, _: rubbing(i, s)), (0.02, 0.05, 0.10)),
+    "rubbing in two fifths of the runs": (each(some_rub), (0.05, 0.10, 0.40)),
+    "zero drifts in each run": (each(zero_drift), (1.0, 2.0, 4.0)),
+    "zero drifts down in each run": (each(lambda i, s, p: zero_drift(i, -s, p)), (1.0, 2.0, 4.0)),
+    "zero off in all": (each(lambda i, s, _: added(i, s * VOLTS_PER_USTRAIN)), (1.0, 3.0, 6.0)),
+    "scale not tared, more": (each(tare), (0.1, 0.2, 0.3)),
+    "scale not tared, less": (each(lambda i, s, p: tare(i, -s, p)), (0.1, 0.2, 0.3)),
+    "span of the scale high": (scaled(load_n=1.0), (0.02, 0.04, 0.06)),
+    "span of the scale low": (scaled(load_n=-1.0), (0.02, 0.04, 0.06)),
+    "samples repeat the last": (stuck(None), (24, 96, 480)),
+    "samples are 0": (stuck(0.0), (24, 96, 480)),
+    "hum of both gauges": (hum(together=True), (3.0, 10.0, 40.0)),
+    "hum against each other": (hum(together=False), (3.0, 10.0, 40.0)),
+    "hum at 51 Hz": (hum(together=False, frequency_hz=51.0), (3.0, 10.0, 40.0)),
+    "a spike": (each(spike), (0.05, 0.2, 2.0)),
+    "a coarse converter, bits": (each(converter), (12, 10, 8)),
+    "noise of the potentiometers": (each(pot_noise), (0.005, 0.02, 0.1)),
+    "both potentiometers low": (scaled(wheel_v=-1.0, platform_v=-1.0), (0.01, 0.02, 0.05)),
+    "pulley of the platform": (scaled(platform_v=1.0), (0.02, 0.05, 0.10)),
+    "potentiometer of the wheel": (scaled(wheel_v=1.0), (0.02, 0.05, 0.10)),
+    "trigger early": (each(trigger), (0.01, 0.02, 0.04)),
+    "trigger late": (each(lambda i, s, p: trigger(i, -s, p)), (0.01, 0.02, 0.04)),
+    "blocks lost, with a gap": (lost(closed=False), (1, 3, 8)),
+    "blocks lost, closed up": (lost(closed=True), (1, 3, 8)),
+    "blocks repeated": (each(repeated), (1, 3, 8)),
+    "angle, degrees": (each(angle), (1.0, 3.0, 8.0)),
+    "answered load": (each(answered), (0.03, 0.08, 0.25)),
+    "gauges swapped in a share": (each(swapped), (0.1, 0.5, 1.0)),
+    "gauges clipped, V": (each(clipped), (0.6, 0.4, 0.2)),
+    "clock fast": (each(clock), (0.01, 0.03, 0.10)),
+    "gauges late, samples": (each(shifted), (96, 480, 960)),
+    "torque calibration": (calibrated("torque"), (0.03, 0.05, 0.10)),
+    "load calibration": (calibrated("load"), (0.02, 0.04, 0.08)),
+    "radius of the wheel": (rig_value("wheel_radius_m"), (0.02, 0.04, 0.08)),
+    "moment of inertia": (rig_value("wheel_inertia"), (0.5, 1.0, 3.0)),
+    "mass of the platform": (rig_value("platform_mass_kg"), (0.03, 0.10, 0.30)),
+    "bearing constant": (rig_value("bearing_constant"), (0.5, 1.0, 3.0)),
+    "rolling resistance": (rig_value("rolling_resistance"), (1.0, 2.0, 4.0)),
+    "effective radius": (rig_value("effective_radius"), (0.02, 0.04, 0.08)),
+    "drag of the rollers": (rig_value("roller_drag"), (0.5, 1.0, 2.0)),
+    "rise of the load": (rig_value("load_rise"), (1.0, 2.0, 4.0)),
+}
+HOPPING = ("rollers stand out, m", (3e-4, 6e-4, 1.2e-3))
+
+
+def judged(result: CampaignResult) -> Row:
+    """Return what is kept of a campaign: maxima with U, and all that is named."""
+    return {
+        "sets": {
+            s.name: None if s.maximum is None else [s.maximum.value, s.maximum.expanded]
+            for s in result.sets
+        },
+        "shared": [error.code for error in result.shared],
+        "left_out": sum(run.excluded for run in result.runs),
+        "runs": len(result.runs),
+        "codes": sorted({flag.code for run in result.runs for flag in run.flags}),
+        "warnings": sorted({w.partition(":")[2] or w for w in result.warnings}),
+    }
+
+
+def true_mu(number: int) -> dict[str, float]:
+    """Return the limits that the plant has."""
+    limits = hidden(number).limits
+    return {name: float(getattr(limits, name)) for name in SETS}
+
+
+def plan(rigs: int, only: str) -> list[tuple[int, str, float]]:
+    """Return the cases: rig, kind and size; each rig without a fault first."""
+    cases = [(k, "good", 0.0) for k in range(1, GOOD_RIGS + 1)] if not only else []
+    for rig in range(1, rigs + 1):
+        cases += [] if not only else [(rig, "good", 0.0)]
+        kinds = {**{name: sizes for name, (_, sizes) in KINDS.items()}, HOPPING[0]: HOPPING[1]}
+        cases += [(rig, name, size) for name, s in kinds.items() if only in name for size in s]
+    return cases
+
+
+def play(cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path | None) -> None:
+    """Play what ``rows`` lack, and append it to them and to the table."""
+    done = {(row["rig"], row["kind"], row["size"]) for row in rows}
+    runs: dict[int, Runs] = {}
+    for rig, kind, size in cases:
+        if (rig, kind, size) in done:
+            continue
+        begun = time.process_time()
+        if kind == HOPPING[0]:
+            spoilt = campaign(rig, profile_m=size)
+        else:
+            if rig not in runs:
+                runs = {rig: campaign(rig)}
+            spoilt = runs[rig] if kind == "good" else KINDS[kind][0](runs[rig], size)
+        row = {"rig": rig, "kind": kind, "size": size, **judged(analyse_campaign(spoilt))}
+        row["cpu_s"] = time.process_time() - begun
+        rows.append(row)
+        if table is not None:
+            with table.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+
+
+def seen(row: Row, good: Row) -> str:
+    """Return how a fault was seen; empty if not at all."""
+    if set(row["shared"]) - set(good["shared"]):
+        return "named"
+    if set(row["codes"]) - set(good["codes"]) or row["left_out"] > good["left_out"] + 2:
+        return "flagged"
+    if any(row["sets"][name] is None for name in row["sets"] if good["sets"][name] is not None):
+        return "refused"
+    return "warned" if set(row["warnings"]) - set(good["warnings"]) else ""
+
+
+def report(rows: Sequence[Row]) -> None:
+    """Print what became of each kind, and the figures."""
+    good = {row["rig"]: row for row in rows if row["kind"] == "good"}
+    counts = {"held": 0, "named": 0, "flagged": 0, "refused": 0, "warned": 0, "": 0}
+    for row in rows:
+        if row["kind"] == "good" or row["rig"] not in good:
+            continue
+        true, base = true_mu(row["rig"]), good[row["rig"]]
+        errors = {
+            name: abs(found[0] - true[name])
+            for name, found in row["sets"].items()
+            if found and base["sets"][name]
+        }
+        moved = {name: e / base["sets"][name][1] for name, e in errors.items()}
+        refused = len(errors) < len(SETS)
+        if not refused and max(moved.values()) <= 1.0:
+            continue
+        how = seen(row, base)
+        if not how and all(errors[name] <= row["sets"][name][1] for name in errors):
+            how = "held"
+        counts[how] += 1
+        if not how:
+            worst = max(moved, key=lambda name: moved[name])
+            print(f"  not seen: rig {row['rig']}, {row['kind']} {row['size']:g}: {worst} is off "
+                  f"by {moved[worst]:.1f} U")  # fmt: skip
+    total = sum(counts.values())
+    if total:
+        print(f"{total} cases move a maximum by more than its U, or lose it: {counts}")
+        at_least("faults that matter and are seen", 100 * (1 - counts[""] / total), 95, "%")
+    inside = [
+        abs(found[0] - true_mu(row["rig"])[name]) <= found[1]
+        for row in good.values()
+        for name, found in row["sets"].items()
+        if found
+    ]
+    if inside:
+        noted("good campaigns: maxima within U (92 to 98 % wanted)",
+              100 * float(np.mean(inside)), "%")  # fmt: skip
+        ratios = [
+            (found[0] - true_mu(row["rig"])[name]) / found[1]
+            for row in good.values()
+            for name, found in row["sets"].items()
+            if found
+        ]
+        noted("good campaigns: rms of error over U (0.5 wanted)",
+              float(np.sqrt(np.mean(np.square(ratios)))), "")  # fmt: skip
+        out, runs = (sum(row[key] for row in good.values()) for key in ("left_out", "runs"))
+        at_most("good runs left out", 100 * out / runs, 1, "%")
+        alarms = [row["shared"] for row in good.values() if row["shared"]]
+        at_most("good campaigns with a shared error", 100 * len(alarms) / len(good), 5, "%")
+
+
+def main() -> int:
+    """Play what the table lacks, and print what it shows."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--rigs", type=int, default=2, help="rigs with all faults (default 2)")
+    parser.add_argument("--only", default="", help="kinds whose name holds this", metavar="WORD")
+    parser.add_argument("--table", type=Path, help="JSON lines, read and appended to")
+    parser.add_argument("--report", action="store_true", help="of the table alone")
+    arguments = parser.parse_args()
+    table: Path | None = arguments.table
+    known = table.read_text().splitlines() if table is not None and table.exists() else []
+    rows: list[Row] = [json.loads(line) for line in known]
+    if not arguments.report:
+        play(plan(arguments.rigs, arguments.only), rows, table)
+    report(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Errors that all runs share, on runs made from the equations alone: named, sized, or not there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from rigd_analyses.approach_angle.better.result import BalanceRow
+from rigd_analyses.approach_angle.better.run import no_numbers
+from rigd_analyses.approach_angle.data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Flag,
+    Known,
+    KnownRun,
+)
+from rigd_analyses.approach_angle.paper import PaperRun
+from rigd_analyses.approach_angle.result import RunResult
+from rigd_analyses.approach_angle.shared.balance import balance_errors
+from rigd_analyses.approach_angle.shared.load import load_errors
+from rigd_analyses.approach_angle.shared.share import gauge_share, share_errors
+
+SETS = {"clean_0": (0.0, 0.19), "clean_15": (15.0, 0.25), "clean_45": (45.0, 0.58)}
+LOADS_KG = (4.0, 5.0, 6.0, 8.0)
+CALIBRATION = AngleCalibration(
+    torque=Known(2.03, 0.005), wheel=Known(12.57, 0.025), platform=Known(0.1885, 0.0004)
+)
+GRAVITY, RADIUS = 9.81, 0.05
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong with a campaign, relative if the name has no unit."""
+
+    gain: float = 0.0
+    offset_nm: float = 0.0
+    drift: float = 0.0
+    tare_kg: float = 0.0
+    span: float = 0.0
+    gain_a: float = 0.0
+
+
+def campaign(
+    rig: AngleRig, wrong: Wrong = Wrong(), seed: int = 1
+) -> tuple[list[KnownRun], list[RunResult]]:
+    """Return 36 runs of a rig that is as uncertain as it is known, and what they show."""
+    rng = np.random.default_rng(seed)
+    known, results = [], []
+    rail_n, viscous = (rng.normal(0.0, value.u) for value in (rig.rail_constant, rig.rail_viscous))
+    drag, rolling = (rng.normal(0.0, v.u) for v in (rig.roller_drag, rig.rolling_resistance))
+    points = [(name, load, k) for name in SETS for load in LOADS_KG for k in range(3)]
+    setting = {(name, load): rng.normal(1.0, 0.01) for name in SETS for load in LOADS_KG}
+    for number, (name, load, _) in enumerate(points):
+        degrees, mu = SETS[name]
+        alpha, normal = math.radians(degrees), load * GRAVITY * setting[name, load]
+        true_nm, speed = RADIUS * mu * normal, 1.2
+        shown_nm = true_nm * (1.0 + wrong.gain + wrong.drift * number / len(points))
+        shown_nm += wrong.offset_nm
+        residual = (
+            (shown_nm - true_nm) / RADIUS + rolling * normal + drag * normal * math.tan(alpha)
+            + (rail_n + viscous * speed) / math.cos(alpha) + rng.normal(0.0, 1e-3 * normal)
+        )  # fmt: skip
+        row = BalanceRow(
+            residual_n=residual, normal_n=normal, torque_nm=shown_nm, force_n=shown_nm / RADIUS,
+            wheel_speed_rad_s=40.0, platform_speed_m_s=speed, push_n=mu * normal,
+            on_rails_n=normal,
+        )  # fmt: skip
+        run = raw_run(name, alpha, load, normal * (1 + wrong.span) + GRAVITY * wrong.tare_kg)
+        run = replace(run, number=number, **gauges(shown_nm, wrong.gain_a, rng))
+        known.append(KnownRun(run, CALIBRATION, rig))
+        results.append(result_of(run, row))
+    return known, results
+
+
+def raw_run(name: str, alpha: float, load_kg: float, load_n: float) -> AngleRun:
+    none = np.empty(0)
+    return AngleRun(name, name, alpha, load_kg, 10.0, 1, none, none, none, none, none, 0.4, load_n)
+
+
+def gauges(torque_nm: float, gain_a: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return signals at rest, then under a torque over three turns, with bending of both gauges."""
+    t_s = np.arange(-0.1, 0.4, 1e-3)
+    torque = torque_nm * (t_s > 0.0)
+    theta = rng.uniform(0.0, 1.0) + 6.0 * math.pi * np.clip(t_s, 0.0, None) / 0.4
+    half, bending = 0.5 * torque / CALIBRATION.torque.value, 0.05 * np.cos(theta)
+    noise = 0.002 * rng.standard_normal((2, t_s.size))
+    return {
+        "t_s": t_s,
+        "gauge_a_v": 0.01 + (1.0 + gain_a) * half + bending + noise[0],
+        "gauge_b_v": 0.02 - half + bending + noise[1],
+        "wheel_v": theta / CALIBRATION.wheel.value,
+    }
+
+
+def result_of(run: AngleRun, row: BalanceRow | None, *flags: Flag) -> RunResult:
+    nan = math.nan
+    paper = PaperRun(nan, nan, nan, nan, nan, nan, nan, nan, nan, None, flags)
+    return RunResult(run, paper, replace(no_numbers(()), balance=row), flags)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code", "size", "clean_0"),
+    [
+        (Wrong(gain=-0.05), "torque_gain", -0.05, 0.05),
+        (Wrong(gain=0.05), "torque_gain", 0.05, 0.05),
+        (Wrong(offset_nm=0.05), "torque_offset", 0.05, 0.09),
+        (Wrong(drift=0.08), "torque_drift", 0.08, 0.013),
+    ],
+)
+def test_shared_error_of_torque_is_named_and_sized(
+    rig: AngleRig, wrong: Wrong, code: str, size: float, clean_0: float
+) -> None:
+    (found,) = balance_errors(*campaign(rig, wrong))
+    assert found.code == code
+    assert abs(found.size - size) < 3.0 * found.u < abs(size)
+    assert found.effect["clean_0"] == pytest.approx(clean_0, rel=0.3)
+    assert "too much" in found.sentence if size > 0 else "too little" in found.sentence
+
+
+def test_uncertain_rig_alone_is_no_shared_error(rig: AngleRig) -> None:
+    """The rig is off by draws from what it is known by; the gauges and loads are right."""
+    alarms = [
+        error.code
+        for seed in range(100)
+        for runs in [campaign(rig, seed=seed)]
+        for error in (*balance_errors(*runs), *load_errors(*runs), *share_errors(*runs))
+    ]
+    assert len(alarms) <= 1, alarms
+
+
+def test_drag_of_rollers_leaves_maxima_alone(rig: AngleRig) -> None:
+    known, results = campaign(rig)
+    more = 10.0 * rig.roller_drag.u
+
+    def dragged(result: RunResult, alpha: float) -> RunResult:
+        row = result.better.balance
+        assert row is not None
+        residual = row.residual_n + more * row.normal_n * math.tan(alpha)
+        row = replace(row, residual_n=residual)
+        return replace(result, better=replace(result.better, balance=row))
+
+    wrong = [dragged(r, k.run.alpha_rad) for k, r in zip(known, results, strict=True)]
+    (found,) = balance_errors(known, wrong)
+    assert found.code == "roller_drag"
+    assert found.size == pytest.approx(more, rel=0.2)
+    assert set(found.effect.values()) == {0.0}
+
+
+def test_run_left_out_shows_no_shared_error(rig: AngleRig) -> None:
+    known, results = campaign(rig, Wrong(gain=0.05))
+    out = [replace(result, flags=(Flag("rubbing", "Bad."),)) for result in results]
+    assert balance_errors(known, out) == load_errors(known, out) == share_errors(known, out) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code", "size"),
+    [
+        (Wrong(tare_kg=0.15), "missed_tare", 0.15),
+        (Wrong(tare_kg=-0.15), "missed_tare", -0.15),
+        (Wrong(span=0.04), "load_span", 0.04),
+    ],
+)
+def test_scale_against_announced_loads_is_named(
+    rig: AngleRig, wrong: Wrong, code: str, size: float
+) -> None:
+    (found,) = load_errors(*campaign(rig, wrong))
+    assert (found.code, found.size) == (code, pytest.approx(size, rel=0.25))
+    assert found.effect["clean_0"] == pytest.approx(abs(size) / (1 if wrong.span else 5.5), rel=0.3)
+
+
+def test_two_loads_show_no_tare(rig: AngleRig) -> None:
+    known, results = campaign(rig, Wrong(tare_kg=0.5))
+    few = [k for k in range(len(known)) if known[k].run.announced_load_kg == 4.0]
+    assert load_errors([known[k] for k in few[:2]], [results[k] for k in few[:2]]) == []
+
+
+def test_gauge_that_lost_gain_is_named(rig: AngleRig) -> None:
+    (found,) = share_errors(*campaign(rig, Wrong(gain_a=-0.1)))
+    assert "gauge a has lost gain" in found.sentence
+    assert found.effect["clean_45"] == pytest.approx(0.05, rel=0.15)
+
+
+def test_calibrated_share_is_no_error(rig: AngleRig) -> None:
+    known, results = campaign(rig, Wrong(gain_a=-0.1))
+    calibrated = replace(CALIBRATION, gauge_share=Known(0.9 / 1.9, 0.002))
+    assert share_errors([replace(k, calibration=calibrated) for k in known], results) == []
+
+
+def test_share_without_rest_is_unknown(rig: AngleRig) -> None:
+    known, _ = campaign(rig)
+    run = known[0].run
+    late = {name: getattr(run, name)[200:] for name in ("t_s", "gauge_a_v", "gauge_b_v", "wheel_v")}
+    assert math.isnan(gauge_share(replace(known[0], run=replace(run, **late)))[0])
+    assert gauge_share(known[0])[0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_few_runs_show_no_shared_error(rig: AngleRig) -> None:
+    known, results = (items[:3] for items in campaign(rig, Wrong(gain=0.5, gain_a=-0.5)))
+    errors: Sequence[object] = [*balance_errors(known, results), *share_errors(known, results)]
+    assert errors == []
