@@ -18,6 +18,7 @@ from support.command import rigd
 from support.markup import outline
 
 from rigd.analysis import Options
+from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.model.errors import ConfigError, DataError
@@ -104,6 +105,18 @@ def good(
     found = evaluate([path])
     assert isinstance(found, CampaignEvaluation)
     return found
+
+
+def test_records_without_pre_trigger_are_used_if_asked(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    path = record([before_the_trigger_removed(item) for item in campaign[:2]])
+    found = evaluate([path], corrections=Corrections(constants={"pre_trigger": "0 s"}))
+    assert isinstance(found, CampaignEvaluation)
+    for run in found.result.runs:
+        assert not run.excluded and run.better.mu > 0.0
+        assert run.better.budget is not None
+        assert "gauge zero" in {t.name for t in run.better.budget.terms if t.systematic}
 
 
 def test_a_good_campaign_has_no_flag_that_excludes(good: CampaignEvaluation) -> None:
