@@ -5,7 +5,7 @@ Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.
 :mod:`.result`, :mod:`.parameters`, :mod:`.report`. Calibrations: :mod:`.calibration`.
 """
 
-from rigd.analysis.analysis import Analysis, Evaluation, Options
+from rigd.analysis.analysis import Analysis, ChecksTrials, Evaluation, Options
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.units import format_quantity, parse_quantity, parse_unit, quotient
 from rigd.sdk.analysis import ANY_UNIT, Calibratable, Needs
@@ -14,6 +14,7 @@ __all__ = [
     "ANY_UNIT",
     "Analysis",
     "Calibratable",
+    "ChecksTrials",
     "ConfigError",
     "DataError",
     "Evaluation",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rigd.analysis.designing import Designed, DesignRequest
     from rigd.analysis.estimates import Estimate
     from rigd.analysis.report import Heading, Opening
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.source import RecordedSweep, TrialInfo
     from rigd.analysis.terminal import TerminalReport
     from rigd.analysis.validation.result import Validation
     from rigd.analysis.validation.saved import SavedModel
@@ -107,6 +107,22 @@ class Analysis(DeclaredAnalysis):
             RecordingError: a recording is damaged.
             ConfigError: a calibration is wrong.
             DataError: the data cannot answer; the message gives the reason, the hint what to do.
+        """
+
+
+@runtime_checkable
+class ChecksTrials(Protocol):
+    """What an analysis has besides if it can judge a trial by itself, while the run goes on."""
+
+    def check_trial(self, sweep: RecordedSweep, trial: TrialInfo) -> Sequence[str]:
+        """Return why ``trial`` cannot be used, a sentence each; nothing if it can.
+
+        It is called between two trials, so it takes a second at most.
+
+        Raises:
+            RecordingError: the recording is damaged.
+            ConfigError: a calibration is wrong.
+            DataError: the recording lacks what the analysis needs.
         """
 
 

@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from rigd.analysis.analysis import Analysis
+from rigd.analysis.analysis import Analysis, ChecksTrials
 from rigd.config.registry import ANALYSES, find, installed
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import parse_unit
@@ -109,6 +109,11 @@ def _mistakes(
         for name in names:
             if name not in known:
                 yield f"model {model} has no {kind} {name!r}", _nearest(name, known)
+    if plan.check is not None and not issubclass(analysis, ChecksTrials):
+        yield (
+            f"model {model} does not evaluate single trials",
+            "leave `identify: check` out; `rigd identify` evaluates the recording",
+        )
     for name in needs.trial_parameters:
         if trial_parameters is not None and name not in trial_parameters:
             message = f"model {model} needs trials with a parameter {name!r}"

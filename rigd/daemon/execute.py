@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -20,7 +21,9 @@ from rigd.daemon.forms import RecordingSpec, RunSetup, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
 from rigd.daemon.signals import handle_signals
+from rigd.daemon.trial_check import check_apart, check_trial
 from rigd.engine.answers import Answers, OwnAnswers
+from rigd.engine.checked import TrialJudge
 from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
 from rigd.engine.draws import trial_seeds
@@ -170,6 +173,7 @@ def perform(
             done=done,
             given={} if resume is None else resume.given,
             watch=watch,
+            judge=_judge(request, path),
             extra_checks=(
                 lambda: _disk_check(path.parent),
                 lambda: unusable(request.rig, rests_on, day_of(request.start_ns)),
@@ -183,6 +187,15 @@ def perform(
         raise
     finally:
         form.release()
+
+
+def _judge(request: RunRequest, path: Path) -> TrialJudge | None:
+    """Return what evaluates each trial of the recording at ``path``; None if nothing does."""
+    plan = request.procedure.identify
+    if plan is None or plan.check is None:
+        return None
+    check = check_trial if request.virtual else check_apart
+    return TrialJudge(partial(check, path), plan.check)
 
 
 def check_resumable(request: RunRequest, resume: ResumePoint) -> None:

@@ -26,14 +26,16 @@ class Asking:
     """Asks prompts of ``answers`` on the rig behind ``host``, which stays at rest meanwhile.
 
     ``change`` is None for a real rig. ``set_up`` gets the last answer for each quantity that
-    prompts set up. An operator whose answer is refused gets the reason and is
-    asked again; if the procedure's own answer is refused, the run ends as failed.
+    prompts set up, ``given`` the last answer to each prompt, by name. An operator whose answer is
+    refused gets the reason and is asked again; if the procedure's own answer is refused, the run
+    ends as failed.
     """
 
     host: Host
     answers: Answers
     change: ChangePlant | None = None
     set_up: dict[str, Answer] = field(default_factory=dict)
+    given: dict[str, Answer] = field(default_factory=dict)
 
     def ask(self, prompt: Prompt) -> Outcome | None:
         """Return when the rig may move on: None, or the outcome that ends the program."""
@@ -77,6 +79,7 @@ class Asking:
                 "by": self.answers.by,
             },
         )
+        self.given[prompt.name] = answer
         if prompt.changes is not None:
             self.set_up[prompt.changes] = answer
         if prompt.changes is not None and self.change is not None:

@@ -120,6 +120,10 @@ class Host(Protocol):
         """Return why motion is locked out, or ""."""
         ...
 
+    def flush(self) -> None:
+        """Have all rows and events so far in the recording, or soon if another process writes."""
+        ...
+
     def drain(self) -> None:
         """Write the rows and events recorded so far to the sink."""
         ...

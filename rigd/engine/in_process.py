@@ -244,6 +244,11 @@ class InProcessHost:
             self._flushed_ns = now
         self.on_drain()
 
+    def flush(self) -> None:
+        """Write all rows and events so far."""
+        self._hand_over()
+        self._sink.flush()
+
     def _hand_over(self) -> None:
         for name, ring in self._rings.items():
             rows = ring.drain()

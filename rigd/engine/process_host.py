@@ -300,6 +300,9 @@ class ProcessHost:
                 wait((future,), timeout=POLL_MS * 1e-3)
         return future.result()
 
+    def flush(self) -> None:
+        """Do nothing: the recorder writes by itself, every second."""
+
     def drain(self) -> None:
         """Do nothing: the recorder drains the rings by itself."""
 

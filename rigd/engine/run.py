@@ -13,6 +13,7 @@ from functools import partial
 
 from rigd.engine.answers import Answers, Given, GivenBefore
 from rigd.engine.asking import Asking, ChangePlant
+from rigd.engine.checked import TrialJudge
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
 from rigd.engine.faults import ShownFaults
@@ -45,7 +46,8 @@ class Run:
     time they are simulated again, unrecorded, with the answers ``given`` (by trial): what follows
     then is bit for bit as if nothing had interrupted the run. ``draw`` gets the seed of each trial
     that begins, by number in ``seeds``: the plant of a simulated rig draws from it. ``change`` is
-    None for a real rig, ``faults`` for a rig that is not simulated at the wire.
+    None for a real rig, ``faults`` for a rig that is not simulated at the wire. ``judge`` evaluates
+    each trial that has ended, if the procedure asks for it.
     """
 
     procedure: CompiledProcedure
@@ -59,6 +61,7 @@ class Run:
     done: frozenset[int] = frozenset()
     given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
     watch: Callable[[Progress], None] = lambda _: None
+    judge: TrialJudge | None = None
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     identity_check: IdentityCheck = lambda _: ()
     state: RunState = RunState.IDLE
@@ -208,12 +211,20 @@ class Run:
             if outcome.severity is not Severity.DONE:
                 return outcome
             if trial.number not in self.done:
-                outcome = self._between_trials() or self._play_trial(trial)
+                outcome = self._between_trials() or self._judged(trial)
             elif self.host.virtual:
                 outcome = self._between_trials() or self._play_again(trial)
         if outcome.severity is not Severity.DONE:
             return outcome
         return Outcome(Severity.DONE, "all trials played")
+
+    def _judged(self, trial: TrialPlan) -> Outcome:
+        """Play a trial and judge it if that is asked for; return DONE if another may follow."""
+        outcome = self._play_trial(trial)
+        if self.judge is None or outcome.severity is not Severity.DONE:
+            return outcome
+        refused = self.judge.judge(trial.number, self.host, self._asking, self.control)
+        return refused or outcome
 
     def _report_progress(self) -> None:
         """Show progress between two cycles, and that a pause was requested."""

@@ -13,7 +13,7 @@ from rigd.config.source import ConstantSource
 from rigd.model.constants import Constant, Uncertainty
 from rigd.model.units import parse_quantity, parse_unit
 from rigd.procedure.expression import Literal, Number, Reference, Scope
-from rigd.procedure.program import IdentifyPlan
+from rigd.procedure.program import IdentifyPlan, TrialCheck
 from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.source import IdentifySource, ReferenceSource
 
@@ -53,6 +53,7 @@ def read_plan(
         "" if plan.reference is None else plan.reference.label,
         known.uncertainties,
         known.units,
+        None if plan.check is None else TrialCheck(plan.check),
     )
 
 

@@ -262,6 +262,14 @@ class Measure:
     doc: str = ""
 
 
+class TrialCheck(Enum):
+    """What a run does about a trial that the analysis cannot use."""
+
+    WARN = "warn"  #: state it, and go on
+    ASK = "ask"  #: ask the operator whether to go on
+    END = "end"  #: end the run
+
+
 @dataclass(frozen=True)
 class IdentifyPlan:
     """The plan of ``rigd identify`` for a recording: a model, its signals and known constants.
@@ -270,7 +278,7 @@ class IdentifyPlan:
     value. ``uncertainties`` and ``units`` are those of constants, if known. ``group_by`` names the
     parameters whose values separate identifications. ``reference`` has published values of the
     model's parameters (SI), ``reference_label`` their source; they are printed beside the estimates
-    and never used.
+    and never used. ``check`` is what a run does about a trial that the analysis cannot use.
     """
 
     model: str
@@ -281,6 +289,7 @@ class IdentifyPlan:
     reference_label: str = ""
     uncertainties: Mapping[str, Uncertainty] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    check: TrialCheck | None = None
 
 
 @dataclass(frozen=True)

@@ -326,6 +326,9 @@ class IdentifySource(Source):
     """Parameters whose values separate identifications."""
     reference: ReferenceSource | None = None
     """Published values to print beside the estimates."""
+    check: Literal["warn", "ask", "end"] | None = None
+    """Evaluate each trial once it has ended. If it cannot be used: `warn` and go on, `ask` the
+    operator whether to go on, or `end` the run. By default trials are not evaluated in a run."""
 
 
 #: The part of a trial: `steady`, `last 2 s of steady`, `1 s to 3 s of steady`.

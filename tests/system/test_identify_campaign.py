@@ -51,7 +51,8 @@ def spoilt_by(fault: str) -> str:
 def test_fault_at_rig_is_reported_without_any_number(
     tmp_path: Path, fault: str, codes: set[str]
 ) -> None:
-    found = played(tmp_path, spoilt_by(fault), set="clean_0", load="4 kg", voltage="5.5 V")
+    text = spoilt_by(fault).replace("check: ask", "check: warn")
+    found = played(tmp_path, text, set="clean_0", load="4 kg", voltage="5.5 V")
     assert len(found.result.runs) == 2
     for run in found.result.runs:
         assert run.excluded
@@ -62,6 +63,13 @@ def test_fault_at_rig_is_reported_without_any_number(
     assert only.maximum is None
     assert only.paper.value is None
     assert (only.paper.raw, only.paper.flagged, only.paper.used) == (2, 2, 0)
+
+
+def test_unusable_first_trial_ends_run_without_operator(tmp_path: Path) -> None:
+    text = spoilt_by("gauges_swapped")
+    found = played(tmp_path, text, set="clean_0", load="4 kg", voltage="5.5 V")
+    assert len(found.result.runs) == 1
+    assert "gauge a and b are swapped" in found.result.warnings[0]
 
 
 def test_trial_ended_by_interlock_has_its_reason(tmp_path: Path) -> None:

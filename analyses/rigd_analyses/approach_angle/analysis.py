@@ -16,7 +16,7 @@ from rigd.analysis import Analysis, Evaluation, Needs, Options
 from rigd_analyses.approach_angle.values import CALIBRATABLE
 
 if TYPE_CHECKING:
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.source import RecordedSweep, TrialInfo
 
 
 class ApproachAngleAnalysis(Analysis):
@@ -59,6 +59,12 @@ class ApproachAngleAnalysis(Analysis):
     )
     calibratable = CALIBRATABLE
     options = ("calibration",)
+
+    def check_trial(self, sweep: RecordedSweep, trial: TrialInfo) -> Sequence[str]:
+        """Return the reasons of the flags that leave a run out, by itself."""
+        from rigd_analyses.approach_angle.trial_check import check_trial
+
+        return check_trial(sweep, trial)
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]

@@ -1,0 +1,96 @@
+"""Evaluates a trial as soon as it has ended, by the analysis that its procedure names.
+
+In virtual time that is done here; on a rig in a process of its own, whose numerics do not keep the
+daemon from giving signs of life. That process waits until the trial stands in the recording:
+
+    python -m rigd.daemon.trial_check FILE NUMBER
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from rigd.model.errors import RigdError
+
+#: The recorder writes every second; a disk may be slow.
+WRITTEN_WITHIN_S: Final = 10.0
+POLL_S: Final = 0.2
+#: A process that takes longer than this is lost.
+TIMEOUT_S: Final = 60.0
+
+
+class Unchecked(RigdError):
+    """The trial could not be checked; the message has the reason."""
+
+
+def check_trial(path: Path, number: int) -> Sequence[str]:
+    """Return why the trial ``number`` of the recording at ``path`` cannot be used.
+
+    Raises:
+        RigdError: it cannot be checked: it is not in the recording, or that lacks something.
+    """
+    from rigd.analysis.analysis import ChecksTrials
+    from rigd.analysis.plan import find_analysis
+    from rigd.analysis.source import open_sweep
+
+    sweep = open_sweep(path)
+    analysis = find_analysis(sweep.plan.model)()
+    ended = [trial for trial in sweep.info.trials if trial.number == number]
+    if not ended or not isinstance(analysis, ChecksTrials):
+        raise Unchecked(f"trial {number} is not in {path}")
+    optional = analysis.needs.optional_signals
+    return analysis.check_trial(sweep.without(optional), ended[-1])
+
+
+def check_apart(path: Path, number: int) -> Sequence[str]:
+    """Return what :func:`check_trial` does, from a process of its own.
+
+    Raises:
+        Unchecked: it cannot be checked.
+    """
+    command = [sys.executable, "-m", "rigd.daemon.trial_check", str(path), str(number)]
+    try:
+        done = subprocess.run(
+            command, check=False, capture_output=True, text=True, timeout=TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired as error:
+        raise Unchecked(f"it took longer than {TIMEOUT_S:g} s") from error
+    if done.returncode:
+        last = done.stderr.strip().splitlines()
+        raise Unchecked(last[-1] if last else f"its process ended with {done.returncode}")
+    reasons: list[str] = json.loads(done.stdout)
+    return reasons
+
+
+def _written(path: Path, number: int) -> bool:
+    """Return whether the end of the trial stands in the recording."""
+    from rigd.record import Recording
+
+    events = Recording.open(path, partial=True).all_events
+    return any(event.kind == "trial_end" and event.trial == number for event in events)
+
+
+def main() -> int:
+    """Check the trial that the command names; print the reasons as JSON."""
+    path, number = Path(sys.argv[1]), int(sys.argv[2])
+    until = time.monotonic() + WRITTEN_WITHIN_S
+    try:
+        while not _written(path, number):
+            if time.monotonic() > until:
+                raise Unchecked(f"it is not in {path} after {WRITTEN_WITHIN_S:g} s")
+            time.sleep(POLL_S)
+        sys.stdout.write(json.dumps(list(check_trial(path, number))))
+    except RigdError as error:
+        sys.stderr.write(f"{error.message}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
