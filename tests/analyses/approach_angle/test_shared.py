@@ -68,7 +68,7 @@ def campaign(
         row = BalanceRow(
             residual_n=residual, normal_n=normal, torque_nm=shown_nm, force_n=shown_nm / RADIUS,
             wheel_speed_rad_s=40.0, platform_speed_m_s=speed, push_n=mu * normal,
-            on_rails_n=normal,
+            on_rails_n=normal, push_u_n=0.06,
         )  # fmt: skip
         run = raw_run(name, alpha, load, normal * (1 + wrong.span) + GRAVITY * wrong.tare_kg)
         run = replace(run, number=number, **gauges(shown_nm, wrong.gain_a, rng))
@@ -100,16 +100,16 @@ def gauges(torque_nm: float, gain_a: float, rng: np.random.Generator) -> dict[st
 def result_of(run: AngleRun, row: BalanceRow | None, *flags: Flag) -> RunResult:
     nan = math.nan
     paper = PaperRun(nan, nan, nan, nan, nan, nan, nan, nan, nan, None, flags)
-    return RunResult(run, paper, replace(no_numbers(()), balance=row), flags)
+    return RunResult(run, paper, replace(no_numbers(()), mu=0.2, balance=row), flags)
 
 
 @pytest.mark.parametrize(
     ("wrong", "code", "size", "clean_0"),
     [
-        (Wrong(gain=-0.05), "torque_gain", -0.05, 0.05),
-        (Wrong(gain=0.05), "torque_gain", 0.05, 0.05),
+        (Wrong(gain=-0.08), "torque_gain", -0.08, 0.08),
+        (Wrong(gain=0.08), "torque_gain", 0.08, 0.08),
         (Wrong(offset_nm=0.05), "torque_offset", 0.05, 0.09),
-        (Wrong(drift=0.08), "torque_drift", 0.08, 0.013),
+        (Wrong(drift=0.15), "torque_drift", 0.15, 0.024),
     ],
 )
 def test_shared_error_of_torque_is_named_and_sized(
@@ -152,7 +152,7 @@ def test_drag_of_rollers_leaves_maxima_alone(rig: AngleRig) -> None:
 
 
 def test_run_left_out_shows_no_shared_error(rig: AngleRig) -> None:
-    known, results = campaign(rig, Wrong(gain=0.05))
+    known, results = campaign(rig, Wrong(gain=0.08))
     out = [replace(result, flags=(Flag("rubbing", "Bad."),)) for result in results]
     assert balance_errors(known, out) == load_errors(known, out) == share_errors(known, out) == []
 

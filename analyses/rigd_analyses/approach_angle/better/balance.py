@@ -65,8 +65,22 @@ def force_balance(
         platform_speed_m_s=float(np.mean(means.platform_speed_m_s)),
         push_n=known.rig.platform_mass_kg * float(np.mean(means.platform_acceleration_m_s2)),
         on_rails_n=_on_rails(force, motion),
+        push_u_n=_push_u(motion, settings),
     )
     return Balance(residual / normal, settings.balance_coverage * u, row)
+
+
+def _push_u(motion: Motion, settings: BetterSettings) -> float:
+    """Return the standard uncertainty in N of m a beside that of its scale.
+
+    The mean acceleration is the change of speed, uncertain at both ends, over the time.
+    """
+    means = motion.means
+    ends = math.sqrt(2.0) * math.hypot(
+        motion.speed_u_m_s,
+        settings.linearity_u * float(np.max(np.abs(means.platform_speed_m_s))),
+    )
+    return motion.known.rig.platform_mass_kg * ends / (settings.block_s * means.t_s.size)
 
 
 def _on_rails(force: FloatArray, motion: Motion) -> float:
@@ -85,16 +99,11 @@ def _needed_u(force: FloatArray, motion: Motion, settings: BetterSettings) -> fl
     normal, speed = float(np.mean(means.normal_force_n)), means.platform_speed_m_s
     inertia = rig.platform_mass_kg * abs(float(np.mean(means.platform_acceleration_m_s2)))
     platform = known.calibration.platform
-    # The mean acceleration is the change of speed, uncertain at both ends, over the time.
-    seconds = settings.block_s * means.t_s.size
-    ends = math.sqrt(2.0) * math.hypot(
-        motion.speed_u_m_s, settings.linearity_u * float(np.max(np.abs(speed)))
-    )
     return math.hypot(
         rig.rail_constant.u,
         rig.rail_load.u * _on_rails(force, motion),
         rig.rail_viscous.u * float(np.mean(speed)),
         rig.roller_drag.u * normal * math.sin(alpha),
         inertia * platform.u / platform.value,
-        rig.platform_mass_kg * ends / seconds,
+        _push_u(motion, settings),
     ) / math.cos(alpha)

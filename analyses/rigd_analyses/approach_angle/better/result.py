@@ -60,6 +60,7 @@ class BalanceRow:
     platform_speed_m_s: float
     push_n: float  #: m a of the platform
     on_rails_n: float  #: |N - m g| + |F_y|
+    push_u_n: float  #: what m a is uncertain by: the speeds at both ends
 
 
 @dataclass(frozen=True)
