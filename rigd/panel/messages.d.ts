@@ -159,6 +159,7 @@ declare namespace Api {
     role: Role;
     roles: Record<string, Role>;
     sizes: Sizes;
+    stated: StatedView[];
     poses: PagePose[];
   }
   interface PageEvent {
@@ -381,6 +382,13 @@ declare namespace Api {
   }
   interface Started {
     run: string | null;
+  }
+  interface StatedView {
+    name: string;
+    doc: string;
+    required: boolean;
+    unit: string;
+    choices: string[];
   }
   interface StepView {
     block: "prepare" | "trial" | "after" | "finish";

@@ -14,6 +14,7 @@ from support.played_campaign import TRIP
 from support.played_rig import PlayedRig
 from support.stalls import witnessed
 
+from rigd.remote.protocol.results import StatedView
 from rigd.remote.protocol.status import Interrupted
 
 
@@ -88,6 +89,31 @@ def test_run_from_choice_of_procedure_to_its_stop(panel: ServedPanel, watched: W
     assert panel.rig.users("stop") == ["Ada"]
     assert watched.complaints == []
     assert all(url.startswith(panel.origin) for url in watched.asked), "without internet"
+
+
+def test_what_the_lab_demands_is_asked(watched: Watched) -> None:
+    rig = PlayedRig()
+    rig.stated = (
+        StatedView(name="meta.batch", required=True, doc="Batch of the supplier"),
+        StatedView(name="meta.floor", choices=("wood", "steel")),
+    )
+    with ServedPanel(rig) as panel:
+        page = in_control(panel, watched)
+        turn_to(page, "Procedures")
+        page.get_by_role("button", name=re.compile("Identification tests")).click()
+        press(page, "Start…")
+        dialog = page.get_by_role("dialog")
+        expect(dialog).to_contain_text("Batch of the supplier")
+        press(page, "Start now")
+        expect(dialog.get_by_label("batch")).to_be_focused()
+        assert given(panel, "start") == [], "what is required is missing"
+        dialog.get_by_label("batch").fill("13")
+        dialog.get_by_label("specimen").fill("W7")
+        press(page, "Start now")
+        expect(dialog).to_have_count(0)
+        (start,) = given(panel, "start")
+        assert (start["specimen"], start["meta"]) == ("W7", {"batch": "13"})
+        assert "note" not in start
 
 
 def test_choosing_the_open_procedure_keeps_typed_values(

@@ -66,6 +66,7 @@ from rigd.remote.protocol.results import (
     RunList,
     RunView,
     Started,
+    StatedView,
     Stopped,
 )
 from rigd.remote.protocol.status import (
@@ -127,6 +128,7 @@ class PlayedRig:
         self.said = 0  #: statuses
         self.fails = ""  #: the verb that raises ``error``
         self.error: Exception = RuntimeError("a bug of the rig's own")
+        self.stated: tuple[StatedView, ...] = ()  #: what the lab demands
         self.keeps_running = False  #: after any stop
         self.can_hold = False  #: whether a pause holds the present step
         self.computes_s = 0.0  #: processor time that each reply to a question takes
@@ -333,6 +335,7 @@ class PlayedRig:
         return Description(
             rig=self.name, title=TITLE, simulated=True, streams=tuple(STREAMS.values()),
             setpoints=SETPOINTS, interlocks=INTERLOCKS, actions=ACTIONS, role=by.role,
+            stated=self.stated,
         )  # fmt: skip
 
     def _events(self, _: Requester, since: Since) -> Events:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import cast
 
+from rigd.config.lab import load_lab
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.stream import LiveStream
 from rigd.daemon.manual import actions_of
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.wiring import streams_of
 from rigd.model.channels import Channel, Stream
+from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock
 from rigd.remote.protocol import Role
 from rigd.remote.protocol.results import (
@@ -22,6 +25,7 @@ from rigd.remote.protocol.results import (
     InterlockView,
     PriorityName,
     SetpointView,
+    StatedView,
     StreamView,
 )
 from rigd.remote.protocol.status import ActionName
@@ -49,7 +53,28 @@ def describe(rig: RigConfig, role: Role, of_run: Sequence[LiveStream] = ()) -> D
         actions=tuple(_actions(rig)),
         role=role,
         roles={name: Role(given) for name, given in rig.remote.roles.items()},
+        stated=tuple(_stated(rig.lab)),
     )
+
+
+def _stated(lab: Path | None) -> Iterator[StatedView]:
+    """Yield the fields that a person states; none if the file of the lab is wrong.
+
+    The start of a run is then refused, with the mistake.
+    """
+    try:
+        fields = {} if lab is None else load_lab(lab).fields
+    except ConfigError:
+        return
+    for name, item in fields.items():
+        if name in ("specimen", "note") or name.startswith("meta."):
+            yield StatedView(
+                name=name,
+                doc=item.doc,
+                required=item.required,
+                unit=item.unit or "",
+                choices=item.choices,
+            )
 
 
 def _stream(rig: RigConfig, number: int, stream: Stream) -> StreamView:

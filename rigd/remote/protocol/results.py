@@ -105,6 +105,19 @@ class Sizes(Message):
     renew_s: float = RENEW_S
 
 
+class StatedView(Message):
+    """A field that the lab knows, which a person states when a run starts."""
+
+    name: DaemonText
+    """`specimen`, `note` or `meta.NAME`."""
+    doc: DaemonText = ""
+    required: bool = False
+    """Whether a run without it is refused."""
+    unit: DaemonText = ""
+    """Of a quantity; another unit of its kind may be given."""
+    choices: tuple[DaemonText, ...] = ()
+
+
 class Description(Message):
     """`describe`: what does not change while the daemon runs, but for the streams of a run."""
 
@@ -123,6 +136,8 @@ class Description(Message):
     """Of the client that asked."""
     roles: dict[Name, Role] = Field(default_factory=dict)
     sizes: Sizes = Sizes()
+    stated: tuple[StatedView, ...] = ()
+    """What the lab demands of the start of a run; the daemon knows the operator."""
 
 
 class ProcedureLine(Message):

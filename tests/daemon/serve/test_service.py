@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
+from support import file_axis
 from support.file_axis import word
 from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
 from rigd.engine.shared import RunFolder
-from rigd.model.errors import Blocked, Exit
+from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
@@ -55,6 +57,23 @@ def test_control_characters_in_a_note_are_refused(tmp_path: Path) -> None:
     for said in ({"note": "a\x1b[2Jb"}, {"meta": {"specimen": "a\nb"}}):
         with pytest.raises(ValidationError, match="control character"):
             StartArguments.model_validate({"procedure": travelling(LONG), **said})
+
+
+def test_a_start_without_demanded_fields_is_refused(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.yaml"
+    lab.write_text("lab: mine\nfields: {meta.batch: {required: true, doc: Of the supplier}}\n")
+    rig = replace(file_axis.rig(tmp_path / "axis"), lab=lab)
+    with ServedAxis(tmp_path, rig) as served:
+        (stated,) = served.ask("describe")["stated"]
+        assert (stated["name"], stated["required"]) == ("meta.batch", True)
+        with pytest.raises(RigdError, match=r"the lab mine demands meta\.batch of each run"):
+            served.start(meta={"lot": "7"})
+        assert served.status.run is None
+        lab.write_text("lab: mine\nfields: {batch: {}}\n")
+        assert served.ask("describe")["stated"] == []
+        with pytest.raises(RigdError, match=r"lab\.yaml:2"):
+            served.command("start", procedure=travelling(LONG))
+    assert list((tmp_path / "runs").glob("*.mcap")) == []
 
 
 def test_person_behind_a_shared_client_is_recorded(tmp_path: Path) -> None:

@@ -18,16 +18,17 @@ export const LOSS = {
  * Ask whether to start a run. `facts` are names with a text or an element, or null to leave it
  * out; `usual` is
  * the action of the procedure when the page of its user disconnects, "" if unknown;
- * `go(loss)` starts the run.
- * @param {{ title: string, facts: [string, Child][], note?: Child, action: string, usual: string, go: (loss: Loss) => Promise<void> }} question
+ * `go(loss)` starts the run, once `ready()` is true.
+ * @param {{ title: string, facts: [string, Child][], note?: Child, action: string, usual: string, ready?: () => boolean, go: (loss: Loss) => Promise<void> }} question
  */
-export function confirmRun({ title, facts, note = null, action, usual, go }) {
+export function confirmRun({ title, facts, note = null, action, usual, ready = () => true, go }) {
   openDialog(title, (close) => {
     const loss = lossChoice(usual);
     /** @type {HTMLButtonElement} */
     const start = el("button", {
       type: "button", class: "primary big",
       onclick: async () => {
+        if (!ready()) return null;
         const begun = await attempt(start, () => go(loss.value()));
         close();
         return begun;

@@ -1,5 +1,6 @@
 // The page of procedures: choose a procedure, set its parameters, play a dry run, start it.
 
+import { About } from "./about.js";
 import { ask, asRefused, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
 import { el, fill, flag, icon, setText } from "./dom.js";
@@ -166,7 +167,10 @@ class Sheet {
     /** @type {Api.StartArguments} */
     const args = { ...this.#given(), answers: this.#own.checked ? "procedure" : "ask" };
     if (seed) args.seed = Number(seed);
+    const about = new About();
     confirmRun({
+      note: about.element,
+      ready: () => about.isComplete(),
       title: `Start ${words(this.view.procedure.name)}?`,
       action: "Start now",
       usual: this.view.on_client_loss,
@@ -179,7 +183,8 @@ class Sheet {
         ["Questions", check.prompts ? answered : null],
       ],
       go: async (loss) => {
-        await command("start", loss ? { ...args, on_client_loss: loss } : args);
+        const said = { ...args, ...about.values() };
+        await command("start", loss ? { ...said, on_client_loss: loss } : said);
         show("live");
       },
     });
