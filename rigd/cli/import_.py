@@ -50,7 +50,13 @@ def execute(args: argparse.Namespace) -> int:
 
 def _line(imported: Imported) -> str:
     trials = "1 trial" if imported.trials == 1 else f"{imported.trials} trials"
-    rows = ", ".join(f"{count} rows of {name}" for name, count in imported.rows.items())
+    rows = ", ".join(
+        f"{count} row{'s' * (count != 1)} of {name}" for name, count in imported.rows.items()
+    )
     files = [path.name for path in imported.files]
     named = ", ".join(files) if len(files) <= 4 else f"{len(files)} files"
     return f"{imported.path}: {trials}, {rows}, from {named}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

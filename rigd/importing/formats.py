@@ -48,6 +48,8 @@ def open_table(
             raise ConfigError("the file is empty", place=Place(str(path), 1, 1))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    if group is not None and kind in ("csv", "parquet"):
+        raise ConfigError(f"{path}: a {kind} file has no group {group!r}", hint="remove `group:`")
     # Imported here: a file of one format needs no library of the others.
     if kind == "parquet":
         from rigd.importing.parquet_table import ParquetTable

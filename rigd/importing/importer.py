@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
@@ -30,6 +30,8 @@ from rigd.record import Attachment, RecordingWriter
 MAP_FILE: Final = "import_map.yaml"
 #: Metadata record of what a recording was imported from.
 IMPORT_METADATA: Final = "import"
+#: The clock of another computer may be so far ahead.
+_AHEAD: Final = timedelta(days=2)
 #: Mode of the run of an imported recording.
 IMPORTED: Final = "imported"
 
@@ -131,6 +133,7 @@ class _Import:
                 name: open_files.enter_context(_Batches(reader)) for name, reader in readers.items()
             }
             start_ns = min(item.start_ns for item in batches.values())
+            self._check_past(start_ns)
             metadata = self._metadata(start_ns)
             streams = [reader.stream for reader in readers.values()]
             text = what.document.text.encode()
@@ -149,25 +152,33 @@ class _Import:
                 _write_events(
                     writer, what, trials, start_ns, max(item.end_ns for item in batches.values())
                 )
-                writer.flush()
-                trusted = writer.sealed
-            hashes = {path: digest.result() for path, digest in digests.items()}
-        for name, path in paths.items():
-            if _stamp(path) != before[name]:
-                raise ConfigError(f"{path} was changed while it was read", hint="import it again")
-        origin = self._origin(readers, hashes, started_from)
-        run = {"trials": str(len(trials)), "imported_from": _in_words(origin)}
-        with RecordingWriter.append(
-            part, streams=streams, metadata={"run": run, IMPORT_METADATA: origin},
-            sync_interval_s=None, trusted=trusted,
-        ):  # fmt: skip
-            pass
+                hashes = {path: digest.result() for path, digest in digests.items()}
+                self._check_unchanged(before)
+                origin = self._origin(readers, hashes, started_from)
+                run = {"trials": str(len(trials)), "imported_from": _in_words(origin)}
+                writer.add_metadata({"run": run, IMPORT_METADATA: origin})
         return Imported(
             self._target,
             tuple(dict.fromkeys(paths.values())),
             len(trials),
             {name: reader.rows for name, reader in readers.items()},
         )
+
+    def _check_past(self, start_ns: int) -> None:
+        """Refuse data of the future: their times count from another moment than the map states."""
+        began = datetime.fromtimestamp(start_ns * 1e-9, UTC)
+        if began > datetime.now(UTC) + _AHEAD:
+            raise ConfigError(
+                f"the samples of {self._test.name} would be of {began:%Y-%m-%d}, in the future",
+                place=self._what.document.key_place(("sources",)),
+                hint="state below `time:` which moment a time of 0 means: `since: 1970-01-01` for "
+                "Unix times",
+            )
+
+    def _check_unchanged(self, before: Mapping[str, tuple[int, int]]) -> None:
+        for name, path in self._test.files.items():
+            if _stamp(path) != before[name]:
+                raise ConfigError(f"{path} was changed while it was read", hint="import it again")
 
     def _base(self) -> tuple[int, str]:
         """Return when a test with relative times began, in ns, and what shows it."""

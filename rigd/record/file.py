@@ -12,7 +12,7 @@ from typing import Final, Self
 from rigd.model import RecordingError
 from rigd.record.access import take
 from rigd.record.chunks import Chunk
-from rigd.record.contents import SummaryWriter
+from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.crc import crc32
 from rigd.record.journal import IDENTITY_BYTES, Identity, Journal, Saved, write_all
 
@@ -93,6 +93,11 @@ class RecordingFile:
         except OSError as error:
             raise write_error(path, error) from error
         return file
+
+    @property
+    def contents(self) -> Contents:
+        """What the file holds, up to the last commit."""
+        return self._summary.contents
 
     @property
     def summary_size(self) -> int:

@@ -67,6 +67,7 @@ class RecordingWriter:
         self._events = OpenEvents(EVENTS_CHANNEL, numbers.get(EVENTS_CHANNEL, 0), start_ns)
         self._compression = compression
         self._compress = compressor(compression)
+        self._start_ns = start_ns
         self._waiting: list[Chunk] = []  #: sealed and not yet written
         self._waiting_bytes = 0
         self._changed = False
@@ -203,6 +204,16 @@ class RecordingWriter:
         self._changed = True
         if self._events.full:
             self._seal(self._events)
+
+    def add_metadata(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        """Write metadata; of a name that the file has, the reader merges them over the first.
+
+        Raises:
+            RecordingError: the disk is full or fails; the file is as the last flush left it.
+        """
+        self.flush()
+        extras = build_extras(metadata, (), self._start_ns, self._file.sealed, self._file.contents)
+        self._commit(extras, [chunk for chunk in self._open() if chunk.count])
 
     def flush(self) -> None:
         """Write all given data to disk, as a complete MCAP file (a long file every 2 s).

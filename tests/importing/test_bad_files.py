@@ -120,6 +120,8 @@ MAPS = {
     "no unit": (", unit: N", "", "map.yaml:9:23", "states no unit of the column 'F'"),
     "zero of another kind": ("unit: N", "unit: V, zero: 1 N, scale: 2", "map.yaml:9:41",
                              "'1 N' is no quantity in V"),
+    "unix times": ("unit: s", "unit: ns", "map.yaml:4:1", "would be of 20"),
+    "group of a text": ("text: {}", "group: x", None, "a csv file has no group 'x'"),
     "no date": ("2016-03-04T10:00:00Z", "yesterday", "map.yaml:3:10", "no date and time"),
 }  # fmt: skip
 
@@ -128,8 +130,9 @@ MAPS = {
 def test_mistake_in_the_map_is_named(bring_in: Import, case: str) -> None:
     old, new, place, words = MAPS[case]
     with pytest.raises(ConfigError) as raised:
-        bring_in(TABLE, map=MAP.replace(old, new))
-    assert (str(raised.value.place), words in str(raised.value)) == (place, True)
+        text = "t,F,v\n1500000000000000000,1,2\n" if case == "unix times" else TABLE
+        bring_in(text, map=MAP.replace(old, new))
+    assert (str(raised.value.place), words in str(raised.value)) == (str(place), True)
 
 
 PLANS = {

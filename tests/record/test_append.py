@@ -14,10 +14,26 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Attachment, Recording, RecordingWriter, recover, run_info
+from rigd.record import Attachment, Recording, RecordingWriter, recover, run_info, verify
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
+
+
+def test_metadata_can_follow_the_rows(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
+    given = rows(servo, 3_000)
+    with create() as writer:
+        writer.write("wheel_servo", given[:1_700])
+        writer.add_metadata({"run": {"trials": "2"}, "import": {"map": "m.yaml"}})
+        writer.write("wheel_servo", given[1_700:])
+    recording = Recording.open(tmp_path / "run.mcap")
+    assert recording.read("wheel_servo").tobytes() == given.tobytes()
+    assert recording.metadata["run"]["procedure"] == "sweep"
+    assert recording.metadata["run"]["trials"] == "2"
+    assert recording.metadata["import"] == {"map": "m.yaml"}
+    assert verify(recording.path).sound
 
 
 def test_rows_and_events_go_on(
