@@ -31,7 +31,7 @@ from rigd.record.brief import brief_info
 FIRST = datetime(2026, 1, 1, 8, tzinfo=UTC)
 STREAM = Stream("carriage", (Channel("position", "m"), Channel("speed", "m/s")))
 COATINGS = ("PTFE", "DLC", "none", "MoS2")
-WHERE = 'specimen.coating == "PTFE" and started > 2026-09-01 and specimen == "W37"'
+WHERE = 'specimen.coating == "PTFE" and started > 2026-09-01 and specimen == "W36"'
 
 
 def write(folder: Path, number: int) -> None:

@@ -11,7 +11,7 @@ import os
 import sqlite3
 import sys
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -104,14 +104,15 @@ def update(
 
     ``progress`` is called with how many were read, of how many.
     """
-    present = dict(_present(folder))
-    if _changed(index, present) == ([], []):
+    present = _present(folder)
+    if _known(index) == present:
         return []
     unread: list[Unread] = []
     index.execute("BEGIN IMMEDIATE")
     try:
-        todo, gone = _changed(index, present)
-        _forget(index, gone)
+        known = _known(index)  # another process may have been at it
+        _forget(index, [file for file, stamp in known.items() if present.get(file) != stamp])
+        todo = sorted(file for file, stamp in present.items() if known.get(file) != stamp)
         names: dict[str, int] = {
             name: number for number, name in index.execute("SELECT id, name FROM names")
         }
@@ -129,20 +130,23 @@ def update(
     return unread
 
 
-def _present(folder: Path) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Yield each recording of a folder and its subfolders, with its size and date."""
+def _present(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return each recording of a folder and its subfolders, with its size and date."""
+    found: dict[str, tuple[int, int]] = {}
     waiting = [("", str(folder))]
     while waiting:
         prefix, path = waiting.pop()
         try:
             with os.scandir(path) as entries:
                 for entry in entries:
-                    if entry.name.endswith(".mcap"):
-                        yield f"{prefix}{entry.name}", _stamp(entry)
+                    name = entry.name
+                    if name.endswith(".mcap"):
+                        found[prefix + name] = _stamp(entry)
                     elif entry.is_dir(follow_symlinks=False):
-                        waiting.append((f"{prefix}{entry.name}/", entry.path))
+                        waiting.append((f"{prefix}{name}/", entry.path))
         except OSError:
             continue  # a folder of another user, or one that was just removed
+    return found
 
 
 def _stamp(entry: os.DirEntry[str]) -> tuple[int, int]:
@@ -153,26 +157,19 @@ def _stamp(entry: os.DirEntry[str]) -> tuple[int, int]:
     return (found.st_size, found.st_mtime_ns)
 
 
-def _changed(
-    index: sqlite3.Connection, present: Mapping[str, tuple[int, int]]
-) -> tuple[list[str], list[int]]:
-    """Return the files to read, in order, and the numbers of those to forget."""
-    known = {
-        file: (number, (size, mtime_ns))
-        for number, file, size, mtime_ns in index.execute(
-            "SELECT id, file, bytes, mtime_ns FROM recordings"
-        )
-    }
-    gone = [number for file, (number, stamp) in known.items() if present.get(file) != stamp]
-    todo = [file for file, stamp in present.items() if known.get(file, (0, None))[1] != stamp]
-    return sorted(todo), gone
+def _known(index: sqlite3.Connection) -> dict[str, tuple[int, int]]:
+    """Return the recordings of the index, with the size and date at which each was read."""
+    rows = index.execute("SELECT file, bytes, mtime_ns FROM recordings")
+    return {file: (size, mtime_ns) for file, size, mtime_ns in rows}
 
 
-def _forget(index: sqlite3.Connection, numbers: Sequence[int]) -> None:
-    if not numbers:
+def _forget(index: sqlite3.Connection, files: Sequence[str]) -> None:
+    if not files:
         return
     index.execute("CREATE TEMP TABLE gone(id INTEGER PRIMARY KEY)")
-    index.executemany("INSERT INTO gone VALUES (?)", [(number,) for number in numbers])
+    index.executemany(
+        "INSERT INTO gone SELECT id FROM recordings WHERE file = ?", [(file,) for file in files]
+    )
     index.execute("DELETE FROM facts WHERE recording IN (SELECT id FROM gone)")
     index.execute("DELETE FROM recordings WHERE id IN (SELECT id FROM gone)")
     index.execute("DROP TABLE gone")

@@ -121,6 +121,12 @@ def test_run_with_rejected_result_fails(folder: Path) -> None:
     assert ended.json["measures"]["verdict"] == "rejected"
 
 
+def test_verdict_of_a_run_is_found(folder: Path) -> None:
+    found = rigd("runs", ".", "--where", "verdict == accepted", "--json", cwd=folder).json
+    assert [(item["recording"], item["verdict"]) for item in found] == [("a.mcap", "accepted")]
+    assert rigd("verify", "a.mcap", cwd=folder).code == 0
+
+
 def test_dry_run_measures_nothing(folder: Path) -> None:
     ended = rigd("run", "strict.yaml", "--rig", "lugre-1", "--dry-run", cwd=folder)
     assert ended.code == 0
