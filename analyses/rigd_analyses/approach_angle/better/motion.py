@@ -157,7 +157,8 @@ def normal_force(known: KnownRun, travel_m: FloatArray) -> FloatArray:
     """Return N in newtons at each sample, (n,), where the platform has gone ``travel_m`` (n,).
 
     By the scale's reading before the start, and from there on by the high-rate load cell, whose own
-    zero drops out: it is known to some newtons only. Without a load cell, by the scale and the known rise along the travel.
+    zero drops out: it is known to some newtons only. Without a load cell, by the scale and the
+    known rise along the travel.
     """
     run, calibration = known.run, known.calibration
     if run.normal_force_v is not None and calibration.normal_force is not None:
