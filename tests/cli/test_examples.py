@@ -313,6 +313,12 @@ READERS = list(dict.fromkeys([*of_readme(), *of_help()]))
 TABLES = [*SHOWN, *(command for commands in ELSEWHERE.values() for command in commands), *NEVER]
 
 
+def redirected(command: str) -> tuple[str, str]:
+    """Return a command and the file that its output goes to; "" if it goes to none."""
+    match = re.search(r" > ([\w./-]+)$", command)  # a `>` within quotes compares
+    return (command, "") if match is None else (command[: match.start()], match[1])
+
+
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder as the checkout, with recordings as the commands before would leave them.
@@ -409,7 +415,7 @@ def test_example_command_gives_the_described_result(
     monkeypatch.setenv("HOME", str(desk))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(desk))
     shows = SHOWN[command]
-    line, _, file = command.partition(" > ")
+    line, file = redirected(command)
     program, *words = words_of(line, shows.means)
     assert program == "rigd"
     code, out, err = told.get(tuple(words)) or ended(words, capsys)
@@ -425,7 +431,7 @@ def test_command_listed_as_tested_elsewhere_exists(command: str) -> None:
     if command == f"rigd {name}":
         assert name in [command_name(module) for module in COMMANDS]
     elif command.startswith("rigd "):
-        line, _, _ = command.partition(" > ")
+        line, _ = redirected(command)
         build_parser().parse_args(words_of(line, {})[1:])
 
 
