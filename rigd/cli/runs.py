@@ -28,7 +28,7 @@ examples:
   rigd runs
   rigd runs data/ --procedure constant_current --set floor=pvc
   rigd runs --state interrupted
-  rigd runs --where 'specimen.coating == "PTFE" and started > 2026-09-01'
+  rigd runs --where 'specimen.coating == "PTFE" and started >= 2026-09-01'
   rigd runs --since 7d --meta batch=13
 """
 

@@ -113,7 +113,7 @@ SHOWN: dict[str, Shows] = {
     "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("4/4"),
     "rigd runs --state interrupted": Shows("no recordings in runs match"),
     "rigd runs --since 7d --meta batch=13": Shows("recording"),
-    """rigd runs --where 'specimen.coating == "PTFE" and started > 2026-09-01'""": Shows(
+    """rigd runs --where 'specimen.coating == "PTFE" and started >= 2026-09-01'""": Shows(
         "no recording here has a field 'specimen.coating'", code=2
     ),
     "rigd can eds eds/rigd_servo.eds": Shows("rigd simulated servo"),

@@ -48,7 +48,7 @@ def step(name: str, act: Callable[[], None], monkeypatch: pytest.MonkeyPatch) ->
     owner: object = {
         "write_all": rigd.record.rebuild,
         "link": os,
-        "_sync_folder": sys.modules[recover.__module__],
+        "sync_folder": sys.modules[recover.__module__],
         "replace": Path,
         "fsync": os,
     }[name]
@@ -59,7 +59,7 @@ def step(name: str, act: Callable[[], None], monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(owner, name, instead)
 
 
-@pytest.mark.parametrize("at", ["write_all", "fsync", "link", "replace", "_sync_folder"])
+@pytest.mark.parametrize("at", ["write_all", "fsync", "link", "replace", "sync_folder"])
 def test_killed_repair_is_done_again(
     damaged: Path, given: NDArray[np.void], monkeypatch: pytest.MonkeyPatch, at: str
 ) -> None:
