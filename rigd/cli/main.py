@@ -88,9 +88,7 @@ COMMANDS: tuple[ModuleType, ...] = (
 _NO_CHOICE: Final = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")
 
 #: What a person at a terminal sees while the first start after an installation compiles.
-COMPILING: Final = (
-    "rigd: compiles its numerical functions, once after an installation: about half a minute"
-)
+COMPILING: Final = "rigd: compiles its functions, once after an installation: half a minute"
 
 EPILOG = """\
 examples:

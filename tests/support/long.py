@@ -36,6 +36,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
         "docs/test_site.py": ("test_search_from_the_disk_finds_a_key",),
+        "docs/test_notebook.py": ("test_cells_give_what_the_page_shows",),
         "analyses/articulated/test_analysis.py": (
             "test_analysis_finds_what_the_plant_has",
             "test_analysis_keeps_every_rule",
