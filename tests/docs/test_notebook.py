@@ -13,7 +13,7 @@ JUPYTER = Path(sys.executable).parent / "jupyter"
 
 
 def shown(file: Path) -> list[list[dict[str, Any]]]:
-    """Return the outputs of each cell: what it printed, and of what kind its tables and plots are."""
+    """Return the outputs of each cell: what it printed, and the kinds of its tables and plots."""
     cells = json.loads(file.read_text("utf-8"))["cells"]
     return [
         [
