@@ -30,7 +30,7 @@ def shown(file: Path) -> list[list[dict[str, Any]]]:
 def test_cells_give_what_the_page_shows(tmp_path: Path) -> None:
     copy = tmp_path / NOTEBOOK.name
     copy.write_bytes(NOTEBOOK.read_bytes())
-    command = [JUPYTER, "execute", "--inplace", copy.name]
+    command = [str(JUPYTER), "execute", "--inplace", copy.name]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert shown(copy) == shown(NOTEBOOK)
