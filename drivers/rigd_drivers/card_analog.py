@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Ge, MinLen
 from pydantic import StringConstraints, field_validator, model_validator
 
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import correct_scale, parse_quantity, parse_unit
 from rigd.sdk import Channel, Declaration, Documented, Driver, DriverConfig, In
 from rigd_drivers.card import Card
 
@@ -21,27 +21,23 @@ class AnalogInput(Documented):
     input: Annotated[int, Ge(0)]
     """Analogue input of the card."""
     unit: str
-    """SI unit of the channel, such as `m/s^2`."""
+    """Unit in which people read the channel, such as `m/s^2`, `kN` or `degC`; recorded in SI."""
     scale: str
     """Change of the quantity per volt, with its unit, such as `9.8 m/s^2/V`; may be negative."""
     zero: Annotated[float, In("V")] = 0.0
-    """Voltage at which the quantity is zero."""
+    """Voltage at which the quantity is zero in its unit."""
     doc: str | None = None
     """What it measures, for the recording."""
 
-    @field_validator("unit")
-    @classmethod
-    def _is_si(cls, unit: str) -> str:
-        if not parse_unit(unit).is_si:
-            raise ValueError(f"{unit} is not an SI unit; give the scale in any unit instead")
-        return unit
-
     @model_validator(mode="after")
     def _scale_fits(self) -> Self:
-        wanted = f"{self.unit}/V"
+        wanted = f"{parse_unit(self.unit).difference()}/V"
         given = parse_quantity(self.scale)
         if not given.unit.same_kind(parse_unit(wanted)):
-            raise ValueError(f"scale '{self.scale}' of {self.name} is not in {wanted}")
+            raise ValueError(
+                f"scale '{self.scale}' of {self.name} is not in {wanted}: "
+                f"{correct_scale(given, wanted)}"
+            )
         if given.value == 0.0:
             raise ValueError(f"scale '{self.scale}' of {self.name} must not be 0")
         return self
@@ -51,12 +47,20 @@ class AnalogInput(Documented):
         """The scale in SI, per volt."""
         return parse_quantity(self.scale).value
 
+    @property
+    def origin(self) -> float:
+        """What ``zero`` volts mean, in SI: not 0 for a unit with a zero of its own."""
+        return parse_unit(self.unit).offset
+
     def channels(self) -> tuple[Channel, Channel]:
         """Return the converted channel and the raw one."""
         source = f"analogue input {self.input} of the card"
-        ends = [(volts - self.zero) * self.per_volt for volts in (-10.0, 10.0)]
+        ends = [(volts - self.zero) * self.per_volt + self.origin for volts in (-10.0, 10.0)]
+        low, high = min(ends), max(ends)
+        if self.origin:  # no temperature is below 0 K
+            low = max(low, 0.0)
         return (
-            Channel(self.name, self.unit, self.doc or f"by {source}", min(ends), max(ends)),
+            Channel.read_in(self.unit, self.name, self.doc or f"by {source}", low, high),
             Channel(f"{self.name}_raw", "V", source, -10, 10, raw_of=self.name),
         )
 
@@ -86,7 +90,9 @@ class CardAnalog(Driver[CardAnalogConfig, Card]):
 
     def __init__(self, config: CardAnalogConfig, link: Card) -> None:
         super().__init__(config, link)
-        self._inputs = tuple((item.input, item.per_volt, item.zero) for item in config.inputs)
+        self._inputs = tuple(
+            (item.input, item.per_volt, item.zero, item.origin) for item in config.inputs
+        )
 
     @classmethod
     def declare(cls, config: CardAnalogConfig) -> Declaration:
@@ -112,11 +118,11 @@ class CardAnalog(Driver[CardAnalogConfig, Card]):
         card = self.link
         row: list[float] = []
         status = 0
-        for index, (channel, per_volt, zero) in enumerate(self._inputs):
+        for index, (channel, per_volt, zero, origin) in enumerate(self._inputs):
             volts = card.volts[channel]
             if volts <= card.lowest_volts or volts >= card.highest_volts:
                 status |= 1 << index
-            row += ((volts - zero) * per_volt, volts)
+            row += ((volts - zero) * per_volt + origin, volts)
         row.append(status)
         return row
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigd.model.extras import is_installed, missing
-from rigd.model.units import Unit, parse_unit, si_symbol
+from rigd.model.units import Unit, parse_unit
 from rigd.sdk import Channel
 
 #: How DBC files write units that rigd spells otherwise; "Â°" is a degree sign of UTF-8, read in the
@@ -150,8 +150,7 @@ def _signal(path: Path, message: str, signal: Any, given: str | None) -> Signal:
     stated = None not in lows_highs and lows_highs[0] != lows_highs[1]
     low, high = map(unit.to_si, map(float, lows_highs)) if stated else (-math.inf, math.inf)
     doc = signal.comment or f"{signal.name} of {message}"
-    bounds = (low, high) if stated else (None, None)
-    channel = Channel(name, si_symbol(unit.dimension), doc.splitlines()[0], *bounds)
+    channel = Channel.read_in(unit.symbol, name, doc.splitlines()[0], low, high)
     return Signal(signal.name, channel, unit, low, high)
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from rigd.config.differences import Difference
 from rigd.dry_run import Physics, PredictedPeak, StepRow
+from rigd.model.units import parse_unit
 
 LEAST_WIDTH = 120
 
@@ -144,14 +145,15 @@ def _peaks(dry_run: DryRunFigures) -> Table:
     table.add_column("unit")
     table.add_column("set by")
     for peak in dry_run.peaks:
-        limits = f"{_bound(peak.low)} .. {_bound(peak.high)}"
+        unit = parse_unit(peak.display or peak.unit)
+        low, high, least, most = map(unit.from_si, (peak.low, peak.high, peak.lowest, peak.highest))
         style = "" if peak.inside else "red"
         table.add_row(
             escape(peak.channel),
-            f"{peak.lowest:.4g}",
-            f"{peak.highest:.4g}",
-            limits,
-            peak.unit,
+            f"{least:.4g}",
+            f"{most:.4g}",
+            f"{_bound(low)} .. {_bound(high)}",
+            unit.symbol,
             escape(peak.limit_by),
             style=style,
         )

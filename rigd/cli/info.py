@@ -147,7 +147,7 @@ def _print(info: RunInfo) -> None:
     table.add_column("rate", justify="right")
     table.add_column("channels", overflow="fold")
     for stream in info.streams:
-        channels = ", ".join(f"{c.name} [{c.unit}]" for c in stream.stream.channels)
+        channels = ", ".join(f"{c.name} [{c.shown_in}]" for c in stream.stream.channels)
         table.add_row(
             escape(stream.stream.name),
             str(stream.rows),

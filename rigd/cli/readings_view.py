@@ -17,6 +17,7 @@ from rich.text import Text
 
 from rigd.daemon.manual import Reading
 from rigd.engine.interlocks import Trip
+from rigd.model.units import parse_unit
 
 #: Colours of the states of a reading.
 _COLOUR = {"ok": "green", "stale": "yellow", "NaN": "red", "no row": "red"}
@@ -90,8 +91,7 @@ class LineView(ReadingsView):
             print(
                 now,
                 reading.channel,
-                number(reading.value),
-                reading.unit,
+                *in_words(reading),
                 age(reading.age_s),
                 state(reading),
             )
@@ -138,13 +138,19 @@ def picture(readings: Sequence[Reading], active: Sequence[Trip]) -> Group:
     table.add_column("state", no_wrap=True)
     for reading in readings:
         colour = _COLOUR[reading.state]
-        shown = number(reading.value)
-        unit = "" if reading.unit == "1" else reading.unit
+        shown, unit = in_words(reading)
+        unit = "" if unit == "1" else unit
         table.add_row(
             reading.channel, shown, unit, age(reading.age_s), Text(state(reading), style=colour)
         )
     lines = [Text(interlock_line(trip), style="red") for trip in active]
     return Group(table, *lines)
+
+
+def in_words(reading: Reading) -> tuple[str, str]:
+    """Return the value, and the unit in which people read it."""
+    unit = reading.display or reading.unit
+    return number(parse_unit(unit).from_si(reading.value)), unit
 
 
 def number(value: float) -> str:

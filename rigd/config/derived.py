@@ -10,14 +10,14 @@ from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource
-from rigd.derived.dimensions import alike, plain
+from rigd.derived.dimensions import alike, fits, plain
 from rigd.derived.driver import DERIVED, Derived, DerivedConfig
 from rigd.derived.formula import read_formula
 from rigd.derived.functions import FUNCTIONS, Call
 from rigd.derived.graph import Builder, Graph, Op, Term
 from rigd.derived.quantities import FormulaError, Named, no_names, stated
 from rigd.model.channels import ECHO, Channel
-from rigd.model.units import dimension_text, parse_unit, si_symbol
+from rigd.model.units import Unit, dimension_text, parse_unit, si_symbol
 
 #: Name of the recorded stream that belongs to the cycle itself.
 _CYCLE: Final = "cycle"
@@ -114,6 +114,7 @@ class _Reader:
     builder: Builder = field(init=False)
     _known: dict[str, Term | None] = field(default_factory=dict)
     _units: dict[str, str] = field(default_factory=dict)
+    _display: dict[str, str] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -123,7 +124,8 @@ class _Reader:
         """Return the derived channel ``name`` with its unit."""
         source = self.sources[name]
         text = source.doc or source.formula
-        return Channel(name.partition(".")[2], self._units[name], text)
+        display = self._display.get(name, "")
+        return Channel(name.partition(".")[2], self._units[name], text, display=display)
 
     def channel(self, name: str) -> Term | None:
         """Return the term of the derived channel ``name``; None with its problem noted."""
@@ -147,8 +149,13 @@ class _Reader:
                     "compare with '<' or '>', such as 'load.force > 5 N'",
                 )  # fmt: skip
                 return None
-        if term is None or not self._unit(path, name, term, source):
+        if term is None:
             return None
+        unit = self._unit(path, name, term, source)
+        if unit is None:
+            return None
+        if not alike(unit.dimension, term.dimension):  # an angle: lengths cancelled
+            term = replace(term, dimension=unit.dimension)
         if condition is not None:
             unknown = self.builder.constant(float("nan"), term.dimension)
             term = self.builder.add(Op.WHERE, condition, term, unknown, dimension=term.dimension)
@@ -227,32 +234,30 @@ class _Reader:
         uses = frozenset({name}) if self.rig.channel(name) else frozenset[str]()
         return self.builder.input(name, parse_unit(channel.unit).dimension, uses)
 
-    def _unit(self, path: KeyPath, name: str, term: Term, source: DerivedSource) -> bool:
-        """Keep the unit of the channel; return whether the given unit fits the formula."""
+    def _unit(self, path: KeyPath, name: str, term: Term, source: DerivedSource) -> Unit | None:
+        """Keep the unit of the channel and return it; None if it does not fit the formula."""
         self._units[name] = si_symbol(plain(term.dimension))
         if source.unit is None:
-            return True
+            return parse_unit(self._units[name])
         place = self.document.place((*path, "unit"))
         try:
             unit = parse_unit(source.unit)
         except ValueError as error:
             self.problems.add(place, str(error))
-            return False
-        if not alike(unit.dimension, term.dimension):
+            return None
+        if not fits(term.dimension, unit.dimension, of_arc=term.of_arc):
             self.problems.add(
                 place,
                 f"the formula gives {dimension_text(plain(term.dimension))}, not {source.unit}",
                 f"write 'unit: {self._units[name]}', or correct the formula",
             )  # fmt: skip
-            return False
-        if not unit.is_si:
-            self.problems.add(
-                place, f"{source.unit} is not an SI unit: channels are recorded in SI units",
-                f"write 'unit: {self._units[name]}'",
-            )  # fmt: skip
-            return False
-        self._units[name] = source.unit
-        return True
+            return None
+        if unit.is_si:
+            self._units[name] = source.unit
+        else:
+            self._units[name] = si_symbol(unit.dimension)
+            self._display[name] = source.unit
+        return unit
 
 
 class _Noted(Exception):

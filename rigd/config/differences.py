@@ -10,7 +10,7 @@ from rigd.config.quantities import rate_unit
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.model.channels import Channel
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.model.units import format_quantity, parse_unit
+from rigd.model.units import format_difference, format_quantity, parse_unit
 
 #: In place of what one of the files has not.
 MISSING = "none"
@@ -80,7 +80,7 @@ def _device(
         full = f"{name}.{setpoint.name}"
         yield from _range(f"range of the setpoint {full}", setpoint, theirs[setpoint.name])
         limits = here.limits[setpoint.name], there.limits[setpoint.name]
-        yield from _limit(full, setpoint.unit, *limits)
+        yield from _limit(full, setpoint, *limits)
 
 
 def alike(channel: Channel, other: Channel) -> bool:
@@ -100,14 +100,17 @@ def _find(device: DeviceConfig, name: str) -> Channel | None:
 
 
 def _range(what: str, here: Channel, there: Channel) -> Iterator[Difference]:
-    sides = (_span(here.low, here.high, here.unit), _span(there.low, there.high, here.unit))
+    sides = (_span(here.low, here.high, here.shown_in), _span(there.low, there.high, here.shown_in))
     yield from _text(what, *sides)
 
 
-def _limit(name: str, unit: str, here: SetpointLimit, there: SetpointLimit) -> Iterator[Difference]:
+def _limit(
+    name: str, setpoint: Channel, here: SetpointLimit, there: SetpointLimit
+) -> Iterator[Difference]:
+    unit = setpoint.shown_in
     sides = (_span(here.low, here.high, unit), _span(there.low, there.high, unit))
     yield from _text(f"limits of {name}", *sides)
-    rates = (format_quantity(limit.rate, rate_unit(unit)) for limit in (here, there))
+    rates = (format_quantity(limit.rate, rate_unit(setpoint.unit)) for limit in (here, there))
     yield from _text(f"rate of {name}", *rates)
     rests = (format_quantity(limit.rest, unit) for limit in (here, there))
     yield from _text(f"rest of {name}", *rests)
@@ -130,14 +133,14 @@ def _interlock(
 
 def _rules(item: Interlock, unit: str) -> dict[str, str]:
     """Return all of an interlock that decides when it trips and what it does."""
-    band = format_quantity(item.band, unit)
+    band = format_difference(item.band, unit)
     return {
         "source": item.source,
         "bounds": f"{_bound(item.low, unit)} .. {_bound(item.high, unit)}".strip(),
         "follows": MISSING if item.follows is None else f"{item.follows} within {band}",
         "while": item.only_while or "always",
         "delay": f"{item.delay_s:g} s",
-        "deadband": format_quantity(item.deadband, unit),
+        "deadband": format_difference(item.deadband, unit),
         "stale after": f"{1e3 * item.stale_after_s:g} ms",
         "latch": "yes" if item.latch else "no",
         "action": item.action.word,
@@ -158,4 +161,4 @@ def _span(low: float, high: float, unit: str) -> str:
 
 def _unit(rig: RigConfig, sibling: RigConfig, interlock: Interlock) -> str:
     channel = rig.channel(interlock.source) or sibling.channel(interlock.source)
-    return "1" if channel is None else channel.unit
+    return "1" if channel is None else channel.shown_in

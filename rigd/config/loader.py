@@ -11,6 +11,7 @@ from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
 from rigd.config.controllers import add_controllers
 from rigd.config.derived import add_derived
+from rigd.config.display import displayed
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.following import read_following
 from rigd.config.inputs import check_inputs
@@ -217,6 +218,7 @@ def _device(
     except (ValueError, RigdError) as error:
         problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
         return None
+    declaration = displayed(document, path, source.display, declaration, problems)
     link = links.get(source.link or "")
     for text in driver_class.contradictions(config, None if link is None else link.config):
         problems.add(document.place((*path, "options")), f"{source.driver}: {text}")
@@ -309,7 +311,7 @@ def _limits(
                 document.key_place((*device, "limits")),
                 f"{device[-1]} takes the setpoint {setpoint.name!r}, but has no limit for it",
                 f"add 'limits: {{{setpoint.name}: {{low: ..., high: ..., rate: ...}}}}' "
-                f"in {setpoint.unit}",
+                f"in {setpoint.shown_in}",
             )
     return limits
 
@@ -317,7 +319,7 @@ def _limits(
 def _limit(
     document: Document, path: KeyPath, source: LimitSource, setpoint: Channel, problems: Problems
 ) -> SetpointLimit:
-    unit = setpoint.unit
+    unit = setpoint.shown_in
     owner = f"the device's own {setpoint.name}"
     values = {}
     for key in ("low", "high"):
@@ -330,7 +332,7 @@ def _limit(
     if low > high:
         message = f"low {source.low} is above high {source.high}"
         problems.add(document.place((*path, "low")), message, "swap the two")
-    rate = read_quantity(document, (*path, "rate"), source.rate, rate_unit(unit), problems)
+    rate = read_quantity(document, (*path, "rate"), source.rate, rate_unit(setpoint.unit), problems)
     if rate <= 0:
         problems.add(document.place((*path, "rate")), f"rate {source.rate} must be above 0")
     rest = 0.0
@@ -446,7 +448,7 @@ def _interlock(
     deadband = 0.0
     if source.deadband is not None:
         deadband = read_difference(
-            document, (*path, "deadband"), source.deadband, channel.unit, problems
+            document, (*path, "deadband"), source.deadband, channel.shown_in, problems
         )
         if deadband < 0:
             problems.add(document.place((*path, "deadband")), "the deadband must be at least 0")
@@ -518,10 +520,10 @@ def _bound(
                 document.place(path), f"{text} is in {other.unit}, expected {channel.unit}"
             )
         return text
-    value = read_quantity(document, path, text, channel.unit, problems)
-    if not math.isnan(value) and not channel.low <= value <= channel.high:
-        check_inside(document, path, value, (channel.low, channel.high), channel.unit,
-                     "what the channel can measure", problems)  # fmt: skip
+    unit = channel.shown_in
+    value = read_quantity(document, path, text, unit, problems)
+    check_inside(document, path, value, (channel.low, channel.high), unit,
+                 "what the channel can measure", problems)  # fmt: skip
     return value
 
 

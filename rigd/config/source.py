@@ -152,6 +152,8 @@ class DeviceSource(Source):
     """Options of the driver."""
     limits: Annotated[dict[Name, LimitSource], BeforeValidator(_nothing_is_empty)] = {}
     """One entry for each setpoint of the device."""
+    display: dict[Name, QuantityText] = {}
+    """Units in which people read its channels and setpoints: `{temperature: degC, speed: rpm}`."""
     waiver: WaiverSource | None = None
     """The person who accepts that the device has no watchdog; recorded with every run."""
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from rigd.derived.dimensions import alike, over, plain, times
+from rigd.derived.dimensions import alike, is_angle, over, plain, times
 from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
 from rigd.derived.graph import Builder, Op, Term
 from rigd.derived.quantities import STAND_IN, FormulaError, Named, Prepared, no_names, prepare
@@ -153,6 +153,7 @@ class _Reader:
 
     def binary(self, node: ast.BinOp, op: Op, depth: int) -> Term:
         left, right = self.number(node.left, depth), self.number(node.right, depth)
+        of_arc = left.of_arc or right.of_arc
         if op in _VERBS:
             if not alike(left.dimension, right.dimension):
                 raise FormulaError(
@@ -164,6 +165,7 @@ class _Reader:
                 self.without_own_zero("add", node.right, right)
             same = left.dimension == right.dimension
             dimension = left.dimension if same else plain(left.dimension)
+            of_arc = left.of_arc and right.of_arc
         elif op is Op.MULTIPLY:
             self.without_own_zero("multiply", node, left, right)
             dimension = times(left.dimension, right.dimension)
@@ -172,7 +174,8 @@ class _Reader:
         else:
             self.without_own_zero("divide", node, left, right)
             dimension = over(left.dimension, right.dimension)
-        term = self.fold(op, (left, right), dimension)
+            of_arc = is_angle(left.dimension, right.dimension, of_arc=of_arc)
+        term = replace(self.fold(op, (left, right), dimension), of_arc=of_arc)
         if term.constant is not None and bool(left.unit) != bool(right.unit):
             return replace(term, unit=left.unit or right.unit)
         return term

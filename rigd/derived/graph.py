@@ -128,6 +128,7 @@ class Term:
 
     ``is_condition``: it is 1 or 0 (true or false). ``uses`` are the channels of devices in it.
     ``unit`` is not "" for a fixed quantity in a unit with a zero of its own (``degC``).
+    ``of_arc``: it is an arc over its radius, and may be an angle.
     """
 
     row: int
@@ -136,6 +137,7 @@ class Term:
     is_condition: bool = False
     uses: frozenset[str] = frozenset()
     unit: str = ""
+    of_arc: bool = False
 
 
 @dataclass

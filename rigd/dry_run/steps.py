@@ -9,7 +9,7 @@ from typing import Literal
 
 from rigd.config.quantities import rate_unit
 from rigd.config.rig import RigConfig
-from rigd.model.units import format_quantity
+from rigd.model.units import format_difference, format_quantity, parse_unit
 from rigd.procedure.agreement import check_of
 from rigd.procedure.condition_text import describe_condition
 from rigd.procedure.profiles import ConstantProfile, Profile, Ramp
@@ -153,7 +153,7 @@ def _rated(variants: Sequence[Segment], rig: RigConfig) -> Iterator[tuple[str, s
 def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
     for name in dict.fromkeys(name for variant in variants for name in variant.setpoints):
         channel = rig.setpoint(name)
-        unit = "1" if channel is None else channel.unit
+        unit = "1" if channel is None else channel.shown_in
         profiles = [variant.setpoints[name] for variant in variants if name in variant.setpoints]
         constants = [profile.value for profile in profiles if isinstance(profile, ConstantProfile)]
         if len(constants) == len(profiles):
@@ -167,7 +167,7 @@ def _profile(profile: Profile, unit: str) -> str:
     if isinstance(profile, Ramp):
         return f"{kind} to {format_quantity(profile.end, unit)} in {profile.duration_s:g} s"
     amplitude = getattr(profile, "amplitude", None)
-    return kind if amplitude is None else f"{kind} of {format_quantity(amplitude, unit)}"
+    return kind if amplitude is None else f"{kind} of {format_difference(amplitude, unit)}"
 
 
 def _ends(variants: Sequence[Segment]) -> Iterator[str]:
@@ -196,4 +196,5 @@ def _range(values: Sequence[float], unit: str) -> str:
     low, high = min(values), max(values)
     if low == high:
         return format_quantity(low, unit)
-    return f"{low:.6g} .. {format_quantity(high, unit)}"
+    shown = parse_unit(unit).from_si(low)
+    return f"{shown:.6g} .. {format_quantity(high, unit)}"

@@ -154,7 +154,9 @@ class Cycle:
         """Return the reasons why the rig, at rest, cannot be armed; one sentence each."""
         reasons = [f"{name} gave no row" for name in sorted(self._silent)]
         violated = self.interlocks.violated(Severity.END_TRIAL)
-        return reasons + [f"interlock {item.name} is violated at rest" for item in violated]
+        return reasons + [
+            f"interlock {item.name} is violated at rest: {why}" for item, why in violated
+        ]
 
     def not_enabled(self) -> Sequence[str]:
         """Return the names of the devices that are armed but not enabled yet."""

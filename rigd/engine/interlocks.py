@@ -73,6 +73,8 @@ class InterlockBank:
         self._since: list[int | None] = [None] * len(interlocks)  # start of the violation
         self._inside: list[int | None] = [None] * len(interlocks)  # start of the return, if any
         self._tripped = [False] * len(interlocks)
+        #: Of the last violation: value, bounds, age of the value and of the oldest of them.
+        self._found = [(math.nan, math.nan, math.nan, 0, 0)] * len(interlocks)
 
     def check(
         self,
@@ -103,6 +105,7 @@ class InterlockBank:
                     self._recover(index, value, low, high)
                 continue
             self._inside[index] = None
+            self._found[index] = (value, low, high, own_age_ns, age_ns)
             since = self._since[index]
             if since is None:
                 since = self._since[index] = t_ns
@@ -147,11 +150,14 @@ class InterlockBank:
             if tripped and rule.interlock.action >= least
         ]
 
-    def violated(self, least: Severity) -> list[Interlock]:
-        """Return the interlocks whose condition holds now, also during their delay."""
+    def violated(self, least: Severity) -> list[tuple[Interlock, str]]:
+        """Return the interlocks whose condition held at the last check, each with its reason.
+
+        Also those whose delay has not passed.
+        """
         return [
-            rule.interlock
-            for rule, since in zip(self._rules, self._since, strict=True)
+            (rule.interlock, _reason(rule, *found))
+            for rule, since, found in zip(self._rules, self._since, self._found, strict=True)
             if since is not None and rule.interlock.action >= least
         ]
 
@@ -211,7 +217,8 @@ def _reason(
     if math.isnan(low) or math.isnan(high):
         return f"a bound of {source} is not a number (NaN)"
     if rule.follows >= 0:
-        setpoint, band = (Quantity(part, unit) for part in ((low + high) / 2, (high - low) / 2))
+        setpoint = Quantity((low + high) / 2, unit)
+        band = Quantity((high - low) / 2, unit.difference())
         return (
             f"{source} {Quantity(value, unit)} does not follow its setpoint {setpoint}: more than "
             f"{band} apart for {rule.interlock.delay_s:g} s"

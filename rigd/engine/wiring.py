@@ -79,9 +79,9 @@ def wire(
         for setpoint in device.setpoints
     ]
     units = {
-        f"{item.name}.{channel.name}": channel.unit
-        for item in mounted.mounts
-        for channel in item.driver.declaration.channels
+        f"{device.name}.{channel.name}": channel.shown_in
+        for device in rig.devices.values()
+        for channel in device.channels
     }
     interlocks = InterlockBank(
         rig.interlocks, mounted.readings, units, mounted.device_of, mounted.setpoints
@@ -155,4 +155,5 @@ def _fast(device: DeviceConfig, link: Plant | Link | None) -> Driver:
     driver = device.driver_class(device.config, link)
     if not isinstance(driver, Driver):
         raise TypeError(f"{device.driver} is not a fast driver")
+    driver.declaration = device.declaration  # with the display units of the rig file
     return driver

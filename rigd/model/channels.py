@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
-from rigd.model.units import parse_unit
+from rigd.model.units import parse_unit, si_symbol
 
 #: Name of the integer field of a stream whose device reports a status word.
 STATUS_FIELD: Final = "status"
@@ -24,7 +24,8 @@ class Channel:
     """A named quantity of a device, with the SI unit of its samples and setpoints.
 
     ``low`` and ``high`` are the range that the device can measure or accept. ``raw_of`` names the
-    channel of which this channel is the unconverted reading (counts, volts).
+    channel of which this channel is the unconverted reading (counts, volts). ``display`` is the
+    unit in which people read it, such as ``degC``; by default that of its samples.
     """
 
     name: str
@@ -33,10 +34,29 @@ class Channel:
     low: float = -math.inf
     high: float = math.inf
     raw_of: str | None = None
+    display: str = ""
 
     def __post_init__(self) -> None:
-        if not parse_unit(self.unit).is_si:
+        unit = parse_unit(self.unit)
+        if not unit.is_si:
             raise ValueError(f"channel {self.name!r}: {self.unit} is not an SI unit")
+        if self.display and not parse_unit(self.display).same_kind(unit):
+            raise ValueError(f"channel {self.name!r} is in {self.unit}, not in {self.display}")
+
+    @classmethod
+    def read_in(
+        cls, unit: str, name: str, doc: str = "", low: float = -math.inf, high: float = math.inf
+    ) -> Self:
+        """Return a channel that people read in any ``unit``; ``low`` and ``high`` are in SI."""
+        parsed = parse_unit(unit)
+        if parsed.is_si:
+            return cls(name, unit, doc, low, high)
+        return cls(name, si_symbol(parsed.dimension), doc, low, high, display=unit)
+
+    @property
+    def shown_in(self) -> str:
+        """The unit in which people read and write its values."""
+        return self.display or self.unit
 
     @property
     def ends(self) -> tuple[float, float]:

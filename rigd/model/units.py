@@ -296,6 +296,28 @@ def format_quantity(value: float, unit: str) -> str:
     return str(Quantity(value, parse_unit(unit)))
 
 
+def with_unit(number: str, unit: str) -> str:
+    """Return what to write in place of a bare number, such as ``'250 degC' or '250 K'``.
+
+    ``unit`` is the one that people use. Kelvins can be a temperature or a difference.
+    """
+    units = ("degC", unit) if unit == "K" else (unit,)
+    return " or ".join(f"'{number} {item}'" for item in units)
+
+
+def correct_scale(given: Quantity, wanted: str) -> str:
+    """Return what to write in place of a scale that is not in ``wanted``, such as ``N/V``.
+
+    One that is upside down, as ``5 V/N``, is turned over.
+    """
+    unit = parse_unit(wanted)
+    if given.unit.dimension == NO_DIMENSION:
+        return f"write '{given.value:.6g} {wanted}'"
+    if given.value and given.unit.dimension == tuple(-power for power in unit.dimension):
+        return f"it is upside down: write '{unit.from_si(1 / given.value):.6g} {wanted}'"
+    return f"give how many {wanted.partition('/')[0]} each {wanted.rpartition('/')[2]} means"
+
+
 def format_difference(value: float, unit: str) -> str:
     """Return an SI difference of values in ``unit`` as text: ``2 K`` for values in ``degC``."""
     return str(Quantity(value, parse_unit(unit).difference()))

@@ -142,7 +142,7 @@ def read_comparison(
     if channel is None:
         return None
     threshold = reader.number(
-        path, match["threshold"], channel.unit, scope, start + match.start("threshold")
+        path, match["threshold"], channel.shown_in, scope, start + match.start("threshold")
     )
     if match["open"] and _has_own_zero(match["threshold"], scope):
         place = reader.document.inside(path, start)
@@ -156,7 +156,7 @@ def read_comparison(
         threshold=threshold,
         magnitude=match["open"] is not None,
         for_s=_read_time(reader, path, match, start, scope),
-        unit=channel.unit,
+        unit=channel.unit if match["open"] else channel.shown_in,
     )
 
 
@@ -233,7 +233,7 @@ def check_reachable(
             reader.problems.add(
                 reader.document.inside(path, start),
                 f"{describe_condition(condition)} can never be reached: {owner} "
-                f"{_between(low, high, channel.unit)}",
+                f"{_between(low, high, channel.shown_in)}",
                 hint,
             )
             return

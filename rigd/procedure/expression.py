@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
+from rigd.derived.dimensions import alike, is_angle, over, plain, times
 from rigd.model.units import (
     DECIMAL_COMMA,
     NO_DIMENSION,
@@ -49,13 +50,14 @@ class Number:
 
     ``unit`` is not "" if the value was given in a unit with a zero of its own (``degC``). Such a
     value takes part in sums only: it can be moved by a difference, and two give a difference, which
-    ``is_difference`` then shows.
+    ``is_difference`` then shows. ``of_arc``: it is an arc over its radius, and may be an angle.
     """
 
     value: float
     dimension: Dimension = NO_DIMENSION
     unit: str = ""
     is_difference: bool = False
+    of_arc: bool = False
 
 
 def number_in(value: float, unit: Unit) -> Number:
@@ -255,7 +257,7 @@ def _evaluate(node: Node, scope: Scope) -> Number:
         number = _evaluate(node.operand, scope)
         if number.unit:
             raise ExpressionError(f"a value in {number.unit} cannot change its sign")
-        return Number(-number.value, number.dimension)
+        return Number(-number.value, number.dimension, of_arc=number.of_arc)
     if isinstance(node, Reference):
         value = _look_up(node, scope)
         if isinstance(value, str):
@@ -276,9 +278,8 @@ def _own_zero(verb: str, unit: str, node: Operation) -> ExpressionError:
 
 
 def _join(node: Operation, left: Number, right: Number) -> Number:
-    pairs = zip(left.dimension, right.dimension, strict=True)
     if node.operator in "+-":
-        if left.dimension != right.dimension:
+        if not alike(left.dimension, right.dimension):
             verb = "add" if node.operator == "+" else "subtract"
             raise ExpressionError(
                 f"cannot {verb} {dimension_text(right.dimension)} and "
@@ -293,16 +294,27 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
         else:
             unit = left.unit or (right.unit if sign == 1 else "")
             is_difference = not unit and (left.is_difference or right.is_difference)
-        joined = Number(left.value + sign * right.value, left.dimension, unit, is_difference)
+        same = left.dimension == right.dimension
+        joined = Number(
+            left.value + sign * right.value,
+            left.dimension if same else plain(left.dimension),
+            unit,
+            is_difference,
+            left.of_arc and right.of_arc,
+        )
     elif left.unit or right.unit:
         verb = "multiply" if node.operator == "*" else "divide"
         raise _own_zero(verb, left.unit or right.unit, node)
     elif node.operator == "*":
-        joined = Number(left.value * right.value, tuple(a + b for a, b in pairs))
+        of_arc = left.of_arc or right.of_arc
+        dimension = times(left.dimension, right.dimension)
+        joined = Number(left.value * right.value, dimension, of_arc=of_arc)
     elif right.value == 0:
         raise ExpressionError("division by zero", node.offset)
     else:
-        joined = Number(left.value / right.value, tuple(a - b for a, b in pairs))
+        of_arc = is_angle(left.dimension, right.dimension, of_arc=left.of_arc or right.of_arc)
+        dimension = over(left.dimension, right.dimension)
+        joined = Number(left.value / right.value, dimension, of_arc=of_arc)
     # NaN replaces a value whose problem is reported already: it must not cause a second problem.
     if not math.isfinite(joined.value) and math.isfinite(left.value + right.value):
         raise ExpressionError("the result is too large a number", node.offset)

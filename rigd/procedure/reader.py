@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
-from rigd.model.units import dimension_text, format_quantity, parse_unit
+from rigd.derived.dimensions import fits
+from rigd.model.units import dimension_text, format_quantity, parse_unit, with_unit
 from rigd.procedure.expression import (
     NAME,
     Expression,
@@ -99,13 +100,14 @@ class Reader:
         if isinstance(value, str):
             self.problems.add(place, f"{value!r} is a word, expected a quantity in {unit}")
             return math.nan
-        if value.dimension != expected.dimension:
+        if not fits(value.dimension, expected.dimension, of_arc=value.of_arc):
             if any(value.dimension):
                 message = f"{text!r} is in {dimension_text(value.dimension)}, expected {unit}"
                 hint = f"such as '1 {unit}'" if unit != "1" else "a plain number"
             else:
                 message = f"{text!r} has no unit, expected {unit}"
-                hint = f"such as '{text} {unit}'"
+                bare = f"'{text} {unit}'" if difference else with_unit(text, unit)
+                hint = f"such as {bare}"
             self.problems.add(place, message, hint)
             return math.nan
         if value.is_difference and not difference:

@@ -37,12 +37,16 @@ from rigd.procedure.reader import Reader
 
 @dataclass(frozen=True)
 class SetpointReader:
-    """Reads the profile of one setpoint; problems are noted in ``reader``."""
+    """Reads the profile of one setpoint; problems are noted in ``reader``.
+
+    People write its values in the unit ``display``.
+    """
 
     reader: Reader
     path: KeyPath
     name: str
     unit: str
+    display: str
     limit: SetpointLimit
     scope: Scope
 
@@ -127,7 +131,7 @@ class SetpointReader:
 
     def _swing(self, key: str, offset: str | None, amplitude: str) -> tuple[float, float]:
         """Return offset and amplitude; check that both extremes are within the limits."""
-        middle = 0.0 if offset is None else self._number((key, "offset"), offset, self.unit)
+        middle = 0.0 if offset is None else self._number((key, "offset"), offset, self.display)
         half = self.reader.difference(
             (*self.path, key, "amplitude"), amplitude, self.unit, self.scope
         )
@@ -136,7 +140,7 @@ class SetpointReader:
         return middle, half
 
     def _level(self, path: KeyPath, text: str) -> float:
-        value = self._number(path, text, self.unit)
+        value = self._number(path, text, self.display)
         self._check_limit(path, value)
         return value
 
@@ -156,8 +160,8 @@ class SetpointReader:
             side, bound = ("below", low) if value < low else ("above", high)
             self.reader.note(
                 (*self.path, *path),
-                f"{self.name} {format_quantity(value, self.unit)} is {side} the rig's limit of "
-                f"{format_quantity(bound, self.unit)}",
+                f"{self.name} {format_quantity(value, self.display)} is {side} the rig's limit of "
+                f"{format_quantity(bound, self.display)}",
                 "change the value, or the limit in the rig file",
             )
 
@@ -196,4 +200,5 @@ def read_setpoint(
     if name in rig.loops:
         reader.note_key(path, f"{name} belongs to the controller {device}", f"write '{device}'")
     limit = rig.devices[device].limits[short]
-    return SetpointReader(reader, path, name, setpoint.unit, limit, scope).profile(source)
+    shown = setpoint.shown_in
+    return SetpointReader(reader, path, name, setpoint.unit, shown, limit, scope).profile(source)

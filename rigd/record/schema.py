@@ -95,6 +95,8 @@ def channel_metadata(stream: Stream) -> dict[str, str]:
     metadata = {STREAM_KEY: stream_to_json(stream), "source": stream.source, "doc": stream.doc}
     for channel in stream.channels:
         metadata[f"{channel.name}.unit"] = channel.unit
+        if channel.display:
+            metadata[f"{channel.name}.display"] = channel.display
         metadata[f"{channel.name}.range"] = _range(channel)
         if channel.doc:
             metadata[f"{channel.name}.doc"] = channel.doc
@@ -111,6 +113,7 @@ def stream_to_json(stream: Stream) -> str:
             "low": channel.low if math.isfinite(channel.low) else None,
             "high": channel.high if math.isfinite(channel.high) else None,
             "raw_of": channel.raw_of,
+            **({"display": channel.display} if channel.display else {}),
         }
         for channel in stream.channels
     ]
@@ -141,6 +144,7 @@ def stream_from_json(text: str) -> Stream:
                 low=-math.inf if channel["low"] is None else float(channel["low"]),
                 high=math.inf if channel["high"] is None else float(channel["high"]),
                 raw_of=channel["raw_of"],
+                display=str(channel.get("display", "")),
             )
             for channel in record["channels"]
         )

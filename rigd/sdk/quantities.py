@@ -9,7 +9,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from rigd.model.patterns import quantity_schema
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import parse_quantity, parse_unit, with_unit
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,10 @@ class In:
         if given.unit.same_kind(expected):
             return given.as_difference().value if self.difference else given.value
         if given.unit.symbol == "1":
-            raise ValueError(f"{value} has no unit: write '{value} {self.unit}'")
+            words = (
+                f"'{value} {self.unit}'" if self.difference else with_unit(str(value), self.unit)
+            )
+            raise ValueError(f"{value} has no unit: write {words}")
         raise ValueError(f"'{value}' is in {given.unit}, expected {self.unit}")
 
     def __get_pydantic_core_schema__(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,7 @@ def record(
     run: Mapping[str, str] = RUN,
     rig: str = RIG,
     procedure: str = "",
+    stream: Stream = AXIS,
     **metadata: Mapping[str, str],
 ) -> Path:
     """Write a recording of one device."""
@@ -90,7 +92,7 @@ def record(
     if procedure:
         attached.append(Attachment("procedure.yaml", "application/yaml", procedure.encode()))
     with RecordingWriter.create(
-        path, streams=[AXIS], metadata={"run": run, **metadata}, attachments=attached,
+        path, streams=[stream], metadata={"run": run, **metadata}, attachments=attached,
         start_ns=START_NS, sync_interval_s=None,
     ) as writer:  # fmt: skip
         for at_s, kind, trial, data in events:
@@ -173,6 +175,16 @@ def test_bounds_are_drawn_without_the_driver(tmp_path: Path) -> None:
     assert "≤ 1.1 (interlock far_end)" in text
     assert "≥ −0.5 (limit)" in text
     assert "≤ 0.5 (limit)" in text
+
+
+def test_values_and_bounds_are_in_display_unit(tmp_path: Path) -> None:
+    shown = replace(AXIS, channels=(replace(AXIS.channels[0], display="mm"), *AXIS.channels[1:]))
+    path = record(tmp_path / "run.mcap", ONE, stream=shown)
+    assert Recording.open(path).streams["axis"] == shown
+    text = text_of(path)
+    assert "≤ 1100 (interlock far_end)" in text
+    assert "position [mm]" in text
+    assert "≥ −0.5 (limit)" in text  # of the speed, in SI
 
 
 def test_unreadable_rig_file_is_reported(tmp_path: Path) -> None:

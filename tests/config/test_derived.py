@@ -59,13 +59,26 @@ def test_interlock_may_watch_a_derived_channel(rig_text: str) -> None:
     assert rig.interlocks[0].source == "wheel.slip"
 
 
+def test_arc_over_radius_is_an_angle_if_asked(rig_text: str) -> None:
+    """As in a procedure: `${speed} / ${rig.wheel_radius}` can be a speed in rad/s."""
+    derived = (
+        "  a.turns: {is: derivative(carriage.position) / rig.wheel_radius, unit: rpm}\n"
+        "  a.rim: {is: a.turns * rig.wheel_radius}\n"
+        "  a.share: {is: derivative(carriage.position) / rig.wheel_radius}\n"
+    )
+    rig = parse_rig(with_derived(rig_text, f"derived:\n{derived}"), FILE)
+    units = [rig.channel(f"a.{name}") for name in ("turns", "rim", "share")]
+    assert [(item.unit, item.shown_in) for item in units if item] == [
+        ("rad/s", "rpm"), ("m/s", "m/s"), ("1/s", "1/s"),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("derived", "token", "part"),
     [
         ("a.b: {is: wheel_encoder.angel}", "wheel_encoder.angel", "'wheel_encoder.angle'?"),
         ("a.b: {is: 2 * carriage.position + 3 s}", "3 s", "cannot add s and m"),
         ("a.b: {is: carriage.position, unit: N}", "N}", "the formula gives m, not N"),
-        ("a.b: {is: carriage.position, unit: mm}", "mm", "not an SI unit"),
         ("a.b: {is: carriage.position, unit: furlong}", "furlong", "unknown unit"),
         ("a.b: {is: carriage.position, where: carriage.position}", "carriage.position}", "cond"),
         ("a.b: {is: carriage.position, lowpass: 900 Hz}", "900", "too fast"),

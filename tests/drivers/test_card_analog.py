@@ -83,7 +83,7 @@ def test_an_input_at_a_rail_is_flagged(
     [
         ({"scale": "9.81 m/s^2"}, r"scale '9\.81 m/s\^2' of acceleration is not in m/s\^2/V"),
         ({"scale": "0 m/s^2/V"}, "must not be 0"),
-        ({"unit": "cm/s^2"}, r"cm/s\^2 is not an SI unit"),
+        ({"unit": "K"}, r"'981 cm/s\^2/V' of acceleration is not in K/V"),
         ({"zero": "0.5 A"}, "expected V"),
         ({"name": "Beschleunigung"}, "should match pattern"),
     ],

@@ -319,9 +319,13 @@ def test_missing_device_server_raises_link_error(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"scale": "9.8 m/s"}, r"scale of input x is in m/s, expected m/s\^2/V"),
+        ({"scale": "9.8 m/s"}, r"scale '9\.8 m/s' of input x is in m/s, expected m/s\^2/V"),
         ({"scale": "0 m/s^2/V"}, "is 0"),
-        ({"unit": "mm/s^2"}, "not an SI unit"),
+        ({"scale": "5 V s^2/m"}, r"it is upside down: write '0\.2 m/s\^2/V'"),
+        ({"scale": "9.8"}, r"write '9\.8 m/s\^2/V'"),
+        ({"unit": "C"}, "did you mean 'degC'"),
+        ({"low": "5 m/s^2", "high": "4 m/s^2"}, "can measure nothing: 5 m/s"),
+        ({"low": "5 N"}, "'5 N' is in N"),
         ({"range": "10"}, "has no unit"),
         ({"name": "Acceleration"}, "string"),
     ],
@@ -330,6 +334,20 @@ def test_inputs_that_mean_nothing_are_refused(change: dict[str, str], words: str
     given = {"name": "x", "channel": "ai0", "unit": "m/s^2", "scale": "1 m/s^2/V", **change}
     with pytest.raises(ValidationError, match=words):
         Input.model_validate(given)
+
+
+def test_celsius_is_counted_from_its_own_zero(opened: Opened) -> None:
+    given = {
+        "name": "t", "channel": "ai0", "unit": "degC", "scale": "200 K/V", "high": "350 degC"
+    }  # fmt: skip
+    driver = opened(inputs=[given])
+    channel = driver.declaration.channels[0]
+    assert (channel.unit, channel.shown_in) == ("K", "degC")
+    assert (channel.low, channel.high) == (0.0, 623.15)  # -10 V would be 2000 K below 0 degC
+    driver.start()
+    row = rows(driver, 100).values[-1]
+    assert row[0] == pytest.approx(273.15 + 200 * row[1], rel=1e-12)
+    assert row[1] == pytest.approx(1.5, abs=LSB_V)
 
 
 @pytest.mark.parametrize(

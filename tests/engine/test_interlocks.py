@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 
 MS = 1_000_000
 READINGS = {"a.x": 0, "a.limit": 1}
@@ -33,6 +34,14 @@ def test_interlock_trips_once_naming_value_limit_and_unit() -> None:
     trips = feed(bank(Interlock("far", "a.x", high=1.5)), [1.4, 1.5, 1.6, 1.7])
     assert [len(trip) for trip in trips] == [0, 0, 1, 0]
     assert trips[2][0].reason == "a.x 1.6 m is above its limit 1.5 m"
+
+
+def test_violation_in_its_delay_has_a_reason() -> None:
+    found = bank(Interlock("far", "a.x", high=1.5, delay_s=1.0, action=Severity.STOP))
+    assert feed(found, [1.4, 1.6]) == [[], []]
+    ((interlock, reason),) = found.violated(Severity.END_TRIAL)
+    assert interlock.name == "far"
+    assert reason == "a.x 1.6 m is above its limit 1.5 m"
 
 
 def test_low_limit_and_limit_from_another_channel() -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rigd.config.document import parse_document
+from rigd.config.problems import Problems
 from rigd.model import parse_unit
 from rigd.procedure.expression import ExpressionError, Number, Value, parse_expression
+from rigd.procedure.reader import Reader
 
 SCOPE: dict[str, Value] = {
     "current": Number(2.0, parse_unit("A").dimension),
@@ -44,6 +48,29 @@ def test_expression_gives_value_and_dimension(text: str, value: float, unit: str
     assert isinstance(result, Number)
     assert result.value == pytest.approx(value, rel=1e-12)
     assert result.dimension == parse_unit(unit).dimension
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "is_fit"),
+    [
+        ("${speed} / ${rig.radius}", "rad/s", True),
+        ("2 * -${speed} / ${rig.radius}", "rpm", True),
+        ("0.1 m / ${rig.radius}", "rad", True),
+        ("${speed} / ${rig.radius}", "Hz", True),
+        ("3 1/s", "rad/s", False),
+        ("2 N / 1 N", "rad", False),
+        ("3 rad/s * ${rig.radius}", "m/s", True),
+        ("3 rad/s * ${rig.radius} + 1 m/s", "m/s", True),
+        ("3 rad/s", "1/s", False),
+    ],
+)
+def test_radian_beside_length_counts_as_one(text: str, unit: str, is_fit: bool) -> None:
+    scope = {**SCOPE, "speed": Number(0.3, parse_unit("m/s").dimension)}
+    problems = Problems()
+    reader = Reader(parse_document("a: x\n", Path("p.yaml")), problems)
+    value = reader.number(("a",), text, unit, scope)
+    assert (problems.found == []) == is_fit
+    assert math.isnan(value) != is_fit
 
 
 def test_reference_to_word_parameter_gives_word() -> None:

@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from rigd.model.units import Quantity, parse_quantity, si_symbol
+from rigd.model.units import Quantity, parse_quantity
 from rigd.sdk import Channel, DriverConfig, In
 from rigd.sdk.port import MAX_LINE, PortConfig
 from rigd_drivers.lines.text import commands, encoded
@@ -87,8 +87,8 @@ class LineChannel(DriverConfig):
         """Return the channel that is recorded."""
         low = -math.inf if self.low is None else self.bound(self.low)
         high = math.inf if self.high is None else self.bound(self.high)
-        unit = si_symbol(self.per_one.unit.dimension)
-        return Channel(name, unit, self.doc or name.replace("_", " "), low, high)
+        unit = self.per_one.unit.symbol
+        return Channel.read_in(unit, name, self.doc or name.replace("_", " "), low, high)
 
     @field_validator("unit")
     @classmethod

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Len
 from pydantic import Field, model_validator
 
 from rigd.model.channels import Channel
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import correct_scale, format_quantity, parse_quantity, parse_unit
 from rigd.sdk import DriverConfig, In
 from rigd_drivers.ni_card import NiCardConfig
 
@@ -28,7 +28,10 @@ class Terminal(Enum):
 
 
 class Input(DriverConfig):
-    """One analogue input and what its volts mean: ``(volts - zero) * scale``."""
+    """One analogue input and what its volts mean: ``(volts - zero) * scale``.
+
+    With a ``unit`` that has a zero of its own (degC), that is how far the value is above that zero.
+    """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     """Name of the channel, such as acceleration; its volts are recorded beside it as NAME_raw."""
@@ -39,11 +42,20 @@ class Input(DriverConfig):
     range: Annotated[float, In("V"), Gt(0)] = 10.0
     """Largest voltage to be measured, either sign; the card takes its next larger range."""
     unit: str = "V"
-    """SI unit of the channel, such as m/s^2."""
+    """Unit in which people read the channel, such as m/s^2, kN or degC; it is recorded in SI."""
     scale: str = "1 V/V"
     """The quantity per volt, such as 9.8 m/s^2/V; negative if the sensor is mounted reversed."""
     zero: Annotated[float, In("V")] = 0.0
-    """Voltage that means 0."""
+    """Voltage that means 0 in the unit."""
+    low: str | None = None
+    """Least that the sensor can measure, such as -50 degC; by default what `range` means."""
+    high: str | None = None
+    """Most that the sensor can measure."""
+
+    @property
+    def origin(self) -> float:
+        """What ``zero`` volts mean, in SI: not 0 for a unit with a zero of its own."""
+        return parse_unit(self.unit).offset
 
     @property
     def gain(self) -> float:
@@ -53,26 +65,39 @@ class Input(DriverConfig):
     @property
     def channels(self) -> tuple[Channel, Channel]:
         """The channel in its unit and the one in volts that it is made from."""
-        low, high = sorted((side * self.range - self.zero) * self.gain for side in (-1, 1))
+        low, high = self._ends()
         raw = f"{self.name}_raw"
         return (
-            Channel(self.name, self.unit, f"input {self.channel}", low, high),
+            Channel.read_in(self.unit, self.name, f"input {self.channel}", low, high),
             Channel(raw, "V", f"at {self.channel}", -self.range, self.range, raw_of=self.name),
         )
+
+    def _ends(self) -> tuple[float, float]:
+        """Return what the channel can measure, in SI: no temperature is below 0 K."""
+        low, high = sorted(
+            (side * self.range - self.zero) * self.gain + self.origin for side in (-1, 1)
+        )
+        if self.origin:
+            low = max(low, 0.0)
+        low = low if self.low is None else max(low, In(self.unit).read(self.low))
+        high = high if self.high is None else min(high, In(self.unit).read(self.high))
+        return low, high
 
     @model_validator(mode="after")
     def _scale_has_the_unit(self) -> Self:
         unit, scale = parse_unit(self.unit), parse_quantity(self.scale)
-        if not unit.is_si:
-            raise ValueError(f"unit {self.unit!r} of input {self.name} is not an SI unit")
-        expected = parse_unit(f"{self.unit}/V")
-        if not scale.unit.same_kind(expected):
+        expected = f"{unit.difference()}/V"
+        if not scale.unit.same_kind(parse_unit(expected)):
             raise ValueError(
-                f"scale of input {self.name} is in {scale.unit}, expected {expected}: "
-                f"write it as '1 {expected}'"
+                f"scale '{scale}' of input {self.name} is in {scale.unit}, expected {expected}: "
+                f"{correct_scale(scale, expected)}"
             )
         if scale.value == 0.0:
             raise ValueError(f"scale of input {self.name} is 0: every voltage would mean the same")
+        low, high = self._ends()
+        if low >= high:
+            shown = " to ".join(format_quantity(end, self.unit) for end in (low, high))
+            raise ValueError(f"input {self.name} can measure nothing: {shown}")
         return self
 
 

@@ -38,6 +38,7 @@ class NiDaq(BlockDriver[NiDaqConfig, None]):
         self._volts = np.zeros((len(config.inputs), config.block))
         self._scale = np.array([item.gain for item in config.inputs])[:, np.newaxis]
         self._zero = np.array([item.zero for item in config.inputs])[:, np.newaxis]
+        self._origin = np.array([item.origin for item in config.inputs])[:, np.newaxis]
         self._bits = (1 << np.arange(len(config.inputs)))[:, np.newaxis]
         self._rails = np.zeros((len(config.inputs), 2))
         self._clock: SampleClock | None = None
@@ -102,7 +103,7 @@ class NiDaq(BlockDriver[NiDaqConfig, None]):
         """Return the rows of ``volts`` (inputs, n), whose first sample has the number ``first``."""
         inputs, count = volts.shape
         rows = np.empty((count, 2 * inputs + 3))
-        rows[:, 0 : 2 * inputs : 2] = ((volts - self._zero) * self._scale).T
+        rows[:, 0 : 2 * inputs : 2] = ((volts - self._zero) * self._scale + self._origin).T
         rows[:, 1 : 2 * inputs : 2] = volts.T
         rows[:, -3] = (first + np.arange(count)) / self.rate_hz
         rows[:, -2] = rate_hz

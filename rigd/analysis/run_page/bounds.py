@@ -13,6 +13,7 @@ from rigd.config.problems import Problems
 from rigd.config.source import RigSource
 from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError
+from rigd.model.units import parse_unit
 from rigd.record import Recording
 from rigd.sdk import In
 
@@ -22,7 +23,7 @@ SETPOINT: Final = "_setpoint"
 
 @dataclass(frozen=True)
 class Bound:
-    """One value that ``channel`` (``device.channel``) must not pass, in its SI unit."""
+    """One value that ``channel`` (``device.channel``) must not pass, in its display unit."""
 
     channel: str
     value: float
@@ -132,7 +133,7 @@ def _pair(
         if text is None:
             continue
         try:
-            value = In(unit).read(str(text))
+            value = parse_unit(unit).from_si(In(unit).read(str(text)))
         except ValueError:
             continue  # another channel or a parameter gives it
         yield Bound(channel, value, upper, by, hard=False)
@@ -140,7 +141,7 @@ def _pair(
 
 def _units(streams: Mapping[str, Stream]) -> dict[str, str]:
     return {
-        f"{stream.name}.{channel.name}": channel.unit
+        f"{stream.name}.{channel.name}": channel.shown_in
         for stream in streams.values()
         for channel in stream.channels
     }

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from rigd.analysis.report.trace import COLUMNS, thin
 from rigd.analysis.resample import stale_rows
 from rigd.analysis.run_page.paths import BodyPath, path_of
-from rigd.model.channels import STATUS_FIELD, Stream
+from rigd.model.channels import STATUS_FIELD, Channel, Stream
 from rigd.model.poses import Pose, poses_of
 from rigd.model.rows import TIME_FIELD
+from rigd.model.units import parse_unit
 from rigd.record import Recording, Step
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A channel in one attempt: (n,) s since it began, (n,) values in the channel's unit."""
+    """A channel in one attempt: (n,) s since it began, (n,) values in its display unit."""
 
     t_s: FloatArray
     values: FloatArray
@@ -93,8 +94,9 @@ class SharedTime:
 class Samples:
     """The samples read: traces of the attempts to draw, bands by group, extremes, stale rows.
 
-    Channels are named ``device.channel``. Traces count from the beginning of their attempt, bands
-    from that of the shared time. The paths in a plane are by body, then by attempt.
+    Channels are named ``device.channel``, their values are in their display units. Traces count
+    from the beginning of their attempt, bands from that of the shared time. The paths in a plane
+    are by body, then by attempt.
     """
 
     time: SharedTime
@@ -213,7 +215,7 @@ def _take(
     for channel in stream.channels:
         if channel.raw_of is not None:
             continue
-        name, values = f"{stream.name}.{channel.name}", np.ascontiguousarray(rows[channel.name])
+        name, values = f"{stream.name}.{channel.name}", _shown(channel, rows[channel.name])
         _widen(samples.extremes, name, values)
         if grouped and place[inside].size:
             band = samples.bands.setdefault(groups[attempt.index], {})
@@ -223,6 +225,14 @@ def _take(
             trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in lost_ns])
             traces = samples.traces.setdefault(attempt.index, {})
             traces[name] = _joined(traces.get(name), trace)
+
+
+def _shown(channel: Channel, values: FloatArray) -> FloatArray:
+    """Return ``values`` (n,), in SI, in the unit in which people read the channel."""
+    unit = parse_unit(channel.shown_in)
+    if unit.is_si:
+        return np.ascontiguousarray(values)
+    return np.asarray((values - unit.offset) / unit.factor)
 
 
 def _walk(

@@ -162,7 +162,7 @@ def _attempts(recording: Recording, info: RunInfo) -> list[Attempt]:
 def _few(recording: Recording) -> int:
     """Return how many trials are drawn one by one: fewer of a rig with many channels."""
     panels = {
-        (stream.name, channel.unit)
+        (stream.name, channel.shown_in)
         for stream in shown_streams(recording)
         for channel in stream.channels
         if channel.raw_of is None
@@ -195,9 +195,9 @@ def _panels(recording: Recording, samples: Samples) -> tuple[list[Shown], tuple[
                 continue
             low, high = samples.extremes[name]
             if low == high:
-                steady.append(f"{name} {number(low)} {channel.unit}".removesuffix(" 1"))
+                steady.append(f"{name} {number(low)} {channel.shown_in}".removesuffix(" 1"))
             else:
-                peaks.setdefault(channel.unit, {})[channel.name] = max(abs(low), abs(high))
+                peaks.setdefault(channel.shown_in, {})[channel.name] = max(abs(low), abs(high))
         shown += [Shown(stream.name, panel) for panel in spread(_together(peaks))]
     return shown, tuple(steady)
 
@@ -340,6 +340,6 @@ def _channels(recording: Recording, samples: Samples, bounds: Bounds) -> tuple[C
             known = bounds.of(name)
             passed = any(bound.passed(low, high) for bound in known)
             texts = tuple(f"{'≤' if b.upper else '≥'} {number(b.value)} ({b.by})" for b in known)
-            rows.append(ChannelRow(name, channel.unit, number(low), number(high), texts, passed,
+            rows.append(ChannelRow(name, channel.shown_in, number(low), number(high), texts, passed,
                                    channel.doc))  # fmt: skip
     return tuple(rows)

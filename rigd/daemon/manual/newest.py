@@ -18,8 +18,8 @@ from rigd.model.rows import TIME_FIELD
 class Reading:
     """One channel: ``value`` in SI ``unit``, NaN if there is none; ``age_s`` of its row.
 
-    ``status`` is the status word of its device, None if the device has none. ``state`` is ``ok``,
-    ``stale``, ``NaN`` or ``no row``.
+    ``display`` is the unit in which people read it. ``status`` is the status word of its device,
+    None if the device has none. ``state`` is ``ok``, ``stale``, ``NaN`` or ``no row``.
     """
 
     channel: str
@@ -28,6 +28,7 @@ class Reading:
     age_s: float
     status: int | None
     state: str
+    display: str = ""
 
 
 class Newest:
@@ -73,6 +74,7 @@ class Newest:
                 age_s,
                 status,
                 self._state(device, row, value, age_s),
+                channel.shown_in,
             )
 
     def _state(self, device: str, row: np.void | None, value: float, age_s: float) -> str:

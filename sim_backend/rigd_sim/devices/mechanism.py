@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from rigd.model.errors import ConfigError
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import correct_scale, parse_quantity, parse_unit
 from rigd.sdk import (
     Channel,
     Declaration,
@@ -43,7 +43,10 @@ class SensorChannel(Documented):
     scale: str | None = None
     """The quantity per raw unit, such as `10 N/V`: the raw value is then recorded beside it."""
     zero: str = "0"
-    """Raw value that means 0, such as `0.1 V`."""
+    """Raw value that means 0 in `unit`, such as `0.1 V`."""
+    unit: str | None = None
+    """Unit in which people read the channel, such as `degC`; by default that of the sensor in
+    SI."""
     raw: Name | None = None
     """Name of the raw channel; by default that of the channel with _raw."""
 
@@ -93,7 +96,16 @@ class MechanismDeviceConfig(DriverConfig):
                     (("channels", name, "sensor"), words + _near(entry.sensor, sensors))
                 )
                 continue
-            found.append(Channel(name, sensor.unit, _doc(sensor), sensor.low, sensor.high))
+            display = entry.unit or ""
+            try:
+                found.append(
+                    Channel(
+                        name, sensor.unit, _doc(sensor), sensor.low, sensor.high, display=display
+                    )
+                )
+            except ValueError as error:
+                problems.append((("channels", name, "unit"), str(error)))
+                continue
             try:
                 found += _raw(name, entry, sensor)
             except ValueError as error:
@@ -145,7 +157,7 @@ def _doc(sensor: Instrument) -> str:
 
 
 def _scale(entry: SensorChannel, unit: str) -> tuple[float, float, str]:
-    """Return scale and zero in SI and the unit of the raw value.
+    """Return scale and zero in SI and the unit of the raw value; zero is that of 0 in SI.
 
     Raises:
         ValueError: they are not of the kind of the sensor.
@@ -154,10 +166,12 @@ def _scale(entry: SensorChannel, unit: str) -> tuple[float, float, str]:
     scale = parse_quantity(text)
     head, _, raw = text.rpartition("/")
     if not head or not scale.unit.same_kind(parse_unit(f"{unit}/{raw}")):
-        raise ValueError(f"scale '{text}' is not in {unit} per raw unit, such as '1 {unit}/V'")
+        wanted = f"{unit}/V"
+        raise ValueError(f"scale '{text}' is not in {wanted}: {correct_scale(scale, wanted)}")
     if scale.value == 0.0:
         raise ValueError("scale is 0: every raw value would mean the same")
     zero = 0.0 if entry.zero == "0" else In(raw).read(entry.zero)
+    zero -= parse_unit(entry.unit or unit).offset / scale.value
     return scale.value, zero, raw.strip()
 
 

@@ -51,7 +51,9 @@ class InputOptions(SimulationConfig):
     scale: str
     """The quantity for each volt, such as `5 N/V`."""
     zero: Annotated[float, In("V"), Ge(-100), Le(100)] = 0.0
-    """Volts that mean 0."""
+    """Volts that mean 0 in `unit`."""
+    unit: str | None = None
+    """A unit with a zero of its own, such as `degC`; by default the sensor's SI unit."""
 
 
 class CardOptions(SimulationConfig):
@@ -103,6 +105,9 @@ class WireMechanismConfig(WirePlantConfig):
                 elif not _fits(entry.scale, sensor.unit):
                     words = f"expected a quantity in {sensor.unit}/V, such as '1 {sensor.unit}/V'"
                     problems.append(((*where, "scale"), words))
+                elif not _is_of(entry.unit, sensor.unit):
+                    words = f"{entry.sensor} is in {sensor.unit}, not in {entry.unit}"
+                    problems.append(((*where, "unit"), words))
         if problems:
             raise WrongEntries(problems)
         return self
@@ -114,6 +119,13 @@ def _fits(scale: str, unit: str) -> bool:
     except ValueError:
         return False
     return given.value != 0.0 and given.unit.same_kind(parse_unit(f"{unit}/V"))
+
+
+def _is_of(unit: str | None, kind: str) -> bool:
+    try:
+        return parse_unit(unit or kind).same_kind(parse_unit(kind))
+    except ValueError:
+        return False
 
 
 class MechanismWorld(PlantWorld[MechanismPlant]):
@@ -159,10 +171,11 @@ class WireMechanism(WirePlantSimulation):
 def _volts(entry: InputOptions, world: MechanismWorld) -> Callable[[], float]:
     place = world.plant.mechanism.instrument(entry.sensor)
     scale = parse_quantity(entry.scale).value
+    zero = entry.zero - parse_unit(entry.unit or "1").offset / scale
 
     def volts() -> float:
         world.now()
-        return world.plant.readings[place] / scale + entry.zero
+        return world.plant.readings[place] / scale + zero
 
     return volts
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
+from rigd.cli.readings_view import LineView, view_for
 from rigd.config.loader import load_rig
 from rigd.daemon.manual import Newest, Reading, check_action, chosen_channels, only
 from rigd.engine.sink import Rows
@@ -54,6 +57,17 @@ def test_value_that_is_not_a_number_reads_none() -> None:
     newest = Newest(RIG)
     newest.take("wheel_servo", rows(1, current=float("nan")))
     assert current(newest, 2).state == "NaN"
+
+
+def test_reading_is_printed_in_its_display_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    reading = Reading("oven.heat", 298.15, "K", 0.0, None, "ok", "degC")
+    LineView().show(0, [reading], [])
+    view_for(as_json=False, refresh=False).show(0, [reading], [])
+    line, _, row = capsys.readouterr().out.splitlines()
+    assert "oven.heat 25 degC" in line
+    assert re.search(r"oven.heat\s+25\s+degC", row)
+    view_for(as_json=True, refresh=False).show(0, [reading], [])
+    assert '"value": 298.15, "unit": "K"' in capsys.readouterr().out  # programs read SI
 
 
 def test_device_name_selects_all_its_channels() -> None:

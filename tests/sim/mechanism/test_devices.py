@@ -73,7 +73,7 @@ def test_rig_file_has_sensors_and_drives_as_channels(tmp_path: Path) -> None:
     [
         ("angle: encoder", "angle: encodr", "8:33", "no sensor 'encodr'; did you mean 'encoder'?"),
         ("{speed: spindle}}", "{speed: motor}}", "8:81", "no drive 'motor'; it has spindle"),
-        ("scale: 10 N/V", "scale: 10 kg/V", "12:60", "not in N per raw unit"),
+        ("scale: 10 N/V", "scale: 10 kg/V", "12:60", "not in N/V: give how many N each V means"),
         ("scale: 10 N/V", "scale: 0 N/V", "12:60", "scale is 0"),
         ("scale: 10 N/V, zero", "zero", "12:33", "needs its 'scale'"),
         ("{channels: {force: {sensor: load_cell, scale: 10 N/V, zero: 0.1 V}}}", "{}", "12:14",

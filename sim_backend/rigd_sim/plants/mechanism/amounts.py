@@ -86,12 +86,16 @@ class Notes:
         Raises:
             Wrong: it is neither a force nor a mass, or negative.
         """
-        unit = "N"
         try:
-            if parse_quantity(text).unit.same_kind(parse_unit("kg")):
-                unit = "kg"
-        except ValueError:
-            pass  # amount() has the words
+            given = parse_quantity(text).unit
+        except ValueError as error:
+            raise self.refuse(path, str(error)) from None
+        unit = "kg" if given.same_kind(parse_unit("kg")) else "N"
+        if unit == "N" and not given.same_kind(parse_unit("N")) and not _is_zero(text):
+            has = "has no unit" if given.same_kind(parse_unit("1")) else f"is in {given}"
+            raise self.refuse(
+                path, f"'{text}' {has}, expected a mass or a force, such as '2 kg' or '20 N'"
+            )
         number = self.amount(path, text, unit, high=1e6)
         return number * (gravity if unit == "kg" else 1.0), number, unit
 

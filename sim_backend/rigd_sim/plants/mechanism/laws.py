@@ -54,9 +54,13 @@ def law_numbers(
         numbers["f_s"] = numbers["f_c"]
         numbers["v_s"], numbers["shape"] = 1.0, law.exponent
     if law.static is not None:
-        numbers["f_s"] = notes.amount(
-            (*path, "static"), law.static, force, low=numbers["f_c"], high=most
-        )
+        numbers["f_s"] = notes.amount((*path, "static"), law.static, force, high=most)
+        if numbers["f_s"] < numbers["f_c"]:
+            raise notes.refuse(
+                (*path, "static"),
+                f"'static', {law.static}, is below 'coulomb', {law.coulomb}: friction at rest is "
+                "at least that of sliding",
+            )
         numbers["v_s"] = notes.amount(
             (*path, "stribeck_speed"), law.stribeck_speed, f"{way}/s", high=1e4, above=True
         )
