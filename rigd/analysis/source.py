@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
+from rigd.config.document import parse_document
 from rigd.model.channels import STALE, STATUS_FIELD, Stream
 from rigd.model.constants import Uncertainty
-from rigd.model.errors import DataError
+from rigd.model.errors import ConfigError, DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
 from rigd.procedure.program import IdentifyPlan
@@ -267,6 +268,21 @@ def needed_trials(recording: Recording, signals: Mapping[str, str]) -> tuple[Tri
     return tuple(found)
 
 
+def _instead(recording: Recording) -> str:
+    """Return what to do with a recording whose procedure identifies nothing."""
+    path = quote(str(recording.path))
+    attached = recording.attachments.get("procedure.yaml")
+    with suppress(ConfigError):  # of another version of rigd
+        text = "" if attached is None else attached.data.decode(errors="replace")
+        measured = parse_document(text, Path("procedure.yaml")).get(("measure",))
+        if isinstance(measured, Mapping) and measured:
+            return (
+                f"its procedure measures {', '.join(map(str, measured))} without a fit: "
+                f"`rigd measure {path}`; to identify, it needs an `identify` block"
+            )
+    return f"the procedure needs an `identify` block; `rigd info {path}` shows what the file holds"
+
+
 def open_sweep(path: Path) -> RecordedSweep:
     """Return the recording at ``path`` with its plan of identification.
 
@@ -283,8 +299,7 @@ def open_sweep(path: Path) -> RecordedSweep:
     if plan is None:
         raise DataError(
             f"{path} does not state what to identify" + _damaged(recording),
-            hint="the procedure needs an `identify` block; `rigd info` shows what the file holds, "
-            "`rigd measure` what is measured without a fit",
+            hint=_instead(recording),
         )
     signals: dict[str, str] = json.loads(plan["signals"])
     trials = needed_trials(recording, signals)

@@ -86,7 +86,7 @@ def compile_procedure(
         step.step for _, block in _blocks(source) for step in block if isinstance(step, MoveSource)
     ]
     record = read_record(reader, source, rig, base, steps)
-    measures = check_measures(reader, source, rig, record, scopes)
+    measures = check_measures(reader, source, rig, record, scopes, trials)
     identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
     _raise_any(problems, source, rig)

@@ -20,7 +20,17 @@ from rigd.model.channels import ECHO
 from rigd.model.units import dimension_text, parse_unit
 from rigd.procedure.conditions import ChannelFinder, check_reachable, read_comparisons
 from rigd.procedure.expression import Scope
-from rigd.procedure.program import Condition, Measure, Recorded, Rows, TrialLimit, Window
+from rigd.procedure.program import (
+    Condition,
+    CycleProgram,
+    Measure,
+    Recorded,
+    Rows,
+    Step,
+    TrialLimit,
+    TrialPlan,
+    Window,
+)
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import BoundsSource, MeasureSource, ProcedureSource
 
@@ -77,10 +87,13 @@ def check_measures(
     rig: RigConfig,
     record: Mapping[str, Recorded],
     scopes: Sequence[Scope],
+    trials: Sequence[TrialPlan],
 ) -> tuple[Measure, ...]:
     """Return the measures of the first trial after a check of those of every trial of a sweep.
 
-    Problems are noted, each once: a channel that the rig lacks or does not record among them.
+    Problems are noted, each once: a channel that the rig lacks or does not record among them, and a
+    window longer than its step. ``scopes`` are the points of the sweep, ``trials`` all of its
+    trials.
     """
     steps = [step.step for step in source.trial.steps if hasattr(step, "step")]
     names = [
@@ -105,10 +118,19 @@ def check_measures(
         name for name, item in source.measure.items()
         if "${" in f"{item} {source.accept.get(name)}"
     ]  # fmt: skip
-    for scope in scopes[1:] if following else ():
+    repeats = max(1, len(trials) // max(1, len(scopes)))
+    lasting = {(trial.number - 1) // repeats: longest(trial.steps) for trial in trials}
+    for point, scope in enumerate(scopes):
         if len(reader.problems.found) > before:
             break  # the other trials have the same problems
-        read_measures(reader, source, steps, scope, finder, reachable, following)
+        if point and following:
+            own = read_measures(reader, source, steps, scope, finder, reachable, following)
+            changed = {item.name: item for item in own}
+            measures = tuple(changed.get(item.name, item) for item in first)
+        else:
+            measures = first
+        for measure in measures:
+            _check_length(reader, measure, lasting.get(point, {}))
     for measure in first:
         path = ("measure", measure.name)
         for channel in sorted(measured_channels([measure])):
@@ -122,6 +144,35 @@ def check_measures(
                 hint = "record it always, or during the steps that are measured"
                 reader.note_key(path, message, hint)
     return first
+
+
+def longest(steps: Sequence[Step]) -> dict[str, float]:
+    """Return how long each step of a trial takes at most, in s, if nobody holds it."""
+    return {
+        segment.name: min(
+            math.inf if given is None else given
+            for given in (segment.duration_s, segment.timeout_s)
+        )
+        for step in steps
+        if isinstance(step, CycleProgram)
+        for segment in step.segments
+    }
+
+
+def _check_length(reader: Reader, measure: Measure, lasting: Mapping[str, float]) -> None:
+    """Note a window that ends after its step does, or begins before it."""
+    window = measure.window
+    most_s = math.inf if window.step is None else lasting.get(window.step, math.inf)
+    needed_s = window.last_s if window.last_s is not None else window.end_s
+    if math.isinf(needed_s):
+        needed_s = window.begin_s
+    if needed_s > most_s + 1e-9:
+        reader.note(
+            ("measure", measure.name, "during"),
+            f"step {window.step!r} takes {most_s:g} s at most, less than the {needed_s:g} s that "
+            "are measured",
+            f"measure {most_s:g} s of it at most, or make the step longer",
+        )
 
 
 def _covers(recorded: Recorded, window: Window, steps: Sequence[str]) -> bool:
@@ -149,12 +200,12 @@ class _Reading:
         if kind is None:
             return None
         channel = "" if kind == "duration" else str(getattr(self.source, kind))
-        unit = self._si_unit(kind, channel)
+        unit, default = self._units(kind, channel)
         when, since = self._events(kind)
         window = self._window()
         if unit is None:
             return None
-        shown = self._shown_unit(kind, unit)
+        shown = self._shown_unit(kind, unit, default)
         is_difference = kind in _DIFFERENCES
         systematic = read_uncertainty(
             self.reader.document, (*self.path, "u"), self.source.u, parse_unit(shown),
@@ -183,19 +234,23 @@ class _Reading:
                                  "select a part of the trial by 'during'")  # fmt: skip
         return given[0]
 
-    def _si_unit(self, kind: str, name: str) -> str | None:
-        """Return the SI unit of the measure; None if the channel is unknown."""
+    def _units(self, kind: str, name: str) -> tuple[str | None, str]:
+        """Return the SI unit of the measure, None if the channel is unknown, and the default."""
         if kind == "duration":
-            return "s"
+            return "s", "s"
         channel = self.finder.channel(self.reader, (*self.path, kind), name)
         if channel is None:
-            return None
-        return rate_unit(channel.unit) if kind == "slope" else channel.unit
+            return None, ""
+        if kind == "slope":
+            return rate_unit(channel.unit), rate_unit(channel.unit)
+        shown = parse_unit(channel.shown_in)
+        from_zero = kind in _DIFFERENCES or kind == "rms"
+        return channel.unit, shown.difference().symbol if from_zero else shown.symbol
 
-    def _shown_unit(self, kind: str, unit: str) -> str:
+    def _shown_unit(self, kind: str, unit: str, default: str) -> str:
         text = self.source.unit
         if text is None:
-            return unit
+            return default
         path = (*self.path, "unit")
         try:
             shown = parse_unit(text)

@@ -17,7 +17,7 @@ from enum import Enum
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.constants import Uncertainty
-from rigd.procedure.profiles import Profile
+from rigd.procedure.profiles import ConstantProfile, Profile
 
 
 class Comparison(Enum):
@@ -348,6 +348,14 @@ class CompiledProcedure:
         if not self.derived:
             return rig
         return replace(rig, devices={**rig.devices, **self.derived})
+
+    def constant_levels(self) -> Iterator[tuple[str, str, float]]:
+        """Yield step, setpoint and value (SI) of every setpoint that a step holds constant."""
+        for step in self.steps():
+            for segment in step.segments if isinstance(step, CycleProgram) else ():
+                for name, profile in segment.setpoints.items():
+                    if isinstance(profile, ConstantProfile):
+                        yield segment.name, name, profile.value
 
     def steps(self) -> Iterator[Step]:
         """Yield every step of every block, in no particular order."""

@@ -71,6 +71,10 @@ END = "until: carriage.position > 1 m"
         ("wheel_encoder.angle", "wheel_encoder.angel", "wheel_encoder.angel", ["no channel"]),
         ("carriage.position: {low", "carriage.positio: {low", "carriage.positio:", ["no channel"]),
         ("group_by: floor", "group_by: flor", "flor\n", ["unknown parameter 'flor'", "'floor'"]),
+        # limits of the trial that the sensor never reaches
+        ("carriage.position: {low: -30 mm, high: 1.5 m}",
+         "carriage.position: {low: -30 mm, high: 9 m}", "9 m}",
+         "9 m is above 1.8 m, the limit of what the channel can measure"),
         # limits of the rig, for every trial of the sweep
         ("max: 1.5 A}", "max: 9 A}", "${current}",
          ["wheel_servo.current 2 A is above the rig's limit of 1.6 A"]),

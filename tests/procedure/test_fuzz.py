@@ -67,7 +67,7 @@ def test_any_text_gives_value_or_located_error(text: str) -> None:
 def _named_by_the_author(path: tuple[str | int, ...]) -> bool:
     """Whether a key is a name the file itself, or the model it feeds, gives its meaning."""
     return (
-        (len(path) == 2 and path[0] in ("parameters", "tables"))
+        (len(path) == 2 and path[0] in ("parameters", "tables", "measure"))
         or (len(path) == 3 and path[:2] in (("identify", "constants"), ("identify", "signals")))
         or (len(path) == 5 and path[:3] == ("identify", "reference", "values"))
     )

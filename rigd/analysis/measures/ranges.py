@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from rigd.record import Recording
 
 #: A channel in a formula; units and functions have no dot.
 _NAME = re.compile(r"\b[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*\b")
+#: What the name of a constant of the rig begins with in a formula.
+_RIG: Final = "rig."
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,16 @@ class Sensors:
 
     def behind(self, name: str) -> Sequence[Sensor]:
         """Return the sensors that a channel rests on, those without an end left out."""
+        reached = self._reached(name)
+        found = (Sensor(item, self.channels[item]) for item in reached if item in self.channels)
+        return [sensor for sensor in found if any(map(math.isfinite, sensor.channel.ends))]
+
+    def constants(self, name: str) -> Sequence[str]:
+        """Return the constants of the rig in the formulas that a channel rests on."""
+        reached = self._reached(name)
+        return [item.removeprefix(_RIG) for item in reached if item.startswith(_RIG)]
+
+    def _reached(self, name: str) -> Sequence[str]:
         reached, waiting = dict[str, None](), [name]
         while waiting:
             item = waiting.pop()
@@ -71,5 +83,4 @@ class Sensors:
                 for other, channel in self.channels.items()
                 if channel.raw_of == short and other.partition(".")[0] == device
             ]
-        found = (Sensor(item, self.channels[item]) for item in reached if item in self.channels)
-        return [sensor for sensor in found if any(map(math.isfinite, sensor.channel.ends))]
+        return list(reached)

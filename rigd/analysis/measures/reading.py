@@ -58,7 +58,7 @@ class TrialReader:
 
     def reading(self, measure: Measure) -> TrialReading:
         """Return ``measure`` of this trial, or the reason why it cannot be read."""
-        path, number = self.recording.path, self.trial.number
+        path, number, start_ns = self.recording.path, self.trial.number, self.trial.start_ns
         try:
             if not self.trial.complete:
                 why = self.trial.lost or self.trial.reason or "it has no end"
@@ -69,10 +69,12 @@ class TrialReader:
             if measure.kind == "mean":
                 _, values = self._values(measure, span)
                 mean = mean_of(values)
-                return TrialReading(path, number, mean.value, mean.u, note=mean.reason)
-            return TrialReading(path, number, self._value(measure, span))
+                return TrialReading(
+                    path, number, mean.value, mean.u, note=mean.reason, start_ns=start_ns
+                )
+            return TrialReading(path, number, self._value(measure, span), start_ns=start_ns)
         except Unread as error:
-            return TrialReading(path, number, None, reason=str(error))
+            return TrialReading(path, number, None, reason=str(error), start_ns=start_ns)
 
     def _value(self, measure: Measure, span: tuple[int, int]) -> float:
         if measure.kind == "channel":

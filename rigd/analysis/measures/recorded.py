@@ -9,7 +9,12 @@ from pathlib import Path
 from rigd.analysis.corrections import scope_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.reading import PlayedSteps, TrialReader
-from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
+from rigd.analysis.measures.result import (
+    MeasureResult,
+    TrialReading,
+    UsedConstants,
+    summary_of,
+)
 from rigd.config.loader import parse_constants, parse_formulas
 from rigd.config.problems import Problems
 from rigd.model.constants import Constant
@@ -71,7 +76,23 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
         for (_, key), items in found.items()
     ]
     summaries.sort(key=lambda item: order.index(item.measure.name))
-    return MeasureResult(tuple(summaries))
+    constants = _used_constants(recordings[0], first, [items[0][0] for items in found.values()])
+    return MeasureResult(tuple(summaries), constants)
+
+
+def _used_constants(
+    recording: Recording, procedure: Procedure, measures: Sequence[Measure]
+) -> tuple[UsedConstants, ...]:
+    """Return what each measure rests on, of the constants in the rig file of a recording."""
+    known, sensors = _constants(recording), Sensors.of(recording, _formulas(recording, procedure))
+    found = {}
+    for measure in measures:
+        names = [name for name in sensors.constants(measure.channel) if name in known]
+        exact = tuple(name for name in names if known[name].u is None)
+        if names:
+            uncertain = tuple(name for name in names if name not in exact)
+            found[measure.name] = UsedConstants(measure.name, uncertain, exact)
+    return tuple(found.values())
 
 
 def measured_if_any(recording: Recording) -> MeasureResult | None:
@@ -119,6 +140,17 @@ def _formulas(recording: Recording, procedure: Procedure) -> dict[str, str]:
     return found | {name: item.formula for name, item in procedure.source.derived.items()}
 
 
+def _constants(recording: Recording) -> dict[str, Constant]:
+    """Return the constants of a recording's rig; of another version of rigd they are unknown."""
+    rig = recording.attachments.get("rig.yaml")
+    if rig is None:
+        return {}
+    try:
+        return dict(parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml")))
+    except ConfigError:
+        return {}
+
+
 def _trials(
     recording: Recording, procedure: Procedure
 ) -> list[tuple[TrialInfo, tuple[Measure, ...]]]:
@@ -128,13 +160,9 @@ def _trials(
         ConfigError: a measure does not fit the recording.
     """
     source, problems = procedure.source, Problems()
-    rig = recording.attachments.get("rig.yaml")
-    of_rig: dict[str, Constant] = {}
-    if rig is not None:
-        with suppress(ConfigError):  # of another version of rigd: a constant is then unknown
-            of_rig = dict(parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml")))
     shared: dict[str, Value] = {
-        f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
+        f"rig.{name}": number_in(item.value, item.unit)
+        for name, item in _constants(recording).items()
     }
     known = Sensors.of(recording, {}).channels
     name = recording.metadata.get("run", {}).get("rig", "") or str(recording.path)

@@ -9,10 +9,15 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
+from rigd.analysis.measures.trend import Trend, trend_of
 from rigd.procedure.program import Measure
 
 #: Coverage probability of every interval.
 COVERAGE: Final = 0.95
+#: Values that differ by less than this share are equal: rounding leaves as much.
+_EQUAL: Final = 1e-12
+#: More repeats than these are no advice.
+_MOST_REPEATS: Final = 100
 
 
 class Judgement(Enum):
@@ -28,7 +33,8 @@ class TrialReading:
     """A measure of one trial, in SI; ``value`` is None if it could not be read: see ``reason``.
 
     ``u`` is the standard uncertainty of a mean within the trial, from its correlated samples; None
-    if it is not a mean, or if it is not determined: see ``note``.
+    if it is not a mean, or if it is not determined: see ``note``. ``start_ns`` is when the trial
+    began.
     """
 
     recording: Path
@@ -37,6 +43,7 @@ class TrialReading:
     u: float | None = None
     reason: str = ""
     note: str = ""
+    start_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,7 @@ class Summary:
     ``mean`` and ``std`` are over the trials that could be read. ``low`` and ``high`` bound the mean
     with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
+    ``trend`` is the drift over the trials in their order of play, if there is one.
     """
 
     measure: Measure
@@ -58,6 +66,7 @@ class Summary:
     high: float | None
     judgement: Judgement | None  #: None if nothing is demanded
     why: str = ""  #: why there is no interval, or no decision
+    trend: Trend | None = None
 
     @property
     def count(self) -> int:
@@ -66,10 +75,20 @@ class Summary:
 
 
 @dataclass(frozen=True)
+class UsedConstants:
+    """The constants of the rig in the formulas behind a measure: with a stated `u`, and without."""
+
+    measure: str
+    uncertain: tuple[str, ...]
+    exact: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class MeasureResult:
     """Everything that was measured in some recordings."""
 
     summaries: tuple[Summary, ...]
+    constants: tuple[UsedConstants, ...] = ()
 
     @property
     def judgement(self) -> Judgement | None:
@@ -112,13 +131,43 @@ def summary_of(
         why = "one trial shows no repeatability: give 'repeats: 2' or more"
     if n > 1 and mean is not None:
         std = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (n - 1))
-        half = _half_width(std / math.sqrt(n), n - 1, systematic or 0.0)
-        low, high = mean - half, mean + half
+        if std > _EQUAL * abs(mean) or systematic:
+            half = _half_width(std / math.sqrt(n), n - 1, systematic or 0.0)
+            low, high = mean - half, mean + half
+        else:
+            std = 0.0
+            why = (
+                "all trials gave the same value: a step of the sensor hides their scatter, or "
+                "nothing scatters"
+            )
     judgement = None
     if measure.is_judged:
         judgement, why = _judge(measure, readings, low, high, why)
+        if judgement is Judgement.UNDECIDED and not why and mean is not None and std is not None:
+            why = _advice(measure, mean, std, n, systematic or 0.0)
+    played = sorted(readings, key=lambda item: item.start_ns)
+    trend = trend_of([item.value for item in played if item.value is not None])
     return Summary(
-        measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why
+        measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why, trend
+    )
+
+
+def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float) -> str:
+    """Return whether more repeats would decide, and about how many, if mean and s stay."""
+    across = "the interval lies across a bound"
+    apart = min(abs(mean - measure.low), abs(mean - measure.high))
+    if apart <= _half_width(0.0, n - 1, systematic):
+        nearly = "the mean lies at the bound" if not systematic else "'u' alone reaches the bound"
+        return f"{across}: {nearly}, and more repeats do not help"
+    # The smallest n whose half width is below the distance to the bound; it falls with n.
+    enough = n
+    while enough <= _MOST_REPEATS:
+        if _half_width(std / math.sqrt(enough), enough - 1, systematic) < apart:
+            return f"{across}: about {enough} trials would decide it, if mean and s stay so"
+        enough = max(enough + 1, round(1.05 * enough))
+    return (
+        f"{across}: the mean lies so near to the bound that {_MOST_REPEATS} trials would not "
+        "decide it"
     )
 
 
@@ -151,4 +200,4 @@ def _judge(
         return Judgement.ACCEPTED, ""
     if high < measure.low or low > measure.high:
         return Judgement.REJECTED, "the whole interval lies outside"
-    return Judgement.UNDECIDED, "the interval lies across a bound: more repeats make it narrower"
+    return Judgement.UNDECIDED, ""  # across a bound

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.analysis.measures.result import MeasureResult, Summary, TrialReading
+from rigd.analysis.measures.result import (
+    MeasureResult,
+    Summary,
+    TrialReading,
+    UsedConstants,
+)
+from rigd.analysis.measures.trend import FALSE_ALARM
 from rigd.model.units import parse_unit, si_symbol
 from rigd.procedure.condition_text import describe_until
 from rigd.procedure.program import Measure
@@ -21,6 +27,12 @@ REPEATABILITY: Final = (
 SYSTEMATIC: Final = (
     "95 % interval of the mean: repeatability (type A) and the stated uncertainty 'u', which no "
     "repeat makes smaller."
+)
+#: Stands below a table with a trend.
+TREND: Final = (
+    "A measure that rises or falls: by the slope over the trials as played (t test), which names "
+    f"1 in {1 / FALSE_ALARM:.0f} results that have no trend. s and the interval take the drift for "
+    "scatter. A rig that warms up drifts so: wait longer before the first trial."
 )
 _NONE: Final = "–"
 
@@ -88,6 +100,9 @@ def view_of(result: MeasureResult) -> MeasuresView:
     if len(kinds) > 1:
         known = [name for name, item in measures.items() if item.systematic is not None]
         notes.append(f"'u' is stated for {', '.join(known)}, and is in its interval.")
+    notes += [_of_constants(item, measures[item.measure]) for item in result.constants]
+    if any(item.trend for item in result.summaries):
+        notes.append(TREND)
     return MeasuresView(
         about=tuple((name, describe(item)) for name, item in measures.items()),
         headings=tuple(_with_unit(name, item.unit) for name, item in measures.items()),
@@ -177,6 +192,7 @@ def _summary_json(item: Summary) -> dict[str, Any]:
         "accept": accept if measure.is_judged else None,
         "verdict": None if item.judgement is None else item.judgement.value,
         "why": item.why,
+        "trend_per_trial": None if item.trend is None else item.trend.per_trial,
     }
 
 
@@ -196,8 +212,33 @@ def _line(item: Summary) -> ResultLine:
         interval,
         _bounds(measure),
         "" if item.judgement is None else item.judgement.value,
-        item.why,
+        _why(item),
     )
+
+
+def _why(item: Summary) -> str:
+    parts = [item.why] if item.why else []
+    if item.trend is not None:
+        word = "rises" if item.trend.per_trial > 0 else "falls"
+        step = _difference(item.measure, abs(item.trend.per_trial))
+        unit = parse_unit(item.measure.unit).difference().symbol
+        parts.append(f"{word} by {step} {unit}".removesuffix(" 1") + " with each trial")
+    return "; ".join(parts)
+
+
+def _of_constants(used: UsedConstants, measure: Measure) -> str:
+    """Return which constants a measure rests on, and what of them is in its interval."""
+    parts = []
+    if used.uncertain:
+        names = ", ".join(f"rig.{name}" for name in used.uncertain)
+        stated = "is in the interval only as far as 'u' of the measure holds it"
+        if measure.systematic is None:
+            stated = "is not in the interval: state what it gives as 'u' of the measure"
+        parts.append(f"the stated 'u' of {names} {stated}")
+    if used.exact:
+        names = ", ".join(f"rig.{name}" for name in used.exact)
+        parts.append(f"{names} without 'u' counts as exact")
+    return f"{used.measure} rests on constants: {'; '.join(parts)}."
 
 
 def _bounds(measure: Measure) -> str:

@@ -270,9 +270,20 @@ def test_trials_with_equal_setpoints_are_one_result(tmp_path: Path) -> None:
     assert [item.mean for item in result.summaries] == pytest.approx([1.0, 2.0], abs=1e-3)
 
 
+def moved(by: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what adds ``by`` to the force of a trial."""
+
+    def change(rows: np.ndarray) -> np.ndarray:
+        rows["force"] += by
+        return rows
+
+    return change
+
+
 def test_bounds_follow_the_parameter_that_is_swept(tmp_path: Path) -> None:
     measure = '  it: {mean: axis.force}\naccept:\n  it: ["${force} - 0.1 N", "${force} + 0.1 N"]'
-    result = measured([record(tmp_path / "a.mcap", measure, SWEPT)])
+    change = {2: moved(0.01), 4: moved(0.01)}  # equal trials have no interval
+    result = measured([record(tmp_path / "a.mcap", measure, SWEPT, change)])
     assert [item.measure.low for item in result.summaries] == pytest.approx([0.9, 1.9])
     assert result.judgement is not None
     assert result.judgement.value == "accepted"

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from rigd.analysis.measures.mean import LEAST_INDEPENDENT, mean_of
 from rigd.analysis.measures.result import Judgement, TrialReading, outcome_of, summary_of
+from rigd.analysis.measures.trend import trend_of
 from rigd.model.constants import Uncertainty
 from rigd.procedure.program import Measure, Window
 
@@ -139,7 +140,9 @@ def test_share_is_of_the_mean() -> None:
         ([0.5], (0.10, 0.14), Judgement.UNDECIDED, "one trial shows no repeatability"),
         ([0.12, 0.121, None], (0.10, 0.14), Judgement.UNDECIDED, "1 of 3 trials could not be"),
         ([None, None], (0.10, 0.14), Judgement.UNDECIDED, "in no trial"),
-        ([0.12, 0.12], (0.12, 0.14), Judgement.ACCEPTED, ""),
+        # A step of the sensor, or a simulation without noise: no scatter is no certainty.
+        ([0.12, 0.12], (0.10, 0.14), Judgement.UNDECIDED, "all trials gave the same value"),
+        ([0.12, 0.12 + 1e-17], (0.10, 0.14), Judgement.UNDECIDED, "gave the same value"),
     ],
 )
 def test_verdict_is_by_the_whole_interval(
@@ -149,6 +152,54 @@ def test_verdict_is_by_the_whole_interval(
     assert summary.judgement is expected
     assert why in summary.why
     assert bool(why) == bool(summary.why)
+
+
+@pytest.mark.parametrize(
+    ("values", "u", "words"),
+    [
+        ([0.138, 0.136, 0.140], None, "about 7 trials would decide it"),
+        ([0.139, 0.141], None, "the mean lies at the bound, and more repeats do not help"),
+        ([0.1389, 0.1409], None, "100 trials would not decide it"),
+        ([0.139, 0.1391], 0.002, "'u' alone reaches the bound, and more repeats do not help"),
+    ],
+)
+def test_advice_promises_only_what_repeats_can_do(
+    values: list[float], u: float | None, words: str
+) -> None:
+    stated = None if u is None else Uncertainty(u)
+    summary = summary_of(measure(0.10, 0.14, stated), {}, readings(*values))
+    assert summary.judgement is Judgement.UNDECIDED
+    assert words in summary.why
+
+
+def test_trials_that_are_advised_decide() -> None:
+    values = [0.138, 0.136, 0.140]
+    summary = summary_of(measure(0.10, 0.14), {}, readings(*values, *values, 0.138))
+    assert summary.judgement is Judgement.ACCEPTED
+
+
+def test_stated_u_gives_equal_trials_an_interval() -> None:
+    summary = summary_of(measure(0.10, 0.14, Uncertainty(0.001)), {}, readings(0.12, 0.12))
+    assert summary.judgement is Judgement.ACCEPTED
+    assert summary.high == pytest.approx(0.12 + 1.96e-3, rel=1e-3)
+
+
+def test_trend_has_its_stated_rate_of_false_alarms() -> None:
+    rng = np.random.default_rng(5)
+    for n in (4, 6, 12):
+        named = sum(trend_of(rng.standard_normal(n).tolist()) is not None for _ in range(2000))
+        assert 6 <= named <= 36  # 20 expected; three and a half standard deviations
+
+
+def test_drift_is_named_in_order_of_play() -> None:
+    drifting = [0.120, 0.122, 0.1245, 0.126, 0.1275]
+    played = [TrialReading(FILE, number, value, start_ns=number)
+              for number, value in enumerate(drifting)]  # fmt: skip
+    trend = summary_of(measure(), {}, played[::-1]).trend
+    assert trend is not None
+    assert trend.per_trial == pytest.approx(0.0019)
+    assert summary_of(measure(), {}, readings(0.12, 0.12, 0.12, 0.12, 0.12)).trend is None
+    assert summary_of(measure(), {}, readings(*drifting[:3])).trend is None
 
 
 def test_one_rejected_result_rejects_all() -> None:
