@@ -134,7 +134,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         ConfigError: the file is wrong.
     """
     from rigd.config.calibration import load_calibration
-    from rigd.config.following import unsupervised
+    from rigd.config.following import blind_below, unsupervised
     from rigd.config.loader import load_rig
 
     if kind == "calibration":
@@ -177,6 +177,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             f"\n  no interlock follows {name}: a drive that does not act on it is not noticed"
             for name in unsupervised(checked)
         )
+        free += "".join(f"\n  {text}" for text in blind_below(checked))
         return f"{', '.join(parts)}: right{sibling}{free}"
     return _check_procedure(given, rig)
 
@@ -207,6 +208,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     if rig is None:
         return "a procedure with right keys; give --rig to check it against a rig"
     from rigd.analysis.plan import analysis_of
+    from rigd.config.following import unseen_levels
     from rigd.procedure.compile import compile_procedure
 
     compiled = compile_procedure(procedure, rig, {})
@@ -220,7 +222,10 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"
     found = "" if procedure.document.path == Path(given) else procedure.location
-    return f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right"
+    unseen = "".join(
+        f"\n  {text}" for text in unseen_levels(compiled.on(rig), compiled.constant_levels())
+    )
+    return f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right{unseen}"
 
 
 def _kind(given: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -134,14 +135,17 @@ def execute(args: argparse.Namespace) -> int:
 def _new_rig(name: str, source: Path | None, target: Path) -> int:
     """Write the folder of a rig and print the next commands."""
     from rigd.cli.new_rig.folder import DESCRIPTION, write_rig
-    from rigd.cli.new_rig.questions import asked, described
+    from rigd.cli.new_rig.questions import Asker, described
     from rigd.config.document import read_document
 
+    asker = Asker()
     if source is None:
-        text, named = described(name, asked), Path(DESCRIPTION)
+        text, named = described(name, asker.ask), Path(DESCRIPTION)
     else:
         text, named = read_document(source).text, source
     under_git = write_rig(name, text, named, target)
+    if asker.defaults:
+        print(asker.defaults, file=sys.stderr)
     git = ", under version control (nothing is committed yet)" if under_git else ""
     print(
         f"wrote {target}{git}:\n  cd {target}\n  rigd run procedures/first.yaml --rig sim.yaml\n"

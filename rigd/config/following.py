@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
 
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
@@ -10,7 +12,11 @@ from rigd.config.quantities import read_difference
 from rigd.config.rig import RigConfig
 from rigd.config.source import InterlockSource
 from rigd.model.channels import Channel
-from rigd.model.units import parse_unit
+from rigd.model.limits import Interlock
+from rigd.model.units import format_difference, parse_unit
+
+#: A band up to this share of the largest setpoint is not worth a word.
+_SMALL_BAND: Final = 0.1
 
 
 def read_following(
@@ -60,7 +66,7 @@ def read_following(
             f"how far the value may be from its setpoint, in {channel.unit}",
         )
         return 0.0
-    band = read_difference(document, (*path, "band"), source.band, channel.unit, problems)
+    band = read_difference(document, (*path, "band"), source.band, channel.shown_in, problems)
     if band <= 0:
         problems.add(document.place((*path, "band")), f"band {source.band} must be above 0")
     return band
@@ -75,6 +81,55 @@ def _setpoint(
                  for item in device.setpoints]  # fmt: skip
         problems.add(document.place(path), f"unknown setpoint {name!r}", suggest(name, known))
     return found
+
+
+def blind_below(rig: RigConfig) -> Sequence[str]:
+    """Return in words how much of a setpoint's range each interlock that follows it cannot see.
+
+    A drive that gives nothing is within the band of every setpoint that is smaller. Bands up to
+    a tenth of the largest setpoint are left out, and those of switches.
+    """
+    return [
+        f"interlock {lock.name} does not notice a drive that gives nothing, at {lock.follows} up "
+        f"to {shown}, its band"
+        for lock, setpoint, most in _followed(rig)
+        if lock.band > _SMALL_BAND * most
+        for shown in [format_difference(lock.band, setpoint.shown_in)]
+    ]
+
+
+def unseen_levels(rig: RigConfig, levels: Iterable[tuple[str, str, float]]) -> Sequence[str]:
+    """Return in words which of ``levels`` the interlocks that follow their setpoints cannot see.
+
+    ``levels`` are step, setpoint and value in SI; a value of 0 is a drive that shall stand still.
+    """
+    found: dict[str, tuple[float, str]] = {}
+    followed = {lock.follows: (lock, setpoint) for lock, setpoint, _ in _followed(rig)}
+    for step, name, value in levels:
+        lock, _ = followed.get(name, (None, None))
+        if lock is None or not 0.0 < abs(value) < lock.band:
+            continue
+        least = found.get(name, (math.inf, ""))
+        found[name] = min(least, (abs(value), step))
+    return [
+        f"interlock {lock.name} does not notice a drive that gives nothing in step {step!r}: "
+        f"{name} is {format_difference(value, setpoint.shown_in)} there, within its band of "
+        f"{format_difference(lock.band, setpoint.shown_in)}"
+        for name, (value, step) in found.items()
+        for lock, setpoint in [followed[name]]
+    ]
+
+
+def _followed(rig: RigConfig) -> Iterator[tuple[Interlock, Channel, float]]:
+    """Yield interlocks that follow a setpoint with its channel and largest value, no switches."""
+    for lock in rig.interlocks:
+        device, _, short = (lock.follows or "").partition(".")
+        setpoint = rig.setpoint(lock.follows or "")
+        if setpoint is None:
+            continue
+        limit = rig.devices[device].limits[short]
+        if setpoint.unit != "1":
+            yield lock, setpoint, max(abs(limit.low), abs(limit.high))
 
 
 def unsupervised(rig: RigConfig) -> Sequence[str]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rigd.config.differences import Difference
+from rigd.config.following import unseen_levels
 from rigd.config.rig import RigConfig
 from rigd.config.sibling import read_sibling
 from rigd.dry_run.elsewhere import for_sibling
@@ -43,7 +44,10 @@ Physics = Literal["plant", "sibling", "none"]
 
 @dataclass(frozen=True)
 class PredictedPeak:
-    """The predicted extremes of a limited channel beside its limits, in SI."""
+    """The predicted extremes of a limited channel beside its limits, in SI.
+
+    ``display`` is the unit in which people read the channel.
+    """
 
     channel: str
     unit: str
@@ -52,6 +56,7 @@ class PredictedPeak:
     low: float
     high: float
     limit_by: str  #: the source of the limit: the rig file, an interlock, the procedure's trial
+    display: str = ""
 
     @property
     def inside(self) -> bool:
@@ -89,6 +94,12 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
         Blocked: preflight refuses, or the sibling lacks what the procedure uses.
         ConfigError: the sibling is wrong.
     """
+    found = _dry_run(procedure, rig, seed)
+    unseen = unseen_levels(procedure.on(rig), procedure.constant_levels())
+    return replace(found, notes=(*found.notes, *unseen))
+
+
+def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     if rig.plant is not None:
         return _played(procedure, procedure.on(rig), seed)
     sibling = read_sibling(rig)
@@ -149,7 +160,7 @@ def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
                     setpoint.low <= peak.lowest and peak.highest <= setpoint.high
                 ):
                     low, high = (
-                        format_quantity(item, setpoint.unit)
+                        format_quantity(item, setpoint.shown_in)
                         for item in (setpoint.low, setpoint.high)
                     )
                     yield (
@@ -170,7 +181,7 @@ def _saturated(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
             (channel.high, peak.highest >= high),
         ):
             if is_reached:
-                shown = format_quantity(end, channel.unit)
+                shown = format_quantity(end, channel.shown_in)
                 yield f"{peak.channel} reaches the end of its range, {shown}: its peak is not known"
 
 
@@ -239,7 +250,7 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
             low, high = sink.peaks.get(f"{device.name}.{setpoint.name}_setpoint", (0.0, 0.0))
             yield PredictedPeak(
                 f"{device.name}.{setpoint.name} (setpoint)", setpoint.unit, low, high,
-                limit.low, limit.high, "rig limit",
+                limit.low, limit.high, "rig limit", setpoint.shown_in,
             )  # fmt: skip
     for interlock in rig.interlocks:
         channel = rig.channel(interlock.source)
@@ -252,7 +263,7 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
         low, high = sink.peaks.get(interlock.source, (math.nan, math.nan))
         yield PredictedPeak(
             interlock.source, channel.unit, low, high, bounds[0], bounds[1],
-            f"interlock {interlock.name}",
+            f"interlock {interlock.name}", channel.shown_in,
         )  # fmt: skip
     seen = set()
     for trial in procedure.trials:
@@ -266,4 +277,5 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
                 yield PredictedPeak(
                     bound.channel, "" if channel is None else channel.unit, low, high,
                     bound.low, bound.high, "trial limit",
+                    "" if channel is None else channel.shown_in,
                 )  # fmt: skip

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
+from rigd.config.quantities import check_inside
 from rigd.config.rig import RigConfig
 from rigd.controllers.chain import commands
+from rigd.model.channels import Channel
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value
 from rigd.procedure.profiles import ConstantProfile
@@ -99,11 +101,13 @@ class StepCompiler:
                 place, known = self.reader.document.key_place(where), channel_names(self.rig)
                 self.reader.problems.add_lacking(place, self.rig.name, "channel", name, known)
                 continue
-            low, high = -math.inf, math.inf
-            if source.low is not None:
-                low = self.reader.number((*where, "low"), source.low, channel.unit, scope)
-            if source.high is not None:
-                high = self.reader.number((*where, "high"), source.high, channel.unit, scope)
+            low, high = (
+                default if text is None else self._bound((*where, key), text, channel, scope)
+                for key, text, default in (
+                    ("low", source.low, -math.inf),
+                    ("high", source.high, math.inf),
+                )
+            )
             if source.low is None and source.high is None:
                 self.reader.note_key(where, f"the limit of {name} has no bound",
                                      "give 'low', 'high' or both")  # fmt: skip
@@ -112,6 +116,14 @@ class StepCompiler:
                 self.reader.note((*where, "low"), message, "swap the two")
             limits.append(TrialLimit(name, low, high))
         return tuple(limits)
+
+    def _bound(self, path: KeyPath, text: str, channel: Channel, scope: Scope) -> float:
+        """Return a bound of a trial limit in SI; one that is never reached is noted."""
+        value = self.reader.number(path, text, channel.shown_in, scope)
+        ends, unit = (channel.low, channel.high), channel.shown_in
+        check_inside(self.reader.document, path, value, ends, unit,
+                     "what the channel can measure", self.reader.problems)  # fmt: skip
+        return value
 
     def _plays(self, path: KeyPath, when: Mapping[str, Sequence[str]], scope: Scope) -> bool:
         plays = True

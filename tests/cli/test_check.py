@@ -41,7 +41,7 @@ def test_procedure_for_another_rig_takes_a_line(
     missing = ", ".join(sorted(set().union(*DEVICES.values()) - DEVICES[rig]))
     code, out, err = check(*ALL, "--rig", rig, capsys=capsys)
     assert (code, err) == (0, "")
-    *lines, summary = out.splitlines()
+    *lines, summary = [line for line in out.splitlines() if not line.startswith("  ")]
     assert [line.partition(":")[0] for line in lines] == ALL
     others = [line for line in lines if f": for another rig: {rig} has no " in line]
     fits = [line for line in lines if line.endswith(f" on {rig}: right")]
@@ -166,3 +166,10 @@ def test_check_of_real_rig_checks_its_sibling(
     (tmp_path / "real.yaml").write_text(text.replace("sim_lugre.yaml", "sim.yaml"))
     assert main(["check", str(tmp_path / "real.yaml")]) == 2
     assert "real.yaml:17:10: the sibling" in capsys.readouterr().err
+
+
+def test_setpoint_that_interlock_cannot_see_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = check(str(PROCEDURES / "constant_current.yaml"), "--rig", "lugre-1",
+                         capsys=capsys)  # fmt: skip
+    assert code == 0
+    assert "wheel_servo.current is 0.15 A there, within its band of 0.2 A" in out

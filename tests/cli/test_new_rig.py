@@ -13,7 +13,7 @@ from support.command import rigd
 
 from rigd.cli.main import build_parser
 from rigd.cli.new_rig.folder import write_rig
-from rigd.cli.new_rig.questions import QUESTIONS, defaults, described
+from rigd.cli.new_rig.questions import QUESTIONS, BenchQuestion, defaults, described
 from rigd.cli.new_rig.yaml_text import yaml_text
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig
@@ -74,9 +74,17 @@ def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
         done = rigd(*command, cwd=lab)
         assert done.code == 0, done.out + done.err
     assert "played on the plant of the sibling" in done.out
+    assert "daq.temperature" in done.out
+    assert ".. 250  degC" in done.out
+    assert "0 K" not in done.out  # no range in the unit of the recording
     done = rigd("measure", "first.mcap", cwd=lab)
-    assert "mu" in done.out
-    assert "0.12" in done.out
+    assert done.code == 0, done.out  # accepted: around the friction that was asked for
+    assert "0.102 to 0.138" in done.out
+    assert "rests on constants: the stated 'u' of rig.load" in done.out
+    done = rigd("identify", "first.mcap", cwd=lab)
+    assert "`rigd measure first.mcap`" in done.err
+    done = rigd("info", "first.mcap", cwd=lab)
+    assert "temperature [degC]" in done.out
 
 
 def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> None:
@@ -108,12 +116,21 @@ def test_answers_from_a_pipe_are_written_down(tmp_path: Path) -> None:
     assert "radius: 25 mm" in text
     assert "speed_limit: 100 rpm" in text
     assert "load: 1 kg" in text
+    # Lines that are missing are named with what was taken for them.
+    assert "no further answers: taken were largest torque of the drive at the disk 4 N m" in (
+        done.stderr
+    )
+    assert "inertia of the disk" not in done.stderr  # an empty line is an answer
 
 
-def test_wrong_answer_from_a_pipe_is_refused(tmp_path: Path) -> None:
-    done = piped("25 kg\n", tmp_path)
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [("25 kg", "'25 kg' is in kg, expected m"), ("30", "30 has no unit: write '30 mm'")],
+)
+def test_wrong_answer_from_a_pipe_is_refused(tmp_path: Path, answer: str, words: str) -> None:
+    done = piped(f"{answer}\n", tmp_path)
     assert done.returncode == 2
-    assert "radius of the track on the disk: '25 kg' is in kg, expected m" in done.stderr
+    assert f"radius of the track on the disk: {words}" in done.stderr
     assert not (tmp_path / "mine").exists()
 
 
@@ -122,6 +139,25 @@ def test_every_default_answer_is_accepted() -> None:
         question.accepted("")
         with pytest.raises(ValueError, match="not within"):
             question.accepted(f"1e30 {question.unit}")
+
+
+@pytest.mark.parametrize("friction", ["0.05", "0.8"])
+def test_accepted_range_is_around_friction_asked_for(tmp_path: Path, friction: str) -> None:
+    def answer(question: BenchQuestion) -> str:
+        return question.accepted(friction if question.key == "friction" else "")
+
+    lab = made(tmp_path, described("bench", answer))
+    done = rigd("run", "procedures/first.yaml", "--rig", "sim.yaml", "--output", "a.mcap", cwd=lab)
+    assert done.code == 0, done.out
+    assert done.out.count("accepted") == 3  # both speeds, and all
+
+
+def test_interlock_sees_every_setpoint_of_first_procedure(tmp_path: Path) -> None:
+    lab = made(tmp_path)
+    done = rigd("check", "procedures/first.yaml", "--rig", "real.yaml", cwd=lab)
+    assert "does not notice" not in done.out
+    done = rigd("check", "real.yaml", cwd=lab)
+    assert "does not notice" not in done.out
 
 
 @pytest.mark.parametrize(
@@ -143,8 +179,19 @@ def test_every_default_answer_is_accepted() -> None:
          "cia402-rotary has no setpoint 'speeds'"),
         ("    setpoints: {speed: spindle}\n", "", "67:5", "also takes the setpoint 'speed'"),
         ("high: 48 rad/s", "high: 70 rad/s", "78:35", "70 rad/s"),
-        ("source: daq.force", "source: daq.forse", "100:13", "forse"),
+        ("source: daq.force", "source: daq.forse", "115:13", "forse"),
         ("type: can", "type: cann", "61:11", "cann"),
+        # the unit that is meant, and what the sensor can reach
+        ("high: 250 degC", "high: 250", "123:11", "250 has no unit: write '250 degC'"),
+        ("high: 250 degC", "high: 400 degC", "123:11", "400 degC is above 350 degC"),
+        ("high: 45 N", "high: 60 N", "117:11", "60 N is above 50 N, the limit of what"),
+        ("high: 350 degC", "high: 350", "55:13", "write '350 degC' or '350 K'"),
+        ("scale: 5 N/V # from", "scale: 5 V/N # from", "88:11", "write '0.2 N/V'"),
+        ("scale: 5 N/V}", "scale: 5 V/N}", "101:41", "it is upside down: write '0.2 N/V'"),
+        ("unit: degC\n", "unit: C\n", "94:11", "did you mean 'degC'?"),
+        ("load: 1 kg", "load: 2 N m", "18:13", "a mass or a force, such as '2 kg' or '20 N'"),
+        ("static: 0.16", "static: 0.1", "22:17", "'static', 0.1, is below 'coulomb', 0.12"),
+        ("last 2 s of hold", "last 20 s of hold", "138:3", "step 'hold' takes 5 s at most"),
     ],
 )  # fmt: skip
 def test_wrong_description_is_refused_with_its_place(
@@ -166,7 +213,7 @@ def test_wrong_description_is_refused_with_its_place(
 def test_wrong_first_procedure_is_refused(tmp_path: Path, first: str, words: str) -> None:
     said = refused(tmp_path, with_first(f"first: {first}"))
     assert words in said or "at least 1" in said
-    assert said.startswith("rig.yaml:122:")
+    assert said.startswith("rig.yaml:137:")
 
 
 def test_first_procedure_is_what_is_described(tmp_path: Path) -> None:

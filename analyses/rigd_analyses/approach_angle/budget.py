@@ -27,8 +27,6 @@ import numpy as np
 
 from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient
 
-#: Share of N by which it changes in a run, at most: what the span of a load cell can be wrong by.
-CELL_SHARE = 0.1
 FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
 
 
@@ -301,15 +299,15 @@ def _load_terms(
     to_load = (1.0 + by_load * at.normal_force_n / _moment(at, rig)) / at.normal_force_n
     scale = calibration.load.u / calibration.load.value
     cell = calibration.normal_force if sizes.load_cell else None
-    # The cell shows what changes from the start on, which the scale has given.
-    span = scale if cell is None else math.hypot(scale, CELL_SHARE * cell.u / cell.value)
+    span = scale if cell is None else cell.u / cell.value
+    reading = 0.0 if cell else sizes.load_reading_n
     unseen = math.hypot(sizes.load_change, rig.load_rise.u * at.travel_m)
     change = 0.0 if cell else unseen
     return (
         _term("span of the normal force", span * at.normal_force_n, "N", to_load,
-              "calibration of the scale, and of the high-rate load cell if it was used",
+              "calibration of the scale, or of the high-rate load cell if it was used",
               paper=scale),
-        _term("reading of the scale", sizes.load_reading_n, "N", to_load, "resolution and noise",
+        _term("reading of the scale", reading, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
               "rise along the rails (calibration) and tilting, setting of the ground (assumed); "

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from rigd.cli.new_rig.description import PLANT_FILE
+from rigd.model.units import parse_unit
 
 WIRE_FILE: Final = "wire.yaml"
 DRIVE: Final = "cia402-rotary"
@@ -85,7 +86,9 @@ def _card(item: Mapping[str, Any], options: Mapping[str, Any], address: str) -> 
         channel = channels.get(entry["name"])
         sensor = channel.get("sensor") if isinstance(channel, Mapping) else channel
         if sensor is not None:
-            zero = {"zero": entry["zero"]} if "zero" in entry else {}
+            same = {"zero": entry["zero"]} if "zero" in entry else {}
+            if parse_unit(entry.get("unit", "V")).offset:
+                same["unit"] = entry["unit"]
             scale = entry.get("scale", "1 V/V")
-            inputs[entry["channel"]] = {"sensor": sensor, "scale": scale, **zero}
+            inputs[entry["channel"]] = {"sensor": sensor, "scale": scale, **same}
     return {"address": address, "device": options.get("device", "Dev1"), "inputs": inputs}

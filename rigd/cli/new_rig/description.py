@@ -60,6 +60,8 @@ class FirstSource(Source):
     """How long each is held, in the step `hold`."""
     measure: dict[str, Any] = Field(default_factory=dict)
     """What is read off each trial, as `measure` of a procedure."""
+    accept: dict[str, Any] = Field(default_factory=dict)
+    """What that must be, as `accept` of a procedure."""
 
 
 class RigDescription(Source):

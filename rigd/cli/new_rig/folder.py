@@ -121,7 +121,8 @@ def _measured(first: FirstSource) -> str:
     """Return the part of the procedure with its measures; repeated, they have an interval."""
     if not first.measure:
         return ""
-    return f"\nrepeats: 3\n{yaml_text({'measure': first.measure})}"
+    judged = {"accept": first.accept} if first.accept else {}
+    return f"\nrepeats: 3\n{yaml_text({'measure': first.measure, **judged})}"
 
 
 def _chosen(rig: RigConfig, document: Document) -> FirstSource:

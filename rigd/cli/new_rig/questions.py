@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +27,11 @@ class BenchQuestion:
     low: float
     high: float
 
+    @property
+    def usual(self) -> str:
+        """The unit in which people give it."""
+        return parse_quantity(self.default).unit.symbol
+
     def accepted(self, answer: str) -> str:
         """Return the answer as it is written down; the default if it is empty.
 
@@ -34,6 +39,8 @@ class BenchQuestion:
             ValueError: it is no such quantity, or not in the range.
         """
         text = answer.strip() or self.default
+        if self.unit != "1" and parse_quantity(text).unit.symbol == "1":
+            raise ValueError(f"{text} has no unit: write '{text} {self.usual}'")
         value = In(self.unit).read(text)
         if not self.low <= value <= self.high:
             low, high = (format_quantity(bound, self.unit) for bound in (self.low, self.high))
@@ -54,6 +61,7 @@ QUESTIONS: Final = (
         "stiffness", "Stiffness of the load cell with its arm", "N/m", "200 kN/m", 1e3, 1e7
     ),
     BenchQuestion("force_scale", "Force for each volt of its amplifier", "N/V", "5 N/V", 1e-3, 1e5),
+    BenchQuestion("friction", "Coefficient of friction to be expected", "1", "0.12", 1e-3, 5.0),
 )
 
 
@@ -68,29 +76,47 @@ def defaults(question: BenchQuestion) -> str:
     return question.accepted("")
 
 
-def asked(question: BenchQuestion) -> str:
-    """Return the answer of the next line of standard input; at a terminal asks until it is right.
+@dataclass
+class Asker:
+    """Gets answers from standard input; ``missing`` are the questions without a line there."""
 
-    Without further lines the default holds.
+    missing: list[BenchQuestion] = field(default_factory=list)
 
-    Raises:
-        ConfigError: a line that was piped in is wrong.
-    """
-    at_terminal = sys.stdin is not None and sys.stdin.isatty()
-    while True:
-        if at_terminal:
-            print(f"{question.text} [{question.default}]: ", end="", file=sys.stderr, flush=True)
-        line = _next_line()
-        try:
-            return question.accepted(line)
-        except ValueError as error:
-            if not at_terminal:
-                raise ConfigError(
-                    f"{question.text.lower()}: {error}",
-                    hint="the lines of standard input answer the questions in their order; an "
-                    "empty line is the default",
-                ) from error
-            print(f"  {error}", file=sys.stderr)
+    def ask(self, question: BenchQuestion) -> str:
+        """Return the answer of the next line; at a terminal asks until it is right.
+
+        Without further lines the default holds.
+
+        Raises:
+            ConfigError: a line that was piped in is wrong.
+        """
+        at_terminal = sys.stdin is not None and sys.stdin.isatty()
+        while True:
+            if at_terminal:
+                shown = f"{question.text} [{question.default}]: "
+                print(shown, end="", file=sys.stderr, flush=True)
+            line = _next_line()
+            if not line:
+                self.missing.append(question)
+            try:
+                return question.accepted(line)
+            except ValueError as error:
+                if not at_terminal:
+                    raise ConfigError(
+                        f"{question.text.lower()}: {error}",
+                        hint="the lines of standard input answer the questions in their order; an "
+                        "empty line is the default",
+                    ) from error
+                print(f"  {error}", file=sys.stderr)
+
+    @property
+    def defaults(self) -> str:
+        """What was taken without an answer, as text; "" if nothing was."""
+        if not self.missing:
+            return ""
+        taken = ", ".join(f"{item.text.lower()} {item.default}" for item in self.missing)
+        none = "no answers" if len(self.missing) == len(QUESTIONS) else "no further answers"
+        return f"standard input had {none}: taken were {taken}"
 
 
 def _next_line() -> str:
@@ -103,16 +129,25 @@ def _next_line() -> str:
 
 def _derived(answers: Mapping[str, str]) -> dict[str, str]:
     """Return what follows from the answers: limits with a margin, and the weight as a force."""
-    speed, force, load = (In(unit).read(answers[key]) for key, unit in (
-        ("speed", "rad/s"), ("force", "N"), ("load", "kg")))  # fmt: skip
+    speed, force, load, friction, radius = (In(unit).read(answers[key]) for key, unit in (
+        ("speed", "rad/s"), ("force", "N"), ("load", "kg"), ("friction", "1"), ("radius", "m")
+    ))  # fmt: skip
+    slow, fast = 0.2 * speed, 0.4 * speed
     return {
         "fastest": f"{0.8 * speed:.6g} rad/s",
-        "slow": f"{0.2 * speed:.6g} rad/s",
-        "fast": f"{0.4 * speed:.6g} rad/s",
+        "slow": f"{slow:.6g} rad/s",
+        "fast": f"{fast:.6g} rad/s",
         "rate": f"{0.8 * speed:.6g} rad/s^2",
-        "band": f"{0.1 * speed:.6g} rad/s",
+        "band": f"{0.1 * slow:.6g} rad/s",
+        "still": f"{0.1 * slow:.6g} rad/s",
         "overload": f"{0.9 * force:.6g} N",
         "weight": f"{9.81 * load:.6g} N",
+        # Friction that grows by 5 % up to the fast setpoint, and has fallen at the slow one.
+        "static": f"{4 / 3 * friction:.4g}",
+        "stribeck": f"{0.05 * slow * radius * 1e3:.4g} mm/s",
+        "viscous": f"{0.05 * friction / (fast * radius):.4g} s/m",
+        "least": f"{0.85 * friction:.4g}",
+        "most": f"{1.15 * friction:.4g}",
     }
 
 
