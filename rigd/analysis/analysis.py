@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rigd.analysis.designing import Designed, DesignRequest
     from rigd.analysis.estimates import Estimate
     from rigd.analysis.report import Heading, Opening
+    from rigd.analysis.result import Curve
     from rigd.analysis.source import RecordedSweep, TrialInfo
     from rigd.analysis.terminal import TerminalReport
     from rigd.analysis.validation.result import Validation
@@ -74,6 +75,11 @@ class Evaluation(ABC):
     def estimates(self) -> tuple[Estimate, ...]:
         """Each number that is given or refused; none if the analysis gives no numbers."""
         return ()
+
+    @property
+    def curves(self) -> Mapping[str, Curve]:
+        """The fitted characteristic of each group that has one, by its name in the estimates."""
+        return {}
 
     @abstractmethod
     def report(self) -> str:

@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one stated constant adds to an estimate: its ``effect`` if the constant is 1 u larger.
+
+    ``stated`` and ``u`` are those of the constant, in its own unit and coordinate: where two
+    estimates have the same, both rest on one constant, and its error is common to them.
+    ``effect`` is in the unit of the estimate; of its logarithm if the estimate is ``log``.
+    """
+
+    constant: str
+    stated: float
+    u: float
+    effect: float
 
 
 @dataclass(frozen=True)
@@ -12,6 +28,10 @@ class Estimate:
     ``value``, ``low`` and ``high`` are None if the data do not determine it, an end alone if the
     data leave that end open. ``verdict`` is how well it is determined, in the words of the table;
     ``reason`` is why, in a sentence or more, with what would help.
+
+    ``shares`` are the parts of the interval that come from stated constants. ``log``: the interval
+    is that of the logarithm. ``u`` is the standard uncertainty without the shares, with ``freedom``
+    degrees of freedom; None: it follows from the interval, which is that of a normal distribution.
     """
 
     group: str
@@ -25,6 +45,10 @@ class Estimate:
     reason: str = ""
     meaning: str = ""
     symbol: str = ""
+    shares: tuple[Share, ...] = ()
+    log: bool = False
+    u: float | None = None
+    freedom: float = math.inf
 
     def __repr__(self) -> str:
         shown = f"{self.group} {self.name}".strip()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -15,12 +16,15 @@ import numpy as np
 from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.corrections import Corrections
 from rigd.analysis.estimates import Estimate
-from rigd.analysis.evaluation import evaluate
+from rigd.analysis.evaluation import evaluate_sweeps, open_sweeps
+from rigd.analysis.plain import plain_object
+from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import Correction
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.extras import require
 from rigd.procedure.loader import load_procedure
-from rigd.record import Recording, Table
+from rigd.record import Recording, RunInfo, Table
+from rigd.record.moment import recorded_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,17 +33,46 @@ if TYPE_CHECKING:
 Recorded = Recording | str | os.PathLike[str]
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where numbers come from: one recording, with the calibration that it states.
+
+    ``recorded`` is its date in UTC (ISO 8601), "" if it is not known.
+    """
+
+    recording: str
+    rig: str
+    procedure: str
+    model: str
+    recorded: str
+    calibration: Mapping[str, str]
+    meta: Mapping[str, str]
+
+    @staticmethod
+    def of(info: RunInfo, model: str) -> Origin:
+        """Return the origin that a recording states; ``model`` is what was made of it."""
+        try:
+            recorded = recorded_at(info).at.astimezone(UTC).isoformat()
+        except OSError:
+            recorded = ""
+        return Origin(
+            str(info.path), info.rig, info.procedure, model, recorded,
+            dict(info.metadata.get("calibration", {})), dict(info.metadata.get("meta", {})),
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, repr=False)
 class Result:
     """What an evaluation found: ``result["sigma_0"]`` is a number, or the reason why there is none.
 
     ``losses`` are sentences on what is damaged or lost in the recordings, ``corrections`` the
-    constants that were not taken as recorded.
+    constants that were not taken as recorded, ``origins`` the recordings.
     """
 
     evaluation: Evaluation
     losses: tuple[str, ...] = ()
     corrections: tuple[Correction, ...] = ()
+    origins: tuple[Origin, ...] = ()
 
     @property
     def title(self) -> str:
@@ -115,7 +148,17 @@ class Result:
         corrected = [
             {**asdict(item), "recording": str(item.recording)} for item in self.corrections
         ]
-        return {**self.evaluation.to_json(), "lost": list(self.losses), "corrected": corrected}
+        return {
+            **self.evaluation.to_json(),
+            "lost": list(self.losses),
+            "corrected": corrected,
+            "origins": [asdict(origin) for origin in self.origins],
+            "estimates": [plain_object(item) for item in self.parameters],
+            "curves": [
+                {"group": group, **plain_object(item)}
+                for group, item in self.evaluation.curves.items()
+            ],
+        }
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the report, a self-contained HTML page; return its path.
@@ -234,11 +277,10 @@ def identified(
         raise ConfigError(f"--starts {options.starts} must be between 1 and 1000")
     losses: list[str] = []
     changed: list[Correction] = []
-    evaluation = evaluate(
-        paths, options, notify=notify, passed_over=losses.append, corrections=corrections,
-        changed=changed.append,
-    )  # fmt: skip
-    return Result(evaluation, tuple(losses), tuple(changed))
+    sweeps = open_sweeps(paths, losses.append, corrections, changed.append)
+    evaluation = evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options, notify)
+    origins = tuple(Origin.of(sweep.info, sweep.plan.model) for sweep in sweeps)
+    return Result(evaluation, tuple(losses), tuple(changed), origins)
 
 
 def corrections_of(

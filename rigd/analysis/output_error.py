@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.analysis.estimates import Share
 from rigd.analysis.fit import DAMPING, Fit, fit, newton_step
 from rigd.analysis.model import NormalEquations, slopes
 from rigd.analysis.result import FloatArray
@@ -118,6 +119,19 @@ class OutputErrorFit:
             moved = self.inverse @ gradient
             found["other groups"] = float(moved @ more.scores @ moved)
         return {"noise": float(gradient @ self.from_data @ gradient) + local, **found}
+
+    def shares(self, gradient: FloatArray) -> tuple[Share, ...]:
+        """Return what each stated constant adds to a quantity if it is 1 u larger.
+
+        ``gradient`` (p,) is d(quantity)/d(scaled). With the inverse H of all information, of which
+        the stated constants give P, the optimum moves by H P for each unit of what is stated.
+        """
+        moved = (gradient @ self.inverse) * np.sqrt(self.model.precision)
+        return tuple(
+            Share(item.parameter.name, item.parameter.start, item.u, float(effect))
+            for item, effect in zip(self.model.system.shared, moved, strict=False)
+            if math.isfinite(item.u) and effect
+        )
 
 
 def estimate(system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:

@@ -28,7 +28,7 @@ from rigd.analysis.report.models import HEADS, model_rows
 from rigd.analysis.report.opening import opening_of
 from rigd.analysis.report.posterior import HEADS as CREDIBLE_HEADS
 from rigd.analysis.report.posterior import credible_rows, how_sampled
-from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
+from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, Verdict
 from rigd.analysis.side_by_side import side_by_side
 from rigd.analysis.source import RecordedSweep
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
@@ -159,6 +159,12 @@ class ParameterEvaluation(Evaluation):
             for section in self.sections
             for item in (*section.result.parameters, *section.result.derived)
         )
+
+    @property
+    def curves(self) -> Mapping[str, Curve]:
+        """The curve of each group that has points."""
+        found = {section.label: section.result.curve for section in self.sections}
+        return {label: curve for label, curve in found.items() if curve.x.size}
 
     @classmethod
     def of(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.credible import Posterior
-from rigd.analysis.estimates import Estimate
+from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.plain import plain_object
 
 FloatArray = NDArray[np.float64]
@@ -67,6 +67,7 @@ class ParameterEstimate:
     source: str = "covariance"
     flags: tuple[str, ...] = ()
     advice: str = ""  #: which excitation would help, in one plain sentence; empty if none is needed
+    shares: tuple[Share, ...] = ()  #: of the interval: those of stated constants, of the logarithm
 
     @property
     def identifiable(self) -> bool:
@@ -87,11 +88,12 @@ class ParameterEstimate:
     def told(self, group: str) -> Estimate:
         """Return it as a parameter of ``group``; no number if none may be quoted."""
         known = self.quoted is not None
+        positive = self.estimate > 0.0 and (self.low is None or self.low > 0.0)
         return Estimate(
             group, self.name, self.unit, self.quoted,
             self.low if known else None, self.high if known else None,
             self.identifiable, self.verdict.value, f"{self.sentence} {self.advice}".strip(),
-            self.meaning, self.symbol,
+            self.meaning, self.symbol, self.shares if positive else (), positive,
         )  # fmt: skip
 
     def shape(self) -> dict[str, object]:

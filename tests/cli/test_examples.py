@@ -186,6 +186,15 @@ SHOWN: dict[str, Shows] = {
 
 #: Commands that need devices at the wire, a daemon or real time, and the file that runs them.
 ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "cli/test_compare.py": (
+        "rigd compare before.mcap after.mcap",
+        "rigd compare before/ after/",
+        "rigd compare 'runs/*W7*.mcap' 'runs/*W8*.mcap'",
+        "rigd compare before.json after.json",
+        "rigd compare runs/*constant_current*.mcap --by month",
+        "rigd compare runs/*constant_current*.mcap --by meta.batch",
+        "rigd compare before.mcap after.mcap --json",
+    ),
     "support/wire.py": (
         "rigd sim configs/wire_lugre.yaml",
         "rigd sim wire-1 --faults my_faults.yaml",

@@ -17,6 +17,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_every_block_gives_its_printed_result[approach_angle.md]",
             "test_every_block_gives_its_printed_result[calibration.md]",
             "test_every_block_gives_its_printed_result[ci.md]",
+            "test_every_block_gives_its_printed_result[compare.md]",
             "test_every_block_gives_its_printed_result[controllers.md]",
             "test_every_block_gives_its_printed_result[devices.md]",
             "test_every_block_gives_its_printed_result[drivers.md]",
@@ -48,6 +49,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/articulated/test_random_robots.py": (),
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
+        "analysis/compare/test_campaigns.py": (),
         "analysis/test_front.py": (
             "test_identified_numbers_are_those_of_json",
             "test_report_never_overwrites_a_recording",

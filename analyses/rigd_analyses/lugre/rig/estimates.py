@@ -167,7 +167,7 @@ def _entry(
     return ParameterEstimate(
         quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value,
         low if known else None, high if known else None, error * value if known else None,
-        verdict, sentence, source,
+        verdict, sentence, source, shares=found.shares(quantity),
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2
 
+from rigd.analysis.estimates import Share
 from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95
 from rigd.analysis.left_out import jackknife_sd
@@ -31,12 +32,14 @@ from rigd_analyses.lugre.quantities import (
     height_gradient,
 )
 from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.system import (
     RigSystem,
 )
 
 WINDOW_S = 0.021  #: least filter of the current
 FRICTION = len(PARAMETERS)
+NO_DOUBT = Known(1.0, 0.0)
 HEIGHT = Quantity(
     "mu_s-mu_c", "μ_s - μ_c", "1", "height of the Stribeck effect", height, height_gradient
 )
@@ -65,15 +68,18 @@ class Found:
     visited: tuple[float, float]
     gate: Gate
     tests: tuple[ResidualTest, ...] = ()
-    weight_u: float = (
-        0.0  #: relative standard uncertainty of gravity: friction is force over weight
-    )
+    gravity: Known = NO_DOUBT  #: friction is force over weight
     #: (6,) or longer, scaled: of what is left unexplained, and of what explains as much
     shifts: tuple[FloatArray, ...] = ()
     without: FloatArray = field(  #: (trials, p), scaled: steps without each trial, if named
         default_factory=lambda: np.zeros((0, FRICTION))
     )
     beside: tuple[Beside, ...] = ()
+
+    @property
+    def weight_u(self) -> float:
+        """Relative standard uncertainty of gravity."""
+        return self.gravity.u / self.gravity.value
 
     @property
     def theta(self) -> FloatArray:
@@ -160,6 +166,13 @@ class Found:
         parts = {name: math.sqrt(share) for name, share in self.whole.budget(gradient).items()}
         parts["filter of the current"] = self.method(quantity)
         return {**parts, "gravity": self.weight(quantity)}
+
+    def shares(self, quantity: Quantity) -> tuple[Share, ...]:
+        """Return what stated constants add to the logarithm, each if it is 1 u larger."""
+        gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
+        known, weight = self.gravity, self.weight(quantity)
+        gravity = (Share("gravity", known.value, known.u, -weight),) if weight else ()
+        return (*self.whole.shares(gradient), *gravity)
 
     def owed(self, quantity: Quantity, spread: float) -> str:
         """Return which constant keeps a quantity from being known; empty if none does.

@@ -213,10 +213,9 @@ def with_intervals(
             damping=NEAR, thorough=True,
         )  # fmt: skip
         others.append(again.theta)
-    gravity = first.constants.gravity
     found = Found(
         whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
-        gravity.u / gravity.value, shifts, beside=beside(scans),
+        first.constants.gravity, shifts, beside=beside(scans),
     )  # fmt: skip
     if gate.outcome is FitOutcome.CORRECTED:
         found = replace(found, without=without_each_trial(whole))

@@ -1,0 +1,341 @@
+"""Reads the campaigns to compare: recordings, which are identified, or results of an analysis."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from rigd.analysis.analysis import Options
+from rigd.analysis.copies import refuse_copies, refuse_same_file
+from rigd.analysis.corrections import Corrections
+from rigd.analysis.estimates import Estimate, Share
+from rigd.analysis.front import Origin, Result, identified
+from rigd.analysis.measures import MeasureResult, measured
+from rigd.analysis.result import Curve, FloatArray, Verdict
+from rigd.analysis.source import open_sweep
+from rigd.model.errors import ConfigError, DataError, RecordingError
+from rigd.model.units import parse_unit, si_symbol
+from rigd.record import Recording, run_info
+from rigd.record.moment import recorded_at
+
+#: What stands behind a measure in place of a model.
+MEASURES: Final = "measures"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Numbers of one campaign under the name that it has in the comparison.
+
+    ``method`` is how they were estimated, by group of trials; ``refused`` are sentences on groups
+    that the analysis refuses.
+    """
+
+    name: str
+    origins: tuple[Origin, ...]
+    estimates: tuple[Estimate, ...]
+    curves: Mapping[str, Curve] = field(default_factory=dict)
+    method: Mapping[str, str] = field(default_factory=dict)
+    refused: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> str:
+        """What was made of the recordings, such as the model of the analysis."""
+        return ", ".join(sorted({origin.model for origin in self.origins}))
+
+    @property
+    def fits(self) -> bool:
+        """Whether its model fits in all groups of trials, and none is refused."""
+        misfits = (item.verdict == Verdict.MISFIT.value for item in self.estimates)
+        return not self.refused and not any(misfits)
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """The rigs that recorded it."""
+        return tuple(sorted({origin.rig for origin in self.origins}))
+
+    @property
+    def dates(self) -> tuple[datetime, ...]:
+        """When its recordings were made, in order; empty if one has no date."""
+        texts = [origin.recorded for origin in self.origins]
+        return tuple(sorted(map(datetime.fromisoformat, texts))) if all(texts) else ()
+
+    @property
+    def calibrations(self) -> tuple[str, ...]:
+        """The calibrations that its recordings state, each with its day."""
+        found = (origin.calibration for origin in self.origins if origin.calibration)
+        return tuple(dict.fromkeys(_calibration(item) for item in found))
+
+
+def named_groups(given: Sequence[str]) -> dict[str, list[Path]]:
+    """Return a group for each argument under a short name, its last part.
+
+    Raises:
+        ConfigError: an argument has no file.
+        DataError: an argument is given twice.
+    """
+    twice = next((item for item in given if given.count(item) > 1), None)
+    if twice is not None:
+        raise DataError(
+            f"{twice} is given twice", hint="give it once: a file does not differ from itself"
+        )
+    short = [Path(item).stem if Path(item).suffix else Path(item).name for item in given]
+    names = short if len(set(short)) == len(short) and all(short) else given
+    return dict(zip(names, map(files_of, given), strict=True))
+
+
+def files_of(given: str) -> list[Path]:
+    """Return the recordings of one argument: a file, a folder, or a pattern with ``*``.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    path = Path(given)
+    if path.is_dir():
+        found = sorted(path.glob("*.mcap"))
+        if not found:
+            raise ConfigError(f"{given} has no recording", hint="give a folder with .mcap files")
+        return found
+    if any(letter in given for letter in "*?[") and not path.exists():
+        root = Path(path.anchor) if path.is_absolute() else Path()
+        found = sorted(root.glob(str(path.relative_to(path.anchor) if path.anchor else path)))
+        if not found:
+            raise ConfigError(f"no file matches {given}", hint="check the pattern")
+        return found
+    return [path]
+
+
+def read_campaigns(
+    groups: Mapping[str, Sequence[Path]],
+    options: Options,
+    corrections: Corrections,
+    notify: Callable[[str], None],
+    passed_over: Callable[[str], None],
+) -> list[Campaign]:
+    """Return the campaigns of ``groups``, each identified by itself.
+
+    A group is recordings, or one JSON file of ``rigd identify``. Recordings without a plan to
+    identify are compared by what their procedures measure.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        ConfigError: an option or correction is wrong, or a JSON file is no result.
+        DataError: a file is in two groups, or the data of a group cannot answer: names the group.
+    """
+    recordings = {name: paths for name, paths in groups.items() if not _is_result(paths)}
+    every = [path for paths in groups.values() for path in paths]
+    refuse_same_file(every)
+    _refuse_same_bytes(every)
+    plain = [path for paths in recordings.values() for path in paths]
+    measuring = bool(plain) and not any(map(_identifies, plain))
+    if not measuring:
+        _refuse_copies_between(recordings)
+    found = []
+    for name, paths in groups.items():
+        notify(f"{name}: {len(paths)} {'file' if len(paths) == 1 else 'files'}")
+        try:
+            if _is_result(paths):
+                found.append(of_json(name, paths[0]))
+            elif measuring:
+                found.append(of_measures(name, paths))
+            else:
+                result = identified(paths, options, corrections, lambda line: None)
+                for loss in result.losses:
+                    passed_over(loss)
+                found.append(of_result(name, result))
+        except DataError as error:
+            raise DataError(f"group {name}: {error.message}", hint=error.hint) from error
+    return found
+
+
+def of_result(name: str, result: Result) -> Campaign:
+    """Return the campaign of what was identified."""
+    return of_object(name, result.to_json())
+
+
+def of_json(name: str, path: Path) -> Campaign:
+    """Return the campaign of a JSON file that ``rigd identify --json`` wrote.
+
+    Raises:
+        ConfigError: it is no such file.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    try:
+        return of_object(name, told)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ConfigError(
+            f"{path} is no result of `rigd identify --json`, or of an older version",
+            hint="identify the recordings again, or give the recordings",
+        ) from error
+
+
+def of_object(name: str, told: Mapping[str, Any]) -> Campaign:
+    """Return the campaign of an object as :meth:`rigd.analysis.front.Result.to_json` makes it.
+
+    Raises:
+        KeyError, TypeError, AttributeError, ValueError: it is no such object.
+    """
+    parts = told.get("groups", [told])
+    return Campaign(
+        name,
+        tuple(Origin(**item) for item in told["origins"]),
+        tuple(_estimate(item) for item in told["estimates"]),
+        {item["group"]: _curve(item) for item in told["curves"]},
+        {part["group"]: f"{part['model']}, {part['method']}" for part in parts if "group" in part},
+        tuple(f"{item['group']}: {item['reason']}" for item in told.get("refused", ())),
+    )
+
+
+def of_measures(name: str, paths: Sequence[Path]) -> Campaign:
+    """Return the campaign of what the procedures of recordings measure.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        DataError: there is nothing to measure, or the recordings do not measure the same.
+    """
+    recordings = [Recording.open(path) for path in paths]
+    origins = tuple(Origin.of(run_info(recording), MEASURES) for recording in recordings)
+    return Campaign(name, origins, measure_estimates(measured(recordings)))
+
+
+def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
+    """Return the means of measures over equal trials as estimates."""
+    found = []
+    for item in result.summaries:
+        group = ", ".join(f"{name} {text}" for name, text in item.setpoints.items())
+        known = item.mean is not None and item.low is not None and item.std is not None
+        u = item.std / math.sqrt(item.count) if known and item.std is not None else None
+        stated, effect = item.measure.systematic, item.systematic or 0.0
+        shares = (
+            ()
+            if stated is None
+            else (Share(f"u of {item.measure.name}", 0.0, stated.size, effect),)
+        )
+        found.append(
+            Estimate(
+                group, item.measure.name, si_symbol(parse_unit(item.measure.unit).dimension),
+                item.mean if known else None, item.low, item.high, known,
+                "measured" if known else "not determined", item.why,
+                shares=shares, u=u, freedom=max(item.count - 1, 1),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
+    """Return recordings by their ``month``, ``day``, ``year``, ``recording`` or ``meta.KEY``.
+
+    Months and days are those of UTC, in order; ``specimen`` is ``meta.specimen``.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        ConfigError: ``by`` is no such thing.
+        DataError: a recording does not have it.
+    """
+    dated = {"year": "%Y", "month": "%Y-%m", "day": "%Y-%m-%d"}
+    key = "specimen" if by == "specimen" else by.removeprefix("meta.")
+    if by not in dated and by not in ("specimen", "recording") and not by.startswith("meta."):
+        raise ConfigError(
+            f"--by {by}: recordings are grouped by year, month, day, recording, specimen or "
+            "meta.KEY",
+            hint="--by month, or --by meta.batch",
+        )
+    found: dict[str, list[Path]] = {}
+    for path in paths:
+        info = run_info(Recording.open(path, partial=True))
+        if by == "recording":
+            name = path.stem
+        elif by in dated:
+            name = recorded_at(info).at.strftime(dated[by])
+        else:
+            name = info.metadata.get("meta", {}).get(key, "")
+            name = name or info.metadata.get(key, {}).get("id", "")
+        if not name:
+            raise DataError(
+                f"--by {by}: {path} has no {key}",
+                hint=f"it is recorded with `rigd run --meta {key}=VALUE`; leave this file out",
+            )
+        found.setdefault(name, []).append(path)
+    return dict(sorted(found.items()))
+
+
+def _refuse_same_bytes(paths: Sequence[Path]) -> None:
+    """Refuse a file and a copy of it under another name.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        DataError: there is a copy.
+    """
+    seen: dict[str, Path] = {}
+    for path in paths:
+        try:
+            with path.open("rb") as stream:
+                digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
+        if digest in seen:
+            raise DataError(
+                f"{path} is a copy of {seen[digest]}",
+                hint="give it once: a file does not differ from itself",
+            )
+        seen[digest] = path
+
+
+def _refuse_copies_between(groups: Mapping[str, Sequence[Path]]) -> None:
+    """Refuse groups that hold a trial in common; copies within one are refused with it."""
+    sweeps = {name: [open_sweep(path) for path in paths] for name, paths in groups.items()}
+    for (first, mine), (second, theirs) in combinations(sweeps.items(), 2):
+        for sweep in mine:
+            for other in theirs:
+                try:
+                    refuse_copies([sweep, other])
+                except DataError as error:
+                    raise DataError(
+                        f"groups {first} and {second} hold the same: {error.message}",
+                        hint=error.hint,
+                    ) from error
+
+
+def _identifies(path: Path) -> bool:
+    return "identify" in Recording.open(path, partial=True).metadata
+
+
+def _is_result(paths: Sequence[Path]) -> bool:
+    return any(path.suffix == ".json" for path in paths)
+
+
+def _estimate(told: Mapping[str, Any]) -> Estimate:
+    freedom = told["freedom"]
+    return Estimate(
+        **{
+            **told,
+            "shares": tuple(Share(**item) for item in told["shares"]),
+            "freedom": math.inf if freedom is None else float(freedom),
+        }
+    )
+
+
+def _curve(told: Mapping[str, Any]) -> Curve:
+    def array(name: str) -> FloatArray:
+        return np.array([math.nan if value is None else value for value in told[name]], np.float64)
+
+    return Curve(
+        told["name"], told["x_name"], told["x_unit"], told["y_name"], told["y_unit"],
+        array("x"), array("y"), array("low"), array("high"), told["note"],
+    )  # fmt: skip
+
+
+def _calibration(item: Mapping[str, str]) -> str:
+    made = f" of {item['made']}" if item.get("made") else ""
+    return f"{item.get('name') or 'unnamed'}{made}"

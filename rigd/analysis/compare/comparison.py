@@ -1,0 +1,269 @@
+"""Compares campaigns parameter by parameter, and holds what is found as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.compare.campaign import Campaign
+from rigd.analysis.compare.statistics import (
+    Difference,
+    Homogeneity,
+    Level,
+    Slope,
+    difference,
+    holm,
+    homogeneity,
+    trend,
+)
+from rigd.analysis.estimates import Estimate, Share
+from rigd.analysis.identifiability import Z_95
+from rigd.model.errors import DataError
+
+#: All parameters together: so often a difference is named where there is none.
+LEVEL: Final = 0.05
+YEAR_S: Final = 365.25 * 86400.0
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One parameter of one group of trials in all campaigns.
+
+    ``estimates`` are those of the campaigns, None if one lacks it. ``differences`` are those from
+    the first campaign that has a number, by name of campaign: of the logarithm if ``log``. ``test``
+    is that of all being equal, ``p_holm`` its p value for all parameters together. Without a test,
+    ``why`` states what is missing.
+    """
+
+    group: str
+    name: str
+    unit: str
+    log: bool
+    estimates: Mapping[str, Estimate | None]
+    base: str = ""
+    differences: Mapping[str, Difference] = field(default_factory=dict)
+    test: Homogeneity | None = None
+    p_holm: float = 1.0
+    slope: Slope | None = None  #: for each year
+    why: str = ""
+
+    @property
+    def differs(self) -> bool:
+        """Whether the campaigns differ in it, by the test for all parameters together."""
+        return self.test is not None and self.p_holm < LEVEL
+
+    @property
+    def verdict(self) -> str:
+        """What is found, in words."""
+        if self.test is None:
+            return "not compared"
+        return "differs" if self.differs else "none found"
+
+    def change(self, found: Difference | Slope) -> tuple[float, float, float]:
+        """Return a difference with its ends as a share of the base if ``log``, else in ``unit``.
+
+        An open end is infinite.
+        """
+        ends = (found.value, found.low, found.high)
+        if not self.log:
+            return ends
+        value, low, high = (math.expm1(min(end, 700.0)) if end < math.inf else end for end in ends)
+        return value, low, high
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Campaigns side by side; ``constants`` are sentences on constants they do not share."""
+
+    campaigns: tuple[Campaign, ...]
+    compared: tuple[Compared, ...]
+    constants: tuple[str, ...] = ()
+
+    @property
+    def different(self) -> tuple[Compared, ...]:
+        """Those in which the campaigns differ."""
+        return tuple(item for item in self.compared if item.differs)
+
+
+def compare(campaigns: Sequence[Campaign]) -> Comparison:
+    """Return the comparison of two or more campaigns.
+
+    Raises:
+        DataError: there is only one, their models, methods or rigs differ, or they have no
+            parameter in common.
+    """
+    _check(campaigns)
+    found = []
+    names = {(item.group, item.name): None for campaign in campaigns for item in campaign.estimates}
+    for group, name in names:
+        estimates = {
+            campaign.name: next(
+                (e for e in campaign.estimates if (e.group, e.name) == (group, name)), None
+            )
+            for campaign in campaigns
+        }
+        found.append(_compared(group, name, estimates, campaigns))
+    if all(sum(e is not None for e in item.estimates.values()) < 2 for item in found):
+        groups = "; ".join(
+            f"{item.name}: {', '.join(dict.fromkeys(e.group for e in item.estimates))}"
+            for item in campaigns
+        )
+        raise DataError(
+            f"the groups have no trials of one kind in common ({groups})",
+            hint="compare recordings of the same conditions, such as the same floor",
+        )
+    tested = [item for item in found if item.test is not None]
+    adjusted = iter(holm([item.test.p_value for item in tested if item.test is not None]))
+    rows = [
+        replace(item, p_holm=next(adjusted)) if item.test is not None else item for item in found
+    ]
+    return Comparison(tuple(campaigns), tuple(rows), _unshared(campaigns))
+
+
+def _check(campaigns: Sequence[Campaign]) -> None:
+    if len(campaigns) < 2:
+        raise DataError(
+            "one group has nothing to be compared with",
+            hint="give two: `rigd compare before.mcap after.mcap`, or several and `--by month`",
+        )
+    for first, second in combinations(campaigns, 2):
+        both = {origin.recording for origin in first.origins} & {
+            origin.recording for origin in second.origins
+        }
+        if both:
+            raise DataError(
+                f"{min(both)} is in both {first.name} and {second.name}",
+                hint="give each recording to one group: the same samples are no new evidence",
+            )
+    for what, of in (
+        ("identify different models", lambda item: item.model),
+        ("were recorded on different rigs", lambda item: ", ".join(item.rigs)),
+    ):
+        if len({of(item) for item in campaigns}) > 1:
+            told = "; ".join(f"{item.name}: {of(item)}" for item in campaigns)
+            raise DataError(
+                f"the groups {what} ({told})", hint="compare recordings of one rig and one model"
+            )
+    for group in {group for item in campaigns for group in item.method}:
+        methods = {item.name: item.method[group] for item in campaigns if group in item.method}
+        if len(set(methods.values())) > 1:
+            told = "; ".join(f"{name}: {method}" for name, method in methods.items())
+            raise DataError(
+                f"{group} was identified in different ways ({told})",
+                hint="give --method, so that all are identified alike",
+            )
+
+
+def _compared(
+    group: str, name: str, estimates: Mapping[str, Estimate | None], campaigns: Sequence[Campaign]
+) -> Compared:
+    there = [item for item in estimates.values() if item is not None]
+    known = {
+        key: item
+        for key, item in estimates.items()
+        if item is not None and item.value is not None and item.determined
+    }
+    log = all(item.log for item in known.values())
+    row = Compared(group, name, there[0].unit, log, estimates)
+    if len(known) < 2:
+        return _with_reason(row)
+    rigs = campaigns[0].rigs
+    levels = {key: level_of(item, rigs, log=log) for key, item in known.items()}
+    if not all(math.isfinite(item.own) or math.isfinite(min(item.below, item.above))
+               for item in levels.values()):  # fmt: skip
+        return _with_reason(row)
+    base, *others = levels
+    dates = {item.name: item.dates for item in campaigns}
+    slope = None
+    if all(dates[key] for key in levels):
+        at = np.array([_middle(dates[key]) for key in levels]) / YEAR_S
+        slope = trend(list(levels.values()), at)
+    missing = [key for key in estimates if key not in known]
+    return replace(
+        row,
+        base=base,
+        differences={key: difference(levels[base], levels[key]) for key in others},
+        test=homogeneity(list(levels.values())),
+        slope=slope,
+        why=_reason(row, missing),
+    )
+
+
+def level_of(item: Estimate, rigs: Hashable, *, log: bool) -> Level:
+    """Return an estimate with a value as a level, of its logarithm if ``log``.
+
+    Constants are the same if rig, name, stated value and uncertainty are.
+    """
+    value = item.value or 0.0
+    scale = value if item.log and not log else 1.0
+    shares: dict[Hashable, float] = {
+        (rigs, *_key(share)): share.effect * scale for share in item.shares
+    }
+    if item.u is not None:
+        return Level(value, item.u, item.u, shares, item.freedom)
+    centre = math.log(value) if log else value
+    common = math.fsum(effect**2 for effect in shares.values())
+
+    def own(end: float | None, side: float) -> float:
+        if end is None:
+            return math.inf
+        there = math.log(end) if log else end
+        return math.sqrt(max((side * (there - centre) / Z_95) ** 2 - common, 0.0))
+
+    return Level(centre, own(item.low, -1.0), own(item.high, 1.0), shares)
+
+
+def _key(share: Share) -> tuple[str, float, float]:
+    return share.constant, share.stated, share.u
+
+
+def _middle(dates: Sequence[datetime]) -> float:
+    return float(np.mean([date.astimezone(UTC).timestamp() for date in dates]))
+
+
+def _with_reason(row: Compared) -> Compared:
+    missing = [
+        key
+        for key, item in row.estimates.items()
+        if item is None or item.value is None or not item.determined
+    ]
+    return replace(row, why=_reason(row, missing) or "an interval has no end")
+
+
+def _reason(row: Compared, missing: Sequence[str]) -> str:
+    told = []
+    for key in missing:
+        item = row.estimates[key]
+        if item is None:
+            told.append(f"{key}: no such trials, or they were refused")
+        else:
+            told.append(f"{key}: {item.verdict}")
+    return "; ".join(told)
+
+
+def _unshared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:
+    """Return a sentence on each constant that the campaigns state otherwise."""
+    stated: dict[str, dict[str, set[tuple[float, float]]]] = {}
+    for campaign in campaigns:
+        for item in campaign.estimates:
+            for share in item.shares:
+                values = stated.setdefault(share.constant, {}).setdefault(campaign.name, set())
+                values.add((share.stated, share.u))
+    told = []
+    for constant, by_name in stated.items():
+        if len(by_name) > 1 and len({frozenset(values) for values in by_name.values()}) > 1:
+            parts = "; ".join(
+                f"{name}: {', '.join(f'{value:.6g}' for value, _ in sorted(values))}"
+                for name, values in by_name.items()
+            )
+            told.append(
+                f"{constant} is not stated alike ({parts}): its uncertainty does not cancel, and "
+                "another value alone makes a difference. `--set` evaluates all with one value."
+            )
+    return tuple(told)

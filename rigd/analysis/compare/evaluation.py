@@ -1,0 +1,262 @@
+"""Shows a comparison: table for the terminal, JSON, report."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd import __version__
+from rigd.analysis.analysis import Evaluation
+from rigd.analysis.compare.campaign import Campaign
+from rigd.analysis.compare.comparison import LEVEL, Compared, Comparison
+from rigd.analysis.compare.statistics import Difference, Slope
+from rigd.analysis.plain import plain_object
+from rigd.analysis.report import Facts, Heading, Provenance
+from rigd.analysis.report.opening import listed
+from rigd.analysis.report.rounding import interval, number, places_for, probability, spread
+from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
+
+METHOD = (
+    "Each campaign is evaluated by itself. A difference is second less first, with the interval of "
+    "95 % that both intervals make; where both rest on one constant with one stated value, its "
+    "error is common and cancels. The p value is that of all campaigns being equal, for all "
+    f"parameters together (Holm): below {100 * LEVEL:g} % a difference is named."
+)
+
+
+@dataclass(frozen=True)
+class ComparisonEvaluation(Evaluation):
+    """A comparison, with what a person reads of it."""
+
+    comparison: Comparison
+    title: str = "Comparison of campaigns"
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model fits in all campaigns."""
+        return all(item.fits for item in self.comparison.campaigns)
+
+    @property
+    def heading(self) -> Heading:
+        """The campaigns, their recordings and dates."""
+        first = self.comparison.campaigns[0]
+        entries = [("Rig", ", ".join(first.rigs)), ("Compared", first.model)]
+        entries += [(item.name, _described(item)) for item in self.comparison.campaigns]
+        return Heading(entries=tuple(entries))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is found: a sentence for each parameter that differs, and one on the others."""
+        tested = [item for item in self.comparison.compared if item.test is not None]
+        found = [f"{named(item)} differs{_by(item)}" for item in self.comparison.different]
+        same = [named(item) for item in tested if not item.differs]
+        sentences = [f"{text} ({_p(item)})." for text, item in
+                     zip(found, self.comparison.different, strict=True)]  # fmt: skip
+        if same:
+            sentences.append(f"No difference found: {listed(same)}.")
+        return tuple(sentences) or ("No parameter could be compared.",)
+
+    def report(self) -> str:
+        """Return the report as a self-contained HTML page."""
+        # Here: matplotlib takes longer to import than a comparison to compute.
+        from rigd.analysis.compare.view import build_view
+        from rigd.analysis.report.page import render
+
+        facts = [
+            Facts(
+                item.name,
+                {origin.recording: f"{origin.recorded} {_sha256(origin.recording)}".strip()
+                 for origin in item.origins},
+            )
+            for item in self.comparison.campaigns
+        ]  # fmt: skip
+        facts.append(Facts("Comparison", {"rigd": __version__}))
+        origin = Provenance(tuple(facts), (), self.heading)
+        return render("compare.html.jinja", lambda: build_view(self), origin, self.title)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the comparison for ``json.dumps``; an open end and a missing number are null."""
+        return {
+            "title": self.title,
+            "campaigns": [
+                {
+                    "name": item.name,
+                    "model": item.model,
+                    "rigs": list(item.rigs),
+                    "calibrations": list(item.calibrations),
+                    "recordings": [plain_object(origin) for origin in item.origins],
+                    "refused": list(item.refused),
+                }
+                for item in self.comparison.campaigns
+            ],
+            "parameters": [_object(item) for item in self.comparison.compared],
+            "constants": list(self.comparison.constants),
+            "level": LEVEL,
+        }
+
+    def terminal_report(self) -> TerminalReport:
+        """Return what differs, the table, and what is to be known of it."""
+        shown: list[TerminalTable | str] = ["\n".join(self.sentences), self.table]
+        trends = trend_lines(self.comparison)
+        for title, lines in (
+            ("trends:", trends),
+            ("not compared:", not_compared(self.comparison)),
+            ("refused:", [f"{c.name}: {text}" for c in self.comparison.campaigns
+                          for text in c.refused]),
+            ("constants:", self.comparison.constants),
+        ):  # fmt: skip
+            if lines:
+                shown.append("\n".join([title, *(f"  {line}" for line in lines)]))
+        shown.append(METHOD)
+        return tuple(shown)
+
+    @property
+    def table(self) -> TerminalTable:
+        """Every parameter with its number in each campaign, the difference and the verdict."""
+        campaigns = self.comparison.campaigns
+        two = len(campaigns) == 2
+        columns = [
+            Column(""), Column("parameter"),
+            *(Column(item.name, right=True) for item in campaigns), Column("unit"),
+            *((Column("difference", right=True), Column("95 % interval", right=True))
+              if two else ()),
+            Column("p (Holm)", right=True), Column("verdict"),
+        ]  # fmt: skip
+        rows, last = [], None
+        for item in self.comparison.compared:
+            change, ends = difference_texts(item) if two else ("", "")
+            cells = (
+                item.group if item.group != last else "", item.name,
+                *(value_text(item, campaign) for campaign in campaigns),
+                "" if item.unit == "1" else item.unit,
+                *((change, ends) if two else ()),
+                "" if item.test is None else probability(item.p_holm).removeprefix("p = ")
+                .removeprefix("p "),
+                item.verdict,
+            )  # fmt: skip
+            rows.append(TableRow(cells, faint=item.test is None))
+            last = item.group
+        return TerminalTable(tuple(columns), tuple(rows))
+
+
+def named(item: Compared) -> str:
+    """Return a parameter with its group."""
+    return f"{item.name} ({item.group})" if item.group else item.name
+
+
+def value_text(item: Compared, campaign: Campaign) -> str:
+    """Return the number of a campaign with its interval, or a dash."""
+    found = item.estimates[campaign.name]
+    if found is None or found.value is None:
+        return "–"
+    around = spread(found.value, found.low, found.high)
+    half = None if found.low is None or found.high is None else 0.5 * (found.high - found.low)
+    places = places_for(half) if half else None
+    return f"{number(found.value, places)} {around}".strip()
+
+
+def difference_texts(item: Compared) -> tuple[str, str]:
+    """Return the difference of two campaigns, and its interval; empty if there is none."""
+    if not item.differences:
+        return "", ""
+    found = next(iter(item.differences.values()))
+    return change_texts(item, found)
+
+
+def change_texts(item: Compared, found: Difference | Slope) -> tuple[str, str]:
+    """Return a difference or slope and its interval, as a percentage or in the unit."""
+    value, low, high = item.change(found)
+    scale, unit = (100.0, " %") if item.log else (1.0, "")
+    ends = [scale * end if math.isfinite(end) else None for end in (low, high)]
+    if item.log and low <= -1.0:
+        ends[0] = None
+    width = None if None in ends else ends[1] - ends[0]  # type: ignore[operator]
+    places = places_for(0.5 * width) if width else None
+    sign = "+" if value > 0.0 else ""
+    return f"{sign}{number(scale * value, places)}{unit}", f"{interval(*ends)}{unit}"
+
+
+def trend_lines(comparison: Comparison) -> list[str]:
+    """Return the change with time of each parameter that has three dates."""
+    lines = []
+    for item in comparison.compared:
+        if item.slope is not None:
+            change, ends = change_texts(item, item.slope)
+            unit = "" if item.log or item.unit == "1" else f" {item.unit}"
+            chance = probability(item.slope.p_value)
+            lines.append(f"{named(item)}: {change}{unit} a year, {ends}{unit} ({chance})")
+    return lines
+
+
+def not_compared(comparison: Comparison) -> list[str]:
+    """Return the parameters that not all campaigns have, with the reason."""
+    return [f"{named(item)}: {item.why}" for item in comparison.compared if item.why]
+
+
+def _by(item: Compared) -> str:
+    if len(item.differences) != 1:
+        return ""
+    change, ends = difference_texts(item)
+    unit = "" if item.log or item.unit == "1" else f" {item.unit}"
+    return f" by {change}{unit}, {ends}{unit}"
+
+
+def _p(item: Compared) -> str:
+    return probability(item.p_holm)
+
+
+def _described(item: Campaign) -> str:
+    count = len(item.origins)
+    text = "1 recording" if count == 1 else f"{count} recordings"
+    dates = list(dict.fromkeys(f"{date:%Y-%m-%d}" for date in item.dates))
+    if dates:
+        text += f", {dates[0]}" if len(dates) == 1 else f", {dates[0]} to {dates[-1]}"
+    if item.calibrations:
+        text += f", calibration {', '.join(item.calibrations)}"
+    return text
+
+
+def _object(item: Compared) -> dict[str, object]:
+    def told(found: Difference | Slope) -> dict[str, object]:
+        value, low, high = item.change(found)
+        return {
+            "value": value,
+            "low": low if math.isfinite(low) else None,
+            "high": high if math.isfinite(high) else None,
+            "p_value": found.p_value,
+        }
+
+    return {
+        "group": item.group,
+        "parameter": item.name,
+        "unit": item.unit,
+        "relative": item.log,
+        "estimates": {
+            name: None if found is None else {
+                "value": found.value, "low": found.low, "high": found.high,
+                "verdict": found.verdict, "reason": found.reason,
+            }
+            for name, found in item.estimates.items()
+        },
+        "from": item.base,
+        "differences": {
+            name: {**told(found), "cancelled": found.cancelled}
+            for name, found in item.differences.items()
+        },
+        "test": None if item.test is None else plain_object(item.test),
+        "p_holm": None if item.test is None else item.p_holm,
+        "per_year": None if item.slope is None else told(item.slope),
+        "verdict": item.verdict,
+        "why": item.why,
+    }  # fmt: skip
+
+
+def _sha256(path: str) -> str:
+    """Return the digest of a recording, "" if it is not here (a result may come from elsewhere)."""
+    try:
+        with Path(path).open("rb") as stream:
+            return f"sha256 {hashlib.file_digest(stream, 'sha256').hexdigest()}"
+    except OSError:
+        return ""

@@ -1,0 +1,90 @@
+"""Builds the content of the report of a comparison: table, figures.
+
+Importing this module imports matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rigd.analysis.compare import evaluation as shown
+from rigd.analysis.compare.comparison import Comparison
+from rigd.analysis.report.plots import compared
+from rigd.analysis.report.svg import Drawing, draw
+from rigd.analysis.terminal import TerminalTable
+
+
+@dataclass(frozen=True)
+class ComparisonView:
+    """The whole report."""
+
+    sentences: tuple[str, ...]
+    table: TerminalTable
+    lists: tuple[tuple[str, Sequence[str]], ...]
+    changes: tuple[Drawing, ...]
+    curves: tuple[Drawing, ...]
+    trends: tuple[Drawing, ...]
+    method: str
+
+
+def build_view(evaluation: shown.ComparisonEvaluation) -> ComparisonView:
+    """Return the view of a comparison, for :func:`rigd.analysis.report.page.render`."""
+    found = evaluation.comparison
+    lists = (
+        ("Trends", shown.trend_lines(found)),
+        ("Not compared", shown.not_compared(found)),
+        ("Refused", [f"{item.name}: {why}" for item in found.campaigns for why in item.refused]),
+        ("Constants", found.constants),
+    )
+    return ComparisonView(
+        evaluation.sentences,
+        evaluation.table,
+        tuple((title, lines) for title, lines in lists if lines),
+        _changes(found),
+        _curves(found),
+        _trends(found),
+        shown.METHOD,
+    )
+
+
+def _changes(found: Comparison) -> tuple[Drawing, ...]:
+    rows = [
+        (shown.named(item), item.change(difference), item.differs)
+        for item in found.compared
+        for difference in item.differences.values()
+        if item.log
+    ]
+    if len(found.campaigns) != 2 or not rows:
+        return ()
+    alt = "Relative difference of each parameter with its 95 % interval."
+    return (draw(compared.changes(rows), "changes", alt, f"{alt} Filled: it differs."),)
+
+
+def _curves(found: Comparison) -> tuple[Drawing, ...]:
+    drawings = []
+    groups = dict.fromkeys(group for item in found.campaigns for group in item.curves)
+    for index, group in enumerate(groups):
+        curves = {c.name: c.curves[group] for c in found.campaigns if group in c.curves}
+        if len(curves) > 1:
+            alt = f"{group}: the fitted curves of {', '.join(curves)} over one another."
+            caption = (
+                f"{alt} Bands: 95 %, each with the uncertainty of constants that all share, which "
+                "the differences above do not have."
+            )
+            drawings.append(draw(compared.curves(curves), f"curves-{index}", alt, caption))
+    return tuple(drawings)
+
+
+def _trends(found: Comparison) -> tuple[Drawing, ...]:
+    if len(found.campaigns) < 3 or not all(item.dates for item in found.campaigns):
+        return ()
+    drawings = []
+    for index, item in enumerate(found.compared):
+        if item.test is None:
+            continue
+        alt = f"{shown.named(item)} over the time of the recordings."
+        figure = compared.trend(item, found.campaigns)
+        caption = f"{alt} Dashed: another calibration begins."
+        drawings.append(draw(figure, f"trend-{index}", alt, caption))
+    return tuple(drawings)

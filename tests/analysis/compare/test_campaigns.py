@@ -1,0 +1,30 @@
+"""Campaigns on rigs at random: 5 % are found, equal ones are not told apart.
+
+`benchmarks/compare.py` is the whole study.
+"""
+
+from __future__ import annotations
+
+import pytest
+from support.comparing import CHANGE, Try, tries
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Try]:
+    currents = "{from: 0.3 A, to: 1.5 A, step: 0.3 A}"
+    return tries(1, tmp_path_factory.mktemp("rigs"), currents)
+
+
+def test_equal_campaigns_are_not_told_apart(found: list[Try]) -> None:
+    equal = next(item for item in found if not item.changed)
+    assert not equal.refused
+    assert not equal.found and not equal.others
+    assert all(equal.inside)
+
+
+def test_five_per_cent_are_found(found: list[Try]) -> None:
+    apart = next(item for item in found if item.changed)
+    assert apart.found and apart.holds
+    assert not apart.others
+    low, high = apart.interval
+    assert 0.0 < low < CHANGE < high < 2.0 * CHANGE

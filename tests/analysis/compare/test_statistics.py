@@ -1,0 +1,157 @@
+"""Differences, tests and trends: against referees, and by how often they are right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rigd.analysis.compare.statistics import (
+    Level,
+    covariance,
+    difference,
+    holm,
+    homogeneity,
+    trend,
+)
+
+linear_model = pytest.importorskip("statsmodels.regression.linear_model")
+multitest = pytest.importorskip("statsmodels.stats.multitest")
+oneway = pytest.importorskip("statsmodels.stats.oneway")
+
+TRIES = 1500
+#: 95 % of them, with three standard errors of a count.
+RIGHT = (0.95 - 0.017, 0.95 + 0.017)
+
+
+def of_samples(samples: Sequence[float]) -> Level:
+    u = float(np.std(samples, ddof=1)) / math.sqrt(len(samples))
+    return Level(float(np.mean(samples)), u, u, {}, len(samples) - 1)
+
+
+def drawn(random: np.random.Generator, shares: Sequence[Sequence[float]], own: Sequence[float],
+          truth: Sequence[float]) -> list[Level]:  # fmt: skip
+    """Return levels around the truth; row k of ``shares`` is that of the constants in level k."""
+    constants = random.standard_normal(len(shares[0]))
+    return [
+        Level(
+            centre + sd * random.standard_normal() + float(np.dot(row, constants)),
+            sd, sd, dict(enumerate(row)),
+        )
+        for row, sd, centre in zip(shares, own, truth, strict=True)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("shares", [[[3.0, 1.0], [3.0, 1.0]], [[3.0, 0.0], [0.0, 3.0]],
+                                    [[3.0, -1.0], [2.0, 1.0]]])  # fmt: skip
+def test_interval_of_difference_holds_truth(shares: list[list[float]]) -> None:
+    random, held, widths = np.random.default_rng(1), 0, []
+    for _ in range(TRIES):
+        found = difference(*drawn(random, shares, [1.0, 0.5], [0.0, 2.0]))
+        held += found.low <= 2.0 <= found.high
+        widths.append(found.high - found.low)
+    assert RIGHT[0] < held / TRIES < RIGHT[1]
+    apart = np.subtract(*np.array(shares))
+    assert widths[0] == pytest.approx(2 * 1.96 * math.hypot(1.0, 0.5, *apart), rel=1e-3)
+
+
+def test_equal_shares_cancel() -> None:
+    first, second = Level(1.0, 0.1, 0.1, {"g": 5.0}), Level(1.3, 0.1, 0.1, {"g": 5.0})
+    found = difference(first, second)
+    assert found.high - found.value == pytest.approx(1.96 * 0.1 * math.sqrt(2.0), rel=1e-3)
+    assert found.cancelled > 0.999
+    other = difference(first, Level(1.3, 0.1, 0.1, {"another g": 5.0}))
+    assert other.high - other.value > 13.0
+    assert other.cancelled == pytest.approx(0.0)
+
+
+def test_welch_is_that_of_scipy() -> None:
+    random = np.random.default_rng(2)
+    one, two = random.normal(0.0, 1.0, 5), random.normal(1.0, 3.0, 9)
+    found = difference(of_samples(list(one)), of_samples(list(two)))
+    referee = stats.ttest_ind(two, one, equal_var=False)
+    low, high = referee.confidence_interval(0.95)
+    assert (found.p_value, found.low, found.high) == pytest.approx(
+        (referee.pvalue, low, high), rel=1e-9
+    )
+
+
+def test_several_means_are_tested_as_by_welch() -> None:
+    random = np.random.default_rng(3)
+    samples = [random.normal(0.5 * k, 1.0 + k, 4 + 2 * k) for k in range(4)]
+    found = homogeneity([of_samples(list(item)) for item in samples])
+    referee = oneway.anova_oneway(samples, use_var="unequal")
+    assert found.p_value == pytest.approx(referee.pvalue, rel=1e-9)
+
+
+def test_lopsided_interval_counts_on_its_side() -> None:
+    first, second = Level(0.0, 0.1, 1.0), Level(1.0, 0.2, 3.0)
+    found = difference(first, second)
+    assert found.value - found.low == pytest.approx(1.96 * math.hypot(1.0, 0.2), rel=1e-3)
+    assert found.high - found.value == pytest.approx(1.96 * math.hypot(0.1, 3.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("gap", [-3.0, -1.0, 0.0, 0.7, 2.5])
+def test_small_p_is_an_interval_without_zero(gap: float) -> None:
+    found = difference(Level(0.0, 0.2, 0.6), Level(gap, 0.3, 0.9, freedom=4.0))
+    assert (found.p_value < 0.05) == (not found.low <= 0.0 <= found.high)
+
+
+def test_open_end_shows_no_difference() -> None:
+    found = difference(Level(0.0, 0.1, math.inf), Level(9.0, 0.1, 0.1))
+    assert (found.low, found.p_value) == (-math.inf, 1.0)
+    assert homogeneity([Level(0.0, 0.1, math.inf), Level(9.0, 0.1, 0.1)]).p_value == 1.0
+    assert difference(Level(0.0, 0.1, math.inf), Level(-9.0, 0.1, 0.1)).p_value < 1e-6
+
+
+def test_equal_campaigns_are_seldom_named() -> None:
+    random = np.random.default_rng(4)
+    shares = [[2.0, 0.5], [2.0, 0.0], [2.0, 0.5], [1.5, 0.5]]
+    own = [0.3, 0.6, 1.0, 0.5]
+    named = sum(
+        homogeneity(drawn(random, shares, own, [1.0] * 4)).p_value < 0.05 for _ in range(TRIES)
+    )
+    assert 1.0 - RIGHT[1] < named / TRIES < 1.0 - RIGHT[0]
+
+
+def test_two_without_any_error_are_equal_or_not() -> None:
+    assert homogeneity([Level(1.0, 0.0, 0.0)] * 2).p_value == 1.0
+    assert homogeneity([Level(1.0, 0.0, 0.0), Level(2.0, 0.0, 0.0)]).p_value == 0.0
+    assert homogeneity([Level(1.0, 0.0, 0.0)] * 3).p_value == 1.0
+
+
+def test_trend_is_that_of_least_squares() -> None:
+    random, at = np.random.default_rng(5), np.array([0.0, 1.0, 2.5, 4.0, 4.5])
+    levels = drawn(random, [[0.4]] * 5, [0.5, 0.2, 0.4, 0.3, 0.6], list(1.0 + 0.1 * at))
+    found = trend(levels, at)
+    design = np.stack([np.ones(5), at], axis=1)
+    referee = linear_model.GLS(
+        [item.value for item in levels], design, sigma=covariance(levels)
+    ).fit()
+    assert found is not None
+    assert found.value == pytest.approx(referee.params[1], rel=1e-9)
+    sd = math.sqrt(referee.normalized_cov_params[1, 1])
+    assert found.high - found.value >= 1.96 * sd * (1.0 - 1e-3)
+
+
+def test_trend_holds_truth() -> None:
+    random, at, held = np.random.default_rng(6), np.linspace(0.0, 1.0, 8), 0
+    for _ in range(TRIES // 4):
+        found = trend(drawn(random, [[0.5]] * 8, [0.3] * 8, list(0.4 * at)), at)
+        assert found is not None
+        held += found.low <= 0.4 <= found.high
+    assert held / (TRIES // 4) > 0.94
+
+
+def test_two_dates_make_no_trend() -> None:
+    assert trend([Level(0.0, 1.0, 1.0)] * 3, np.array([1.0, 1.0, 2.0])) is None
+
+
+def test_holm_is_that_of_statsmodels() -> None:
+    p_values = list(np.random.default_rng(7).uniform(0.0, 0.1, 9))
+    assert holm(p_values) == pytest.approx(
+        list(multitest.multipletests(p_values, method="holm")[1])
+    )

@@ -1,0 +1,240 @@
+"""``rigd compare``: measures of recordings, results of ``rigd identify``, groups that are wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rigd
+from rigd.analysis.compare.campaign import files_of
+from rigd.analysis.estimates import Estimate, Share
+from rigd.analysis.front import Origin
+from rigd.analysis.plain import plain_object
+from rigd.cli.main import main
+from rigd.model.errors import ConfigError
+
+Said = tuple[int, str, str]
+Say = Callable[..., Said]
+
+
+@pytest.fixture
+def say(capsys: pytest.CaptureFixture[str]) -> Say:
+    """Return what the command with these arguments ends with and prints."""
+
+    def compare(*arguments: object) -> Said:
+        code = main(["compare", *map(str, arguments)])
+        return code, *capsys.readouterr()
+
+    return compare
+
+
+def estimate(name: str, value: float, u: float, share: float = 0.0, group: str = "pvc") -> Estimate:
+    """Return an estimate of relative standard uncertainty ``u``, and ``share`` of one constant."""
+    reach = 1.959964 * (u**2 + share**2) ** 0.5
+    shares = (Share("torque_constant", 0.03, 1e-4, share),) if share else ()
+    return Estimate(
+        group, name, "1/m", value, value * (1.0 - reach), value * (1.0 + reach), True,
+        "identifiable", shares=shares, log=True,
+    )  # fmt: skip
+
+
+UNKNOWN = Estimate(
+    "pvc", "V_s", "m/s", None, None, None, False, "not identifiable", "No slow slip."
+)
+
+
+def result(
+    path: Path, *estimates: Estimate, rig: str = "lugre-1", day: str = "2026-09-01",
+    method: str = "output error", model: str = "lugre", calibration: str = "",
+    refused: Mapping[str, str] | None = None,
+) -> Path:  # fmt: skip
+    """Write a result as `rigd identify --json` does, with these estimates."""
+    stated = {"name": calibration, "made": day} if calibration else {}
+    origin = Origin(f"{path.stem}.mcap", rig, "p", model, f"{day}T08:00:00+00:00", stated, {})
+    told: dict[str, Any] = {
+        "groups": [{"group": "pvc", "model": model, "method": method}],
+        "origins": [asdict(origin)],
+        "estimates": [plain_object(item) for item in estimates],
+        "curves": [],
+    }
+    if refused is not None:
+        told["refused"] = [{"group": group, "reason": why} for group, why in refused.items()]
+    path.write_text(json.dumps(told))
+    return path
+
+
+def rows(out: str) -> dict[str, dict[str, Any]]:
+    return {item["parameter"]: item for item in json.loads(out)["parameters"]}
+
+
+def test_difference_and_no_difference_are_told_apart(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", estimate("sigma_0", 50.0, 0.005),
+                   estimate("mu_c", 0.12, 0.004), UNKNOWN)  # fmt: skip
+    second = result(tmp_path / "after.json", estimate("sigma_0", 52.5, 0.005),
+                    estimate("mu_c", 0.1205, 0.004), UNKNOWN)  # fmt: skip
+    code, out, _ = say(first, second)
+    assert code == 0
+    assert "sigma_0 (pvc) differs by +5.0 %, 3.6 … 6.5 %" in out
+    assert "No difference found: mu_c (pvc)." in out
+    assert "V_s (pvc): before: not identifiable; after: not identifiable" in out
+    found = rows(say(first, second, "--json")[1])
+    assert found["sigma_0"]["verdict"] == "differs"
+    assert found["sigma_0"]["differences"]["after"]["low"] == pytest.approx(0.0356, abs=1e-4)
+    assert found["V_s"]["differences"] == {}
+    assert found["V_s"]["p_holm"] is None
+
+
+def test_constant_that_both_state_cancels(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", estimate("sigma_0", 50.0, 0.004, share=0.03))
+    second = result(tmp_path / "after.json", estimate("sigma_0", 52.5, 0.004, share=0.03))
+    found = rows(say(first, second, "--json")[1])["sigma_0"]
+    assert found["verdict"] == "differs"
+    assert found["differences"]["after"]["cancelled"] > 0.9
+
+
+def test_constant_stated_otherwise_does_not_cancel(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", estimate("sigma_0", 50.0, 0.004, share=0.03))
+    other = estimate("sigma_0", 52.5, 0.004, share=0.03)
+    shares = (Share("torque_constant", 0.031, 1e-4, 0.03),)
+    second = result(tmp_path / "after.json", Estimate(**{**vars(other), "shares": shares}))
+    code, out, _ = say(first, second)
+    assert code == 0
+    assert "No difference found: sigma_0 (pvc)." in out
+    assert "torque_constant is not stated alike (before: 0.03; after: 0.031)" in out
+
+
+def test_trend_over_months_names_calibrations(say: Say, tmp_path: Path) -> None:
+    files = [
+        result(tmp_path / f"m{k}.json", estimate("mu_c", 0.12 * 1.02**k, 0.002),
+               day=f"2026-0{k}-15", calibration=f"scale-{k // 5}")
+        for k in (3, 4, 5, 6)
+    ]  # fmt: skip
+    report = tmp_path / "year.html"
+    code, out, _ = say(*files, "--report", report)
+    assert code == 0
+    told = "m6 1 recording, 2026-06-15, calibration scale-1 of 2026-06-15"
+    assert told in " ".join(out.split())
+    line = next(line for line in out.splitlines() if "a year" in line)
+    assert "mu_c (pvc): +2" in line
+    assert "scale-1 of 2026-06-15" in report.read_text("utf-8")
+
+
+def test_groups_with_nothing_in_common_are_refused(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "a.json", estimate("mu_c", 0.1, 0.01))
+    second = result(tmp_path / "b.json", estimate("mu_c", 0.1, 0.01, group="stone"))
+    code, out, err = say(first, second)
+    assert (code, out) == (7, "")
+    assert "no trials of one kind in common (a: pvc; b: stone)" in err
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ({"rig": "lugre-2"}, "were recorded on different rigs (a: lugre-1; b: lugre-2)"),
+        ({"model": "robot"}, "identify different models (a: lugre; b: robot)"),
+        ({"method": "slip-force"}, "pvc was identified in different ways"),
+    ],
+)
+def test_groups_of_another_kind_are_refused(
+    say: Say, tmp_path: Path, other: dict[str, Any], says: str
+) -> None:
+    first = result(tmp_path / "a.json", estimate("mu_c", 0.1, 0.01))
+    code, out, err = say(first, result(tmp_path / "b.json", estimate("mu_c", 0.1, 0.01), **other))
+    assert (code, out) == (7, "")
+    assert says in err
+
+
+def test_refused_group_has_reason_and_no_number(say: Say, tmp_path: Path) -> None:
+    kept = estimate("mu_c", 0.1, 0.01, group="stone")
+    first = result(tmp_path / "a.json", estimate("mu_c", 0.1, 0.01), kept)
+    second = result(tmp_path / "b.json", kept, refused={"pvc": "no motion"})
+    code, out, _ = say(first, second)
+    assert code == 8
+    assert "b: pvc: no motion" in out
+    assert "mu_c (pvc): b: no such trials, or they were refused" in out
+    assert rows(say(first, second, "--json")[1])["mu_c"]["differences"] is not None
+
+
+def test_file_that_is_no_result_is_refused(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "a.json", estimate("mu_c", 0.1, 0.01))
+    for text, says in (("{", "cannot be read"), ('{"a": 1}', "is no result"), ("[]", "no result")):
+        wrong = tmp_path / "wrong.json"
+        wrong.write_text(text)
+        code, out, err = say(first, wrong)
+        assert (code, out) == (2, "")
+        assert says in err and "wrong.json" in err
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with measured breakaways: two seeds, of which the second has a batch."""
+    folder = tmp_path_factory.mktemp("runs")
+    for seed in (1, 2):
+        rigd.run(
+            "breakaway", rig="lugre-1", out=folder / f"b{seed}.mcap", seed=seed,
+            meta={"batch": seed},
+        )  # fmt: skip
+    return folder
+
+
+def test_measures_of_two_recordings_are_compared(say: Say, measured: Path) -> None:
+    code, out, _ = say(measured / "b1.mcap", measured / "b2.mcap", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert found["campaigns"][0]["model"] == "measures"
+    tested = [row for row in found["parameters"] if row["test"] is not None]
+    assert tested
+    for row in tested:
+        change = row["differences"]["b2"]
+        assert change["low"] <= change["value"] <= change["high"]
+        one, two = row["estimates"]["b1"], row["estimates"]["b2"]
+        assert change["value"] == pytest.approx(two["value"] - one["value"])
+
+
+def test_recordings_are_grouped_by_metadata(say: Say, measured: Path) -> None:
+    code, out, _ = say(measured, "--by", "meta.batch", "--json")
+    assert code == 0
+    assert [item["name"] for item in json.loads(out)["campaigns"]] == ["1", "2"]
+    code, _, err = say(measured, "--by", "meta.oven")
+    assert code == 7 and "b1.mcap has no oven" in err
+    code, _, err = say(measured, "--by", "moon")
+    assert code == 2 and "by year, month, day" in err
+
+
+def test_one_group_is_refused(say: Say, measured: Path) -> None:
+    code, out, err = say(measured / "b1.mcap")
+    assert (code, out) == (7, "")
+    assert "one group has nothing to be compared with" in err
+
+
+def test_same_file_in_both_groups_is_refused(say: Say, measured: Path, tmp_path: Path) -> None:
+    first = measured / "b1.mcap"
+    code, _, err = say(first, first)
+    assert code == 7 and "is given twice" in err
+    copy = tmp_path / "copy.mcap"
+    shutil.copy(first, copy)
+    code, _, err = say(first, copy)
+    assert code == 7 and "is a copy of" in err
+
+
+def test_groups_are_files_folders_or_patterns(measured: Path, tmp_path: Path) -> None:
+    both = [measured / "b1.mcap", measured / "b2.mcap"]
+    assert files_of(str(measured)) == both
+    assert files_of(f"{measured}/*.mcap") == both
+    assert files_of(str(both[0])) == both[:1]
+    with pytest.raises(ConfigError, match="no file matches"):
+        files_of(f"{measured}/*.mcapp")
+    with pytest.raises(ConfigError, match="has no recording"):
+        files_of(str(tmp_path))
+
+
+def test_missing_recording_is_named(say: Say, measured: Path) -> None:
+    code, out, err = say(measured / "b1.mcap", measured / "b9.mcap")
+    assert (code, out) == (7, "")
+    assert "b9.mcap" in err
