@@ -193,8 +193,8 @@ def test_measures_of_two_recordings_are_compared(say: Say, measured: Path) -> No
     for row in tested:
         change = row["differences"]["b2"]
         assert change["low"] <= change["value"] <= change["high"]
-        one, two = row["estimates"]["b1"], row["estimates"]["b2"]
-        assert change["value"] == pytest.approx(two["value"] - one["value"])
+        first, second = row["estimates"]["b1"], row["estimates"]["b2"]
+        assert change["value"] == pytest.approx(second["value"] - first["value"])
 
 
 def test_recordings_are_grouped_by_metadata(say: Say, measured: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Final
 from support.random_rigs import FLOORS, measured, random_rig
 
 from rigd.analysis.compare.campaign import of_result
-from rigd.analysis.compare.comparison import Comparison, compare
+from rigd.analysis.compare.comparison import CampaignComparison, compare
 from rigd.analysis.front import Result, identify
 from rigd.model.errors import RigdError
 
@@ -83,7 +83,9 @@ def _tried(
     return judged(found, number, floor, parameter, changed=changed)
 
 
-def judged(found: Comparison, number: int, floor: str, parameter: str, *, changed: bool) -> Try:
+def judged(
+    found: CampaignComparison, number: int, floor: str, parameter: str, *, changed: bool
+) -> Try:
     """Return how a comparison agrees with the truth."""
     truth = dict.fromkeys(NAMES, 0.0) | ({parameter: CHANGE} if changed else {})
     rows = {row.name: row for row in found.compared if row.name in truth and row.test is not None}

@@ -13,7 +13,7 @@ import numpy as np
 
 from rigd.analysis.compare.campaign import Campaign
 from rigd.analysis.compare.statistics import (
-    Difference,
+    LevelDifference,
     Homogeneity,
     Level,
     Slope,
@@ -47,7 +47,7 @@ class Compared:
     log: bool
     estimates: Mapping[str, Estimate | None]
     base: str = ""
-    differences: Mapping[str, Difference] = field(default_factory=dict)
+    differences: Mapping[str, LevelDifference] = field(default_factory=dict)
     test: Homogeneity | None = None
     p_holm: float = 1.0
     slope: Slope | None = None  #: for each year
@@ -65,7 +65,7 @@ class Compared:
             return "not compared"
         return "differs" if self.differs else "none found"
 
-    def change(self, found: Difference | Slope) -> tuple[float, float, float]:
+    def change(self, found: LevelDifference | Slope) -> tuple[float, float, float]:
         """Return a difference with its ends as a share of the base if ``log``, else in ``unit``.
 
         An open end is infinite.
@@ -78,7 +78,7 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class CampaignComparison:
     """Campaigns side by side; ``constants`` are sentences on constants they do not share."""
 
     campaigns: tuple[Campaign, ...]
@@ -91,7 +91,7 @@ class Comparison:
         return tuple(item for item in self.compared if item.differs)
 
 
-def compare(campaigns: Sequence[Campaign]) -> Comparison:
+def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
     """Return the comparison of two or more campaigns.
 
     Raises:
@@ -123,7 +123,7 @@ def compare(campaigns: Sequence[Campaign]) -> Comparison:
     rows = [
         replace(item, p_holm=next(adjusted)) if item.test is not None else item for item in found
     ]
-    return Comparison(tuple(campaigns), tuple(rows), _unshared(campaigns))
+    return CampaignComparison(tuple(campaigns), tuple(rows), _unshared(campaigns))
 
 
 def _check(campaigns: Sequence[Campaign]) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 from rigd import __version__
 from rigd.analysis.analysis import Evaluation
 from rigd.analysis.compare.campaign import Campaign
-from rigd.analysis.compare.comparison import LEVEL, Compared, Comparison
-from rigd.analysis.compare.statistics import Difference, Slope
+from rigd.analysis.compare.comparison import LEVEL, Compared, CampaignComparison
+from rigd.analysis.compare.statistics import LevelDifference, Slope
 from rigd.analysis.plain import plain_object
 from rigd.analysis.report import Facts, Heading, Provenance
 from rigd.analysis.report.opening import listed
@@ -30,7 +30,7 @@ METHOD = (
 class ComparisonEvaluation(Evaluation):
     """A comparison, with what a person reads of it."""
 
-    comparison: Comparison
+    comparison: CampaignComparison
     title: str = "Comparison of campaigns"
 
     @property
@@ -165,7 +165,7 @@ def difference_texts(item: Compared) -> tuple[str, str]:
     return change_texts(item, found)
 
 
-def change_texts(item: Compared, found: Difference | Slope) -> tuple[str, str]:
+def change_texts(item: Compared, found: LevelDifference | Slope) -> tuple[str, str]:
     """Return a difference or slope and its interval, as a percentage or in the unit."""
     value, low, high = item.change(found)
     scale, unit = (100.0, " %") if item.log else (1.0, "")
@@ -178,7 +178,7 @@ def change_texts(item: Compared, found: Difference | Slope) -> tuple[str, str]:
     return f"{sign}{number(scale * value, places)}{unit}", f"{interval(*ends)}{unit}"
 
 
-def trend_lines(comparison: Comparison) -> list[str]:
+def trend_lines(comparison: CampaignComparison) -> list[str]:
     """Return the change with time of each parameter that has three dates."""
     lines = []
     for item in comparison.compared:
@@ -190,7 +190,7 @@ def trend_lines(comparison: Comparison) -> list[str]:
     return lines
 
 
-def not_compared(comparison: Comparison) -> list[str]:
+def not_compared(comparison: CampaignComparison) -> list[str]:
     """Return the parameters that not all campaigns have, with the reason."""
     return [f"{named(item)}: {item.why}" for item in comparison.compared if item.why]
 
@@ -219,7 +219,7 @@ def _described(item: Campaign) -> str:
 
 
 def _object(item: Compared) -> dict[str, object]:
-    def told(found: Difference | Slope) -> dict[str, object]:
+    def told(found: LevelDifference | Slope) -> dict[str, object]:
         value, low, high = item.change(found)
         return {
             "value": value,

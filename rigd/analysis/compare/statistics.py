@@ -47,7 +47,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Difference:
+class LevelDifference:
     """Second less first: ``value`` with its 95 % interval; an end is infinite if open.
 
     ``p_value`` is that of no difference; it is below 5 % where the interval leaves 0 out.
@@ -61,7 +61,7 @@ class Difference:
     cancelled: float
 
 
-def difference(first: Level, second: Level) -> Difference:
+def difference(first: Level, second: Level) -> LevelDifference:
     """Return second less first.
 
     Each side of the interval joins the sides of both estimates that lie towards it (MOVER: Zou and
@@ -84,7 +84,9 @@ def difference(first: Level, second: Level) -> Difference:
     apart = math.hypot(first.total, second.total)
     together = math.hypot(first.own, second.own, common)
     cancelled = 1.0 - (together / apart) ** 2 if 0.0 < apart < math.inf else 0.0
-    return Difference(value, value - reach * low_sd, value + reach * high_sd, p_value, cancelled)
+    return LevelDifference(
+        value, value - reach * low_sd, value + reach * high_sd, p_value, cancelled
+    )
 
 
 @dataclass(frozen=True)

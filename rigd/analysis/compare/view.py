@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rigd.analysis.compare import evaluation as shown
-from rigd.analysis.compare.comparison import Comparison
+from rigd.analysis.compare.comparison import CampaignComparison
 from rigd.analysis.report.plots import compared
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.terminal import TerminalTable
@@ -48,7 +48,7 @@ def build_view(evaluation: shown.ComparisonEvaluation) -> ComparisonView:
     )
 
 
-def _changes(found: Comparison) -> tuple[Drawing, ...]:
+def _changes(found: CampaignComparison) -> tuple[Drawing, ...]:
     rows = [
         (shown.named(item), item.change(difference), item.differs)
         for item in found.compared
@@ -61,7 +61,7 @@ def _changes(found: Comparison) -> tuple[Drawing, ...]:
     return (draw(compared.changes(rows), "changes", alt, f"{alt} Filled: it differs."),)
 
 
-def _curves(found: Comparison) -> tuple[Drawing, ...]:
+def _curves(found: CampaignComparison) -> tuple[Drawing, ...]:
     drawings = []
     groups = dict.fromkeys(group for item in found.campaigns for group in item.curves)
     for index, group in enumerate(groups):
@@ -76,7 +76,7 @@ def _curves(found: Comparison) -> tuple[Drawing, ...]:
     return tuple(drawings)
 
 
-def _trends(found: Comparison) -> tuple[Drawing, ...]:
+def _trends(found: CampaignComparison) -> tuple[Drawing, ...]:
     if len(found.campaigns) < 3 or not all(item.dates for item in found.campaigns):
         return ()
     drawings = []

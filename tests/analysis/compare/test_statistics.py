@@ -70,9 +70,9 @@ def test_equal_shares_cancel() -> None:
 
 def test_welch_is_that_of_scipy() -> None:
     random = np.random.default_rng(2)
-    one, two = random.normal(0.0, 1.0, 5), random.normal(1.0, 3.0, 9)
-    found = difference(of_samples(list(one)), of_samples(list(two)))
-    referee = stats.ttest_ind(two, one, equal_var=False)
+    few, more = random.normal(0.0, 1.0, 5), random.normal(1.0, 3.0, 9)
+    found = difference(of_samples(list(few)), of_samples(list(more)))
+    referee = stats.ttest_ind(more, few, equal_var=False)
     low, high = referee.confidence_interval(0.95)
     assert (found.p_value, found.low, found.high) == pytest.approx(
         (referee.pvalue, low, high), rel=1e-9
