@@ -13,9 +13,9 @@ import numpy as np
 
 from rigd.analysis.compare.campaign import Campaign
 from rigd.analysis.compare.statistics import (
-    LevelDifference,
     Homogeneity,
     Level,
+    LevelDifference,
     Slope,
     difference,
     holm,

@@ -10,7 +10,7 @@ from pathlib import Path
 from rigd import __version__
 from rigd.analysis.analysis import Evaluation
 from rigd.analysis.compare.campaign import Campaign
-from rigd.analysis.compare.comparison import LEVEL, Compared, CampaignComparison
+from rigd.analysis.compare.comparison import LEVEL, CampaignComparison, Compared
 from rigd.analysis.compare.statistics import LevelDifference, Slope
 from rigd.analysis.plain import plain_object
 from rigd.analysis.report import Facts, Heading, Provenance
