@@ -51,6 +51,8 @@ def tries(number: int, folder: Path, currents: str = CURRENTS) -> list[Try]:
     (folder / "same").mkdir()
     (folder / "other").mkdir()
     rig = random_rig(number, floor, folder / "same", currents=currents)
+    if parameter == "mu_c" and rig.truth["mu_c"] * (1.0 + CHANGE) >= rig.truth["mu_s"]:
+        parameter = "sigma_0"  # no plant has a static friction below that of sliding
     value = rig.truth[parameter] * (1.0 + CHANGE)
     other = random_rig(
         number, floor, folder / "other", currents=currents,

@@ -236,7 +236,7 @@ def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
 def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
     """Return recordings by their ``month``, ``day``, ``year``, ``recording`` or ``meta.KEY``.
 
-    Months and days are those of UTC, in order; ``specimen`` is ``meta.specimen``.
+    Months and days are those of UTC, in order; ``specimen`` is the name that was stated.
 
     Raises:
         RecordingError: a file cannot be read.
@@ -260,11 +260,13 @@ def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
             name = recorded_at(info).at.strftime(dated[by])
         else:
             name = info.metadata.get("meta", {}).get(key, "")
-            name = name or info.metadata.get(key, {}).get("id", "")
+            if by == "specimen":
+                name = info.specimen.get("name", "") or name
         if not name:
+            option = "--specimen NAME" if by == "specimen" else f"--meta {key}=VALUE"
             raise DataError(
                 f"--by {by}: {path} has no {key}",
-                hint=f"it is recorded with `rigd run --meta {key}=VALUE`; leave this file out",
+                hint=f"`rigd run` records it with {option}; leave this file out",
             )
         found.setdefault(name, []).append(path)
     return dict(sorted(found.items()))
