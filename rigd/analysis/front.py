@@ -34,7 +34,7 @@ Recorded = Recording | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
-class Origin:
+class ResultOrigin:
     """Where numbers come from: one recording, with the calibration that it states.
 
     ``recorded`` is its date in UTC (ISO 8601), "" if it is not known.
@@ -49,13 +49,13 @@ class Origin:
     meta: Mapping[str, str]
 
     @staticmethod
-    def of(info: RunInfo, model: str) -> Origin:
+    def of(info: RunInfo, model: str) -> ResultOrigin:
         """Return the origin that a recording states; ``model`` is what was made of it."""
         try:
             recorded = recorded_at(info).at.astimezone(UTC).isoformat()
         except OSError:
             recorded = ""
-        return Origin(
+        return ResultOrigin(
             str(info.path), info.rig, info.procedure, model, recorded,
             dict(info.metadata.get("calibration", {})), dict(info.metadata.get("meta", {})),
         )  # fmt: skip
@@ -72,7 +72,7 @@ class Result:
     evaluation: Evaluation
     losses: tuple[str, ...] = ()
     corrections: tuple[Correction, ...] = ()
-    origins: tuple[Origin, ...] = ()
+    origins: tuple[ResultOrigin, ...] = ()
 
     @property
     def title(self) -> str:
@@ -279,7 +279,7 @@ def identified(
     changed: list[Correction] = []
     sweeps = open_sweeps(paths, losses.append, corrections, changed.append)
     evaluation = evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options, notify)
-    origins = tuple(Origin.of(sweep.info, sweep.plan.model) for sweep in sweeps)
+    origins = tuple(ResultOrigin.of(sweep.info, sweep.plan.model) for sweep in sweeps)
     return Result(evaluation, tuple(losses), tuple(changed), origins)
 
 

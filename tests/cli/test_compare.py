@@ -14,7 +14,7 @@ import pytest
 import rigd
 from rigd.analysis.compare.campaign import files_of
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.front import Origin
+from rigd.analysis.front import ResultOrigin
 from rigd.analysis.plain import plain_object
 from rigd.cli.main import main
 from rigd.model.errors import ConfigError
@@ -56,7 +56,7 @@ def result(
 ) -> Path:  # fmt: skip
     """Write a result as `rigd identify --json` does, with these estimates."""
     stated = {"name": calibration, "made": day} if calibration else {}
-    origin = Origin(f"{path.stem}.mcap", rig, "p", model, f"{day}T08:00:00+00:00", stated, {})
+    origin = ResultOrigin(f"{path.stem}.mcap", rig, "p", model, f"{day}T08:00:00+00:00", stated, {})
     told: dict[str, Any] = {
         "groups": [{"group": "pvc", "model": model, "method": method}],
         "origins": [asdict(origin)],

@@ -18,7 +18,7 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.copies import refuse_copies, refuse_same_file
 from rigd.analysis.corrections import Corrections
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.front import Origin, Result, identified
+from rigd.analysis.front import Result, ResultOrigin, identified
 from rigd.analysis.measures import MeasureResult, measured
 from rigd.analysis.result import Curve, FloatArray, Verdict
 from rigd.analysis.source import open_sweep
@@ -40,7 +40,7 @@ class Campaign:
     """
 
     name: str
-    origins: tuple[Origin, ...]
+    origins: tuple[ResultOrigin, ...]
     estimates: tuple[Estimate, ...]
     curves: Mapping[str, Curve] = field(default_factory=dict)
     method: Mapping[str, str] = field(default_factory=dict)
@@ -189,7 +189,7 @@ def of_object(name: str, told: Mapping[str, Any]) -> Campaign:
     parts = told.get("groups", [told])
     return Campaign(
         name,
-        tuple(Origin(**item) for item in told["origins"]),
+        tuple(ResultOrigin(**item) for item in told["origins"]),
         tuple(_estimate(item) for item in told["estimates"]),
         {item["group"]: _curve(item) for item in told["curves"]},
         {part["group"]: f"{part['model']}, {part['method']}" for part in parts if "group" in part},
@@ -205,7 +205,7 @@ def of_measures(name: str, paths: Sequence[Path]) -> Campaign:
         DataError: there is nothing to measure, or the recordings do not measure the same.
     """
     recordings = [Recording.open(path) for path in paths]
-    origins = tuple(Origin.of(run_info(recording), MEASURES) for recording in recordings)
+    origins = tuple(ResultOrigin.of(run_info(recording), MEASURES) for recording in recordings)
     return Campaign(name, origins, measure_estimates(measured(recordings)))
 
 
