@@ -54,7 +54,7 @@ class PeakSink:
             names = data["setpoints"]
             self.cut.update(names if isinstance(names, list) else ())
 
-    def flush(self) -> None:
+    def flush(self, *, complete: bool = False) -> None:
         """Do nothing: nothing is stored on disk."""
 
     def close(self) -> None:

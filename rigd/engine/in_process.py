@@ -247,7 +247,7 @@ class InProcessHost:
     def flush(self) -> None:
         """Write all rows and events so far."""
         self._hand_over()
-        self._sink.flush()
+        self._sink.flush(complete=True)
 
     def _hand_over(self) -> None:
         for name, ring in self._rings.items():

@@ -21,8 +21,8 @@ class Sink(Protocol):
         """Append an event; ``trial`` is its number, or NO_TRIAL."""
         ...
 
-    def flush(self) -> None:
-        """Write everything so far to a place that survives a crash."""
+    def flush(self, *, complete: bool = False) -> None:
+        """Write everything so far to a place that survives a crash; ``complete``: to be read."""
         ...
 
     def close(self) -> None:

@@ -215,16 +215,18 @@ class RecordingWriter:
         extras = build_extras(metadata, (), self._start_ns, self._file.sealed, self._file.contents)
         self._commit(extras, [chunk for chunk in self._open() if chunk.count])
 
-    def flush(self) -> None:
+    def flush(self, *, complete: bool = False) -> None:
         """Write all given data to disk, as a complete MCAP file (a long file every 2 s).
+
+        ``complete``: in any case as a complete file, which any reader opens.
 
         Raises:
             RecordingError: the disk is full or fails; the file is as the last flush left it.
         """
         self._check()
-        if self._changed:
+        if self._changed or complete:
             still_open = [chunk for chunk in self._open() if chunk.count]
-            self._commit(b"", still_open, complete=self._summary_due())
+            self._commit(b"", still_open, complete=self._summary_due(complete))
             self._changed = False
         if self._sync_interval_s is not None:
             now = self._clock()
@@ -270,10 +272,10 @@ class RecordingWriter:
         if self._waiting_bytes >= MAX_WAITING_BYTES and not self._closed:
             self.flush()
 
-    def _summary_due(self) -> bool:
+    def _summary_due(self, complete: bool) -> bool:
         """Return whether this flush shall write the summary, as it does while that is short."""
         now = self._clock()
-        long = self._file.summary_size > SPARED_SUMMARY_BYTES
+        long = not complete and self._file.summary_size > SPARED_SUMMARY_BYTES
         if long and now - self._summarised_at < SUMMARY_INTERVAL_S:
             return False
         self._summarised_at = now

@@ -324,7 +324,7 @@ TABLES = [*SHOWN, *(command for commands in ELSEWHERE.values() for command in co
 
 def redirected(command: str) -> tuple[str, str]:
     """Return a command and the file that its output goes to; "" if it goes to none."""
-    match = re.search(r" > ([\w./-]+)$", command)  # a `>` within quotes compares
+    match = re.search(r" > ([~\w./-]+)$", command)  # a `>` within quotes compares
     return (command, "") if match is None else (command[: match.start()], match[1])
 
 

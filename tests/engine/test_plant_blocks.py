@@ -47,7 +47,7 @@ class Kept:
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
         self.events.append((t_ns, kind, data))
 
-    def flush(self) -> None:
+    def flush(self, *, complete: bool = False) -> None:
         pass
 
     def close(self) -> None:

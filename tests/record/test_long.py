@@ -63,6 +63,20 @@ def test_long_summary_is_written_every_two_seconds_only(
     assert np.array_equal(Recording.open(path).read("s")["c0"], np.arange(6000))
 
 
+def test_complete_flush_leaves_a_file_to_read(tmp_path: Path, spare: Callable[[int], None]) -> None:
+    spare(100)
+    path = tmp_path / "long.mcap"
+    with RecordingWriter.create(
+        path, streams=[STREAM], metadata={}, attachments=[], start_ns=0,
+        sync_interval_s=None, clock=lambda: 0.0,
+    ) as writer:  # fmt: skip
+        for tenth in range(10):
+            writer.write("s", rows(tenth * 100, 100))
+            writer.flush()
+            writer.flush(complete=True)
+            assert len(Recording.open(path).read("s")) == (tenth + 1) * 100
+
+
 def test_closed_file_is_independent_of_summary_limit(
     tmp_path: Path, spare: Callable[[int], None]
 ) -> None:

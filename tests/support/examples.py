@@ -55,5 +55,5 @@ def words_of(command: str, stands_for: Mapping[str, str]) -> list[str]:
     return [
         name
         for word in shlex.split(command)
-        for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+        for name in ((sorted(map(str, Path().glob(word))) if "*" in word else []) or [word])
     ]
