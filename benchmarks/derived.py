@@ -45,7 +45,7 @@ class Nowhere:
     def event(self, *args: object) -> None:
         """Discard an event."""
 
-    def flush(self) -> None:
+    def flush(self, *, complete: bool = False) -> None:
         """Do nothing."""
 
     def close(self) -> None:

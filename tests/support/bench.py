@@ -111,7 +111,7 @@ class ListSink:
         self.events.append((t_ns, kind, trial, data))
         self.log.append(kind)
 
-    def flush(self) -> None:
+    def flush(self, *, complete: bool = False) -> None:
         pass
 
     def close(self) -> None:
