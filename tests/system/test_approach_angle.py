@@ -202,7 +202,8 @@ def test_wheel_comes_to_rest_before_its_potentiometer_ends(
         tmp_path,
         {
             "        - daq.platform_position > ${farthest}\n": "",
-            "      for: 0.5 s": "      for: 2 s",
+            "  check: ask": "  check: warn",  # the samples before the drive are not recorded
+            '      until: "|wheel_stop.speed| < 2 rad/s for 0.2 s"\n': "",
             "during: [ready, drive, stopped]": "during: [drive, stopped, come to rest]",
             "  relay: 1\n": "  relay: 1\n  truth: 1\n",
             "\nrepeats: 2\n": "\nrepeats: 1\n",

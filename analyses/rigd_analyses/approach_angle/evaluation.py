@@ -23,6 +23,7 @@ from rigd_analyses.approach_angle.known import (
     calibration_of,
 )
 from rigd_analyses.approach_angle.limits import Limits
+from rigd_analyses.approach_angle.paper.settings import PaperSettings
 from rigd_analyses.approach_angle.report.opening import campaign_opening
 from rigd_analyses.approach_angle.result import CampaignResult
 from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
@@ -125,7 +126,9 @@ def evaluate(
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
     notify(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
-    result = analyse_campaign(known, _reference(sweeps), better=_settings(sweeps))
+    better = _settings(sweeps)
+    paper = PaperSettings(limits=better.limits)
+    result = analyse_campaign(known, _reference(sweeps), paper, better)
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
     used = [
         sum(not run.excluded for run in result.runs if run.run.recording == sweep.path.name)

@@ -50,7 +50,7 @@ def wild(rng: random.Random, verb: Verb) -> dict[str, Any]:
 
 
 def test_random_arguments_change_nothing(tmp_path: Path) -> None:
-    rng = random.Random(5)
+    rng = random.Random(6)
     with ServedAxis(tmp_path) as served:
         (served.runs / "empty.mcap").touch()
         (served.runs / "folder.mcap").mkdir()
@@ -65,7 +65,7 @@ def test_random_arguments_change_nothing(tmp_path: Path) -> None:
             for name, verb in verbs.items():
                 if name.startswith("lease_") or verb.rule.lane is Lane.LONG:
                     continue
-                for _ in range(8 if verb.arguments.model_fields else 1):
+                for _ in range(12 if verb.arguments.model_fields else 1):
                     payload = request(name, args=wild(rng, verb))
                     answer = dispatcher.answer(
                         dispatcher.sort(keys.request(kind, "eve", name), payload)
