@@ -23,7 +23,7 @@ demo: setup ## the campaigns of three published rigs, simulated: run, record, id
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
 define play
 	scripts/need node npm chromium
-	$(BIN)/pytest -m "side_by_side and $(1)" -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "side_by_side and $(1)" -n $$((2 * $$(nproc))) --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m "not side_by_side and $(1)" -n 2 --dist loadfile --no-loadscope-reorder
 endef
 
