@@ -96,7 +96,7 @@ def test_every_drive_of_shipped_rigs_is_supervised(path: Path) -> None:
     rig = load_rig(path)
     followed = {item.follows: item for item in rig.interlocks if item.follows is not None}
     driven = {"wheel_servo.current", "longitudinal_belt.speed", "lateral_belt.speed"}
-    assert followed.keys() == driven
+    assert followed.keys() == {item for item in driven if item.partition(".")[0] in rig.devices}
     assert all(item.action >= Severity.ABORT for item in followed.values())
 
 
