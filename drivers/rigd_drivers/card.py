@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Iterable
 from typing import ClassVar
 
-from rigd.sdk import Link
+from rigd.sdk import Link, LinkError
 
 
 class Card(Link):
@@ -132,3 +132,11 @@ class Card(Link):
             LinkError: the card cannot be reached.
 
         """
+
+
+def taken_twice(what: str, number: int) -> LinkError:
+    """Return the error for an input or output of a card that has an owner already."""
+    return LinkError(
+        f"{what} {number} is used twice: by two devices, or by one and the link",
+        hint="correct one of the numbers in the rig file",
+    )

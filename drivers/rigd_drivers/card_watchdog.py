@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, Protocol
 
 from annotated_types import Ge, Le
 
@@ -74,6 +74,42 @@ def prove(
                 f"expected at most {time_s:g} s",
                 hint=f"nothing would stop the drives if this computer failed; {falls}",
             )
+
+
+def prove_one_shot(
+    one_shot: OneShotOptions | None, feed: Callable[[], None], is_up: Callable[[], bool]
+) -> float:
+    """Prove the one-shot of a card that may have a watchdog of its own, too; see :func:`prove`.
+
+    Raises:
+        DeviceError: there is none, it never came up, or it has not dropped in time.
+    """
+    if one_shot is None:
+        raise DeviceError(
+            "neither a one-shot nor a watchdog is declared on this card",
+            hint="add 'one_shot' or 'watchdog' to the options of the link, or a waiver to the "
+            "device",
+        )
+    wires = wires_of(one_shot)
+    return prove(
+        feed, is_up, one_shot.time,
+        fed=f"digital output {one_shot.output} toggles",
+        rises=f"check its wires to {wires}, and whether it is really '{one_shot.active}' while it "
+        "is up",
+        falls=f"check its resistor and capacitor, and its wires to {wires}",
+    )  # fmt: skip
+
+
+class Wired(Protocol):
+    """A one-shot or watchdog, by the output that raises it and the input that shows it."""
+
+    output: int
+    input: int
+
+
+def wires_of(guard: Wired) -> str:
+    """Return the output and the input of a one-shot or watchdog, in words."""
+    return f"digital output {guard.output} and digital input {guard.input}"
 
 
 def _raise(

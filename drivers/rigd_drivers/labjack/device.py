@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Final
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.call_time import CallTime
 from rigd_drivers.labjack import registers as lj
 from rigd_drivers.labjack.config import LabjackConfig, LabjackWatchdogOptions, tick_of
 from rigd_drivers.labjack.connection import Connection
@@ -51,7 +51,7 @@ class Device:
         self._scan: tuple[Register, ...] = ()
         self._scan_packet = packet(lj.DIO_STATE)
         self._counters: set[int] = set()
-        self._until_s: float | None = None
+        self.call_time = CallTime(CALL_S)
 
     def __str__(self) -> str:
         return self._connection.where
@@ -60,15 +60,6 @@ class Device:
     def resting_lines(self) -> int:
         """The digital outputs at rest, one bit each."""
         return lj.bits(self._config.high_at_rest)
-
-    @contextmanager
-    def within(self, together_s: float) -> Iterator[None]:
-        """Let all calls until the end of this have ``together_s`` together."""
-        self._until_s = time.monotonic() + together_s
-        try:
-            yield
-        finally:
-            self._until_s = None
 
     def open(self) -> str:
         """Connect, bring the outputs to rest, set up the watchdog; return what device it is.
@@ -202,8 +193,7 @@ class Device:
         self._scan_packet = packet(lj.DIO_STATE, *scan)
 
     def _ask(self, asked: Packet) -> tuple[float, ...]:
-        until_s = time.monotonic() + CALL_S if self._until_s is None else self._until_s
-        return self._connection.ask(asked, until_s)
+        return self._connection.ask(asked, self.call_time.until_s)
 
     def _connect(self) -> str:
         """Connect, and return what device it is."""

@@ -13,8 +13,8 @@ from contextlib import suppress
 from typing import ClassVar, Final
 
 from rigd.sdk import DeviceError, LinkConfig, LinkError, ProtocolError
-from rigd_drivers.card import Card
-from rigd_drivers.card_watchdog import prove
+from rigd_drivers.card import Card, taken_twice
+from rigd_drivers.card_watchdog import prove, prove_one_shot, wires_of
 from rigd_drivers.labjack.config import (
     DAC_SPAN_V,
     TDAC_SPAN_V,
@@ -101,7 +101,7 @@ class Labjack(Card):
         if not self._open:
             return
         self._open = False
-        with self._device.within(CALL_S):
+        with self._device.call_time.within(CALL_S):
             try:
                 self._device.rest()
             finally:
@@ -122,7 +122,7 @@ class Labjack(Card):
         self._check_known("digital input", lines, config.inputs)
         for each in analog:
             if each in self._inputs or each - 1 in {*config.differential} & self._inputs:
-                raise _taken("analogue input", each)
+                raise taken_twice("analogue input", each)
             self._inputs.add(each)
         encoders |= {config.index_counters[item] for item in encoders & {*config.index_counters}}
         self._check_phases(encoders)
@@ -142,7 +142,7 @@ class Labjack(Card):
             for number in numbers:
                 self._check_known(kind, (number,), known)
                 if number in taken:
-                    raise _taken(kind, number)
+                    raise taken_twice(kind, number)
                 taken.add(number)
 
     def output_span(self, output: int) -> tuple[float, float]:
@@ -171,7 +171,7 @@ class Labjack(Card):
             LinkError: the device does not answer.
             DeviceError: the device does not do what it should.
         """
-        with self._device.within(CYCLE_S):
+        with self._device.call_time.within(CYCLE_S):
             self.sample()
 
     def end(self, t_ns: int) -> None:
@@ -181,7 +181,7 @@ class Labjack(Card):
             LinkError: the device does not answer.
             DeviceError: the device takes nothing, or its watchdog has acted.
         """
-        with self._device.within(CYCLE_S):
+        with self._device.call_time.within(CYCLE_S):
             self._feed()
 
     def sample(self) -> None:
@@ -232,24 +232,12 @@ class Labjack(Card):
     def prove_one_shot(self) -> float:
         """Raise the one-shot or watchdog, let it drop; see :class:`Card`."""
         guard = self.config.guard
-        if guard is None:
-            raise DeviceError(
-                "neither a one-shot nor a watchdog is declared on this card",
-                hint="add 'one_shot' or 'watchdog' to the options of the link, or a waiver to the "
-                "device",
-            )
-        wires = f"digital output {guard.output} and digital input {guard.input}"
         if isinstance(guard, LabjackWatchdogOptions):
-            return self._prove_watchdog(guard, wires)
-        return prove(
-            self._feed, self._sees_one_shot, guard.time,
-            fed=f"digital output {guard.output} toggles",
-            rises=f"check its wires to {wires}, and whether it is really '{guard.active}' while it "
-            "is up",
-            falls=f"check its resistor and capacitor, and its wires to {wires}",
-        )  # fmt: skip
+            return self._prove_watchdog(guard)
+        return prove_one_shot(guard, self._feed, self._sees_one_shot)
 
-    def _prove_watchdog(self, watchdog: LabjackWatchdogOptions, wires: str) -> float:
+    def _prove_watchdog(self, watchdog: LabjackWatchdogOptions) -> float:
+        wires = wires_of(watchdog)
         self._fed_s = None
         try:
             return prove(
@@ -332,10 +320,3 @@ class Labjack(Card):
                     f"the LabJack {self.config.product} of the rig file has no {what} {number}; it "
                     f"has {listed}"
                 )
-
-
-def _taken(what: str, number: int) -> LinkError:
-    return LinkError(
-        f"{what} {number} is used twice: by two devices, or by one and the link",
-        hint="correct one of the numbers in the rig file",
-    )

@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import field_validator
 
 from rigd.sdk import DeviceError, Documented, In, LinkConfig, LinkError
-from rigd_drivers.card import Card
+from rigd_drivers.card import Card, taken_twice
 from rigd_drivers.card_watchdog import prove
 from rigd_drivers.mf624 import registers as mf
 from rigd_drivers.mf624.access import BUILT_IN, PLUGINS, RegIO, open_registers
@@ -184,7 +184,7 @@ class Mf624(Card):
                 hint="wire the reference to an input above all others",
             )
         for each in analog & set(self._scan):
-            raise _taken("analogue input", each)
+            raise taken_twice("analogue input", each)
         self._scan = tuple(sorted({*self._scan, *analog}))
         self._adctrl = mf.mask_of(self._scan)
         self._encoders = tuple(sorted({*self._encoders, *encoders}))
@@ -196,10 +196,10 @@ class Mf624(Card):
         _check_known("digital output", lines, mf.LINES)
         for output in analog:
             if output in self._codes:
-                raise _taken("analogue output", output)
+                raise taken_twice("analogue output", output)
         for line in lines:
             if self._own_lines >> line & 1:
-                raise _taken("digital output", line)
+                raise taken_twice("digital output", line)
         self._codes |= dict.fromkeys(analog, mf.ZERO_VOLTS)
         self._own_lines |= mf.mask_of(lines)
 
@@ -356,10 +356,3 @@ def _check_known(what: str, numbers: Iterable[int], count: int) -> None:
     for number in numbers:
         if not 0 <= number < count:
             raise LinkError(f"an MF624 has no {what} {number}; it has 0 to {count - 1}")
-
-
-def _taken(what: str, number: int) -> LinkError:
-    return LinkError(
-        f"{what} {number} is used twice: by two devices, or by one and the link",
-        hint="correct one of the numbers in the rig file",
-    )

@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import ClassVar, Final
 
-from rigd.sdk import DeviceError, LinkConfig, LinkError
-from rigd_drivers.card import Card
-from rigd_drivers.card_watchdog import prove
+from rigd.sdk import LinkConfig, LinkError
+from rigd_drivers.card import Card, taken_twice
+from rigd_drivers.card_watchdog import prove, prove_one_shot, wires_of
 from rigd_drivers.ni_io.config import NiIoConfig, WatchdogOptions
 from rigd_drivers.ni_io.signals import CALL_S, CYCLE_S, RANGE_V, Expired, Signals
 
@@ -88,7 +88,7 @@ class NiIo(Card):
         if not self._open:
             return
         self._open = False
-        with self._signals.within(CALL_S):
+        with self._signals.call_time.within(CALL_S):
             try:
                 with suppress(Expired):  # they are at rest
                     self._signals.rest()
@@ -109,7 +109,7 @@ class NiIo(Card):
         _check_known("counter", encoders, _MOST_COUNTERS)
         _check_known("digital input", lines, len(self.config.inputs))
         for each in sorted(analog & set(self._scan)):
-            raise _taken("analogue input", each)
+            raise taken_twice("analogue input", each)
         indexes = {self.config.index_counters[e] for e in encoders & {*self.config.index_counters}}
         self._scan = tuple(sorted({*self._scan, *analog}))
         self._encoders = tuple(sorted({*self._encoders, *encoders, *indexes}))
@@ -128,7 +128,7 @@ class NiIo(Card):
             for number in numbers:
                 _check_known(kind, (number,), count)
                 if number in taken:
-                    raise _taken(kind, number)
+                    raise taken_twice(kind, number)
                 taken.add(number)
 
     def rests_high(self, line: int) -> bool:
@@ -150,7 +150,7 @@ class NiIo(Card):
             LinkError: the card or its server does not answer.
             DeviceError: the card does not do what it should.
         """
-        with self._signals.within(CYCLE_S):
+        with self._signals.call_time.within(CYCLE_S):
             self.sample()
 
     def end(self, t_ns: int) -> None:
@@ -161,7 +161,7 @@ class NiIo(Card):
             DeviceError: the card takes nothing, or its watchdog has expired.
         """
         watchdog, signals = self.config.watchdog, self._signals
-        with signals.within(CYCLE_S):
+        with signals.call_time.within(CYCLE_S):
             if watchdog is not None and not signals.watched:
                 signals.start_watchdog(watchdog)
             self._feed()
@@ -199,24 +199,12 @@ class NiIo(Card):
     def prove_one_shot(self) -> float:
         """Raise the one-shot or watchdog, let it drop; see :class:`Card`."""
         guard = self.config.guard
-        if guard is None:
-            raise DeviceError(
-                "neither a one-shot nor a watchdog is declared on this card",
-                hint="add 'one_shot' or 'watchdog' to the options of the link, or a waiver to the "
-                "device",
-            )
-        wires = f"digital output {guard.output} and digital input {guard.input}"
         if isinstance(guard, WatchdogOptions):
-            return self._prove_watchdog(guard, wires)
-        return prove(
-            self._feed, self._sees_one_shot, guard.time,
-            fed=f"digital output {guard.output} toggles",
-            rises=f"check its wires to {wires}, and whether it is really '{guard.active}' while it "
-            "is up",
-            falls=f"check its resistor and capacitor, and its wires to {wires}",
-        )  # fmt: skip
+            return self._prove_watchdog(guard)
+        return prove_one_shot(guard, self._feed, self._sees_one_shot)
 
-    def _prove_watchdog(self, watchdog: WatchdogOptions, wires: str) -> float:
+    def _prove_watchdog(self, watchdog: WatchdogOptions) -> float:
+        wires = wires_of(watchdog)
         self._signals.end_watchdog()
         try:
             self._signals.start_watchdog(watchdog)
@@ -275,10 +263,3 @@ def _check_known(what: str, numbers: Iterable[int], count: int) -> None:
         if not 0 <= number < count:
             have = f"it has 0 to {count - 1}" if count else "the rig file gives it none"
             raise LinkError(f"the NI card has no {what} {number}; {have}")
-
-
-def _taken(what: str, number: int) -> LinkError:
-    return LinkError(
-        f"{what} {number} is used twice: by two devices, or by one and the link",
-        hint="correct one of the numbers in the rig file",
-    )

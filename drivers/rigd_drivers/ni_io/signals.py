@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.sdk import DeviceError, LinkError
+from rigd_drivers.call_time import CallTime
 from rigd_drivers.ni_card import NiCard
 from rigd_drivers.ni_io.config import NiIoConfig, WatchdogOptions
 
@@ -55,7 +56,8 @@ class Signals:
 
     def __init__(self, config: NiIoConfig) -> None:
         self._config = config
-        self._card = NiCard(config, _REFUSED, call_s=self._patience_s)
+        self.call_time = CallTime(CALL_S)
+        self._card = NiCard(config, _REFUSED, call_s=self.call_time.left_s)
         self._tasks: dict[str, Any] = {}
         self._volts_out: Any = None
         self._lines_out: Any = None
@@ -66,26 +68,11 @@ class Signals:
         self._put_volts: list[float] = []  # what the card has confirmed last
         self._put_lines: list[bool] = []
         self._fed_s = 0.0
-        self._until_s: float | None = None
         self._volts = np.zeros(0)
         self._levels = np.zeros(len(config.inputs), dtype=bool)
 
     def __str__(self) -> str:
         return str(self._card)
-
-    @contextmanager
-    def within(self, together_s: float) -> Iterator[None]:
-        """Let all calls until the end of this have ``together_s`` together."""
-        self._until_s = time.monotonic() + together_s
-        try:
-            yield
-        finally:
-            self._until_s = None
-
-    def _patience_s(self) -> float:
-        if self._until_s is None:
-            return CALL_S
-        return max(self._until_s - time.monotonic(), 1e-3)
 
     @property
     def resting_lines(self) -> list[bool]:
@@ -192,7 +179,7 @@ class Signals:
         if self._volts_in is None:
             return []
         with self._doing("read inputs of"):
-            self._volts_in.read_one_sample(self._volts, self._patience_s())
+            self._volts_in.read_one_sample(self._volts, self.call_time.left_s())
         volts: list[float] = self._volts.tolist()
         return volts
 
@@ -201,8 +188,10 @@ class Signals:
         with self._doing("read a counter of"):
             reader = self._counters[number]
             if number in self._config.edge_counters:
-                return int(reader.read_one_sample_uint32(self._patience_s()))
-            return round(float(reader.read_one_sample_double(self._patience_s()))) & 0xFFFF_FFFF
+                return int(reader.read_one_sample_uint32(self.call_time.left_s()))
+            return (
+                round(float(reader.read_one_sample_double(self.call_time.left_s()))) & 0xFFFF_FFFF
+            )
 
     def levels(self) -> list[bool]:
         """Return the levels of all digital inputs."""
@@ -230,13 +219,13 @@ class Signals:
             if volts and (again or volts != self._put_volts):
                 self._put_volts = []
                 self._volts_out.write_one_sample(
-                    np.array(volts, dtype=np.float64), self._patience_s()
+                    np.array(volts, dtype=np.float64), self.call_time.left_s()
                 )
                 self._put_volts = list(volts)
             if again or lines != self._put_lines:
                 self._put_lines = []
                 self._lines_out.write_one_sample_multi_line(
-                    np.array(lines, dtype=bool), self._patience_s()
+                    np.array(lines, dtype=bool), self.call_time.left_s()
                 )
                 self._put_lines = list(lines)
 
