@@ -172,7 +172,8 @@ def change_texts(item: Compared, found: LevelDifference | Slope) -> tuple[str, s
     ends = [scale * end if math.isfinite(end) else None for end in (low, high)]
     if item.log and low <= -1.0:
         ends[0] = None
-    width = None if None in ends else ends[1] - ends[0]  # type: ignore[operator]
+    bottom, top = ends
+    width = 0.0 if bottom is None or top is None else top - bottom
     places = places_for(0.5 * width) if width else None
     sign = "+" if value > 0.0 else ""
     return f"{sign}{number(scale * value, places)}{unit}", f"{interval(*ends)}{unit}"
