@@ -155,7 +155,7 @@ class ParameterEvaluation(Evaluation):
     def estimates(self) -> tuple[Estimate, ...]:
         """The parameters of each group, then what follows from them, as the report has them."""
         return tuple(
-            item.told(section.label)
+            item.as_estimate(section.label)
             for section in self.sections
             for item in (*section.result.parameters, *section.result.derived)
         )

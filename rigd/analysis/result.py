@@ -85,7 +85,7 @@ class ParameterEstimate:
             return None
         return self.estimate if self.low is not None or self.high is not None else None
 
-    def told(self, group: str) -> Estimate:
+    def as_estimate(self, group: str) -> Estimate:
         """Return it as a parameter of ``group``; no number if none may be quoted."""
         known = self.quoted is not None
         positive = self.estimate > 0.0 and (self.low is None or self.low > 0.0)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.analysis import estimates
+from rigd.analysis.estimates import Estimate
 from rigd.analysis.plain import plain_object
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.budget import Budget
@@ -70,7 +70,7 @@ class RunResult:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MeasuredCoefficient:
     """A coefficient with its standard uncertainty ``u`` (k = 1); dimensionless."""
 
     value: float
@@ -186,9 +186,9 @@ class SetResult:
     published: float | None  #: printed beside, never used
     paper: PaperMaximum
     curve: FrictionCurve | None
-    maximum: Estimate | None
-    usable: Estimate | None
-    resultant: Estimate | None
+    maximum: MeasuredCoefficient | None
+    usable: MeasuredCoefficient | None
+    resultant: MeasuredCoefficient | None
     statistical_u: float | None  #: of ``maximum``, from the spread between runs
     sliding_runs: int
     budget: Budget | None
@@ -197,15 +197,15 @@ class SetResult:
     shared_u: float = 0.0  #: relative, in ``maximum``: errors that the runs share, at full size
 
     @property
-    def estimates(self) -> tuple[estimates.Estimate, ...]:
+    def estimates(self) -> tuple[Estimate, ...]:
         """The coefficients as any analysis gives its numbers; none without a maximum."""
         why = " ".join((*self.missing, *self.warnings))
         return tuple(
-            estimates.Estimate(
+            Estimate(
                 self.name, name, "1", None, None, None, False, "not determined", why, meaning
             )
             if found is None
-            else estimates.Estimate(
+            else Estimate(
                 self.name, name, "1", found.value, found.low, found.high, True, "determined", why,
                 meaning,
             )

@@ -24,7 +24,12 @@ from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.budget import Budget, set_budget
 from rigd_analyses.approach_angle.curve import Pooled, pool
 from rigd_analyses.approach_angle.data import AngleRig, Coefficient, KnownRun, Severity
-from rigd_analyses.approach_angle.result import Estimate, PaperMaximum, RunResult, SetResult
+from rigd_analyses.approach_angle.result import (
+    MeasuredCoefficient,
+    PaperMaximum,
+    RunResult,
+    SetResult,
+)
 from rigd_analyses.approach_angle.shared.result import SharedError
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
@@ -114,14 +119,14 @@ def _pooled(results: Sequence[RunResult]) -> Pooled:
     )
 
 
-def _maximum(pooled: Pooled, budget: Budget, shared_u: float) -> Estimate:
+def _maximum(pooled: Pooled, budget: Budget, shared_u: float) -> MeasuredCoefficient:
     u = math.hypot(pooled.maximum_u, math.hypot(budget.systematic, shared_u) * pooled.maximum)
-    return Estimate(pooled.maximum, u, Coefficient.ROLLING)
+    return MeasuredCoefficient(pooled.maximum, u, Coefficient.ROLLING)
 
 
 def _others(
-    rolling: Estimate | None, alpha: float, rig: AngleRig, settings: BetterSettings
-) -> tuple[Estimate | None, Estimate | None]:
+    rolling: MeasuredCoefficient | None, alpha: float, rig: AngleRig, settings: BetterSettings
+) -> tuple[MeasuredCoefficient | None, MeasuredCoefficient | None]:
     """Return usable and resultant coefficient that belong to the rolling-direction one."""
     if rolling is None:
         return None, None
@@ -134,8 +139,8 @@ def _others(
     resultant = math.hypot(mu, drag.value)
     resultant_u = math.hypot(mu * rolling.u, drag.value * drag.u) / resultant
     return (
-        Estimate(usable, usable_u, Coefficient.USABLE),
-        Estimate(resultant, resultant_u, Coefficient.RESULTANT),
+        MeasuredCoefficient(usable, usable_u, Coefficient.USABLE),
+        MeasuredCoefficient(resultant, resultant_u, Coefficient.RESULTANT),
     )
 
 

@@ -16,7 +16,7 @@ from rigd_analyses.approach_angle.budget import BudgetTerm
 from rigd_analyses.approach_angle.data import Flag, Regime, Severity
 from rigd_analyses.approach_angle.result import (
     CampaignResult,
-    Estimate,
+    MeasuredCoefficient,
     RunResult,
     SetResult,
     SlipPoint,
@@ -52,7 +52,7 @@ def quantity(value: float, places: int) -> str:
     return number(value, places) if np.isfinite(value) else NONE
 
 
-def estimate(item: Estimate | None) -> str:
+def estimate(item: MeasuredCoefficient | None) -> str:
     """Return ``0.1873 ± 0.0052`` with U = 2 u, or a dash."""
     if item is None:
         return NONE

@@ -15,7 +15,7 @@ from rigd_analyses.approach_angle.report.opening import campaign_opening
 from rigd_analyses.approach_angle.report.tables import flagged_rows, label, set_rows
 from rigd_analyses.approach_angle.result import (
     CampaignResult,
-    Estimate,
+    MeasuredCoefficient,
     PaperMaximum,
     RunResult,
     SetResult,
@@ -71,7 +71,7 @@ def test_set_is_named_by_angle_and_known_wheel(wheel: str, told: str) -> None:
 def test_opening_leaves_out_maxima_without_sliding() -> None:
     rolled = PaperMaximum(0.19, 0.19, "4 kg, 10 V", Regime.ROLLING, raw=2, flagged=1, used=1)
     slid = PaperMaximum(0.19, 0.19, "4 kg, 10 V", Regime.SLIDING, raw=2, flagged=0, used=2)
-    known = Estimate(0.2, 0.002, Coefficient.ROLLING)
+    known = MeasuredCoefficient(0.2, 0.002, Coefficient.ROLLING)
     sets = [
         SetResult("clean_0", 0.0, "clean", None, slid, None, known, None, None, None, 0, None),
         SetResult("clean_15", 0.3, "clean", None, rolled, None, None, None, None, None, 0, None),
