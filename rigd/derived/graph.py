@@ -6,6 +6,7 @@ with memory (an integral, a filter) has its own part of one flat array of states
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum, unique
 from typing import Self
@@ -113,6 +114,27 @@ class Graph:
         value = self.parameters[row.parameter] if row.op is Op.CONSTANT else None
         is_condition = Op.LESS <= row.op <= Op.NOT
         return Term(place, dimension, value, is_condition, self.uses[name])
+
+    def is_conditional(self, name: str) -> bool:
+        """Return whether ``name``, or a derived channel in it, has a value under a condition only.
+
+        That is so after the key `where`.
+        """
+        waiting, seen = [self.outputs[name]], set[int]()
+        while waiting:
+            place = waiting.pop()
+            row = self.rows[place]
+            if place in seen or row.op in (Op.CONSTANT, Op.INPUT):
+                continue
+            seen.add(place)
+            if row.op is Op.WHERE and self._is_unknown(row.c):
+                return True
+            waiting += (row.a, row.b, row.c)  # one that it lacks is row 0, which uses no other
+        return False
+
+    def _is_unknown(self, place: int) -> bool:
+        row = self.rows[place]
+        return row.op is Op.CONSTANT and math.isnan(self.parameters[row.parameter])
 
     def groups(self) -> dict[str, list[str]]:
         """Return the names of the channels of each group, in order."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from rigd.daemon.doctor.bare_cycle import Lateness
 from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.timing import lateness_check, silence_check
+from rigd.derived.driver import DerivedConfig
 from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.sink import Rows
@@ -129,6 +131,20 @@ class Survey:
                 yield judge_channel(group, device, channel, seen)
 
 
+def _unknown(check: Check, group: DerivedConfig) -> Check:
+    """Return the ``check`` of a derived channel that has no value at times: no device is broken.
+
+    A device that gives none fails by its own channel.
+    """
+    if group.graph.is_conditional(check.name):
+        return replace(check, found=f"{check.found}: its `where` does not hold")
+    advice = (
+        "its formula has no value there: a division by 0, a root of a negative number, a value "
+        "outside a table, or a channel in it that fails above?"
+    )
+    return replace(check, verdict=CheckVerdict.WARN, advice=advice)
+
+
 def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Statistics) -> Check:
     """Return the check of a channel that was watched at rest."""
     name = f"{device.name}.{channel.name}"
@@ -136,6 +152,8 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
     if seen.not_finite:
         total = seen.count + seen.not_finite
         found = f"{seen.not_finite} of {total} values are not a number"
+        if isinstance(device.config, DerivedConfig):
+            return _unknown(Check(group, name, CheckVerdict.OK, found), device.config)
         advice = "beyond its range, or its sensor is not connected?"
         return Check(group, name, CheckVerdict.FAIL, found, advice)
     if not seen.count:

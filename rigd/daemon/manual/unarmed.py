@@ -100,10 +100,13 @@ class UnarmedSession:
     def first_rows(self) -> None:
         """Read the rig until every device has given a row.
 
+        The rows from before are delivered: those of derived channels have no value yet.
+
         Raises:
             DeviceError: see :meth:`rest`; a device that gives none counts as failed.
         """
         self._raise_on(self._host.settle(1))
+        self._drain()
 
     def rest(self, seconds: float) -> None:
         """Read the rig for so long, or until the user asks for the end.

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rigd.config.loader import load_rig
+from rigd.config.loader import load_rig, parse_rig
+from rigd.config.rig import DeviceConfig
 from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.rig import Reason, split_reasons
 from rigd.daemon.doctor.statistics import Statistics
@@ -17,6 +18,7 @@ from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
 from rigd.model.channels import STALE, Channel
 from rigd.model.rows import row_dtype
+from rigd.sdk.shipped import shipped_folder
 
 RIG = load_rig("lugre-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}
@@ -65,6 +67,42 @@ def test_relay_open_at_rest_is_not_saturated() -> None:
 def test_a_channel_without_numbers_fails() -> None:
     assert channel([1.0, math.nan]).verdict is CheckVerdict.FAIL
     assert channel([]).verdict is CheckVerdict.FAIL
+
+
+DERIVED = """\
+derived:
+  motion.speed: {is: derivative(carriage.position), where: carriage.position > 1 m}
+  motion.twice: {is: 2 * motion.speed}
+  motion.share: {is: carriage.position / wheel_encoder.angle}
+interlocks:
+"""
+
+
+@pytest.fixture(scope="module")
+def motion() -> DeviceConfig:
+    path = shipped_folder("configs") / "sim_lugre.yaml"
+    text = path.read_text("utf-8").replace("interlocks:\n", DERIVED, 1)
+    return parse_rig(text, path).devices["motion"]
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "said"),
+    [
+        ("speed", CheckVerdict.OK, "`where` does not hold"),
+        ("twice", CheckVerdict.OK, "`where` does not hold"),
+        ("share", CheckVerdict.WARN, "1 of 2 values are not a number"),
+    ],
+)
+def test_derived_channel_without_value_is_fit(
+    motion: DeviceConfig, name: str, verdict: CheckVerdict, said: str
+) -> None:
+    seen = Statistics()
+    seen.add(np.array([math.nan, 1.0]))
+    (channel,) = (item for item in motion.channels if item.name == name)
+    check = judge_channel("channels", motion, channel, seen)
+    assert check.verdict is verdict
+    assert said in check.found
+    assert bool(check.advice) is (verdict is not CheckVerdict.OK)
 
 
 def test_constant_channel_is_reported() -> None:
