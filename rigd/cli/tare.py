@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Open the device, perform the action, print the device's reply and its new reading."""
-    from rigd.cli.readings_view import number
+    from rigd.cli.readings_view import in_words
     from rigd.config.loader import load_rig
     from rigd.daemon.manual import Newest, check_action, only, open_unarmed
     from rigd.daemon.signals import handle_signals
@@ -62,5 +62,5 @@ def execute(args: argparse.Namespace) -> int:
     else:
         print(f"{name}: {reply}")
         for reading in readings:
-            print(f"  {reading.channel} is now {number(reading.value)} {reading.unit}")
+            print(f"  {reading.channel} is now {' '.join(in_words(reading))}")
     return int(Exit.OK)

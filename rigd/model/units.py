@@ -144,7 +144,7 @@ class Quantity:
     unit: Unit
 
     def __str__(self) -> str:
-        return f"{self.unit.from_si(self.value):.6g} {self.unit}".removesuffix(" 1")
+        return _text(self.value, self.unit, 6)
 
     def as_difference(self) -> Quantity:
         """Return itself if it can be a difference, a tolerance or a noise.
@@ -291,9 +291,9 @@ def parse_quantity(text: str) -> Quantity:
     return Quantity(value, unit)
 
 
-def format_quantity(value: float, unit: str) -> str:
+def format_quantity(value: float, unit: str, digits: int = 6) -> str:
     """Return SI ``value`` as text in ``unit``, such as ``0.15 A``."""
-    return str(Quantity(value, parse_unit(unit)))
+    return _text(value, parse_unit(unit), digits)
 
 
 def with_unit(number: str, unit: str) -> str:
@@ -318,9 +318,13 @@ def correct_scale(given: Quantity, wanted: str) -> str:
     return f"give how many {wanted.partition('/')[0]} each {wanted.rpartition('/')[2]} means"
 
 
-def format_difference(value: float, unit: str) -> str:
+def format_difference(value: float, unit: str, digits: int = 6) -> str:
     """Return an SI difference of values in ``unit`` as text: ``2 K`` for values in ``degC``."""
-    return str(Quantity(value, parse_unit(unit).difference()))
+    return _text(value, parse_unit(unit).difference(), digits)
+
+
+def _text(value: float, unit: Unit, digits: int) -> str:
+    return f"{unit.from_si(value):.{digits}g} {unit}".removesuffix(" 1")
 
 
 def quotient(above: str, below: str) -> str:

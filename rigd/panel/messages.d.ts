@@ -17,14 +17,6 @@ declare namespace Api {
     prompt_id: number;
     value: number | string | boolean;
   }
-  interface ChannelView {
-    name: string;
-    unit: string;
-    doc: string;
-    low: number | null;
-    high: number | null;
-    raw_of: string | null;
-  }
   interface CheckReport {
     ok: boolean;
     problems: ProblemView[];
@@ -56,19 +48,6 @@ declare namespace Api {
     what: string;
     here: string;
     there: string;
-  }
-  interface DryRun {
-    ok: boolean;
-    physics: "plant" | "sibling" | "none";
-    sibling: string;
-    duration_s: number;
-    known_s: number | null;
-    trials: number;
-    steps: StepView[];
-    peaks: PeakView[];
-    refusals: string[];
-    differences: DifferenceView[];
-    notes: string[];
   }
   interface Events {
     events: RigEvent[];
@@ -147,11 +126,22 @@ declare namespace Api {
     level: "info" | "warning" | "error";
     text: string;
   }
+  interface PageChannel {
+    name: string;
+    unit: string;
+    display: string;
+    doc: string;
+    low: number | null;
+    high: number | null;
+    raw_of: string | null;
+    factor: number;
+    offset: number;
+  }
   interface PageDescription {
     rig: string;
     title: string;
     simulated: boolean;
-    streams: StreamView[];
+    streams: PageStream[];
     setpoints: SetpointView[];
     interlocks: InterlockView[];
     controllers: ControllerView[];
@@ -161,6 +151,19 @@ declare namespace Api {
     sizes: Sizes;
     stated: StatedView[];
     poses: PagePose[];
+  }
+  interface PageDryRun {
+    ok: boolean;
+    physics: "plant" | "sibling" | "none";
+    sibling: string;
+    duration_s: number;
+    known_s: number | null;
+    trials: number;
+    steps: StepView[];
+    peaks: PagePeak[];
+    refusals: string[];
+    differences: DifferenceView[];
+    notes: string[];
   }
   interface PageEvent {
     v: 1;
@@ -180,6 +183,19 @@ declare namespace Api {
     min: string | null;
     max: string | null;
     swept: boolean;
+    factor: number;
+    offset: number;
+  }
+  interface PagePeak {
+    channel: string;
+    unit: string;
+    display: string;
+    lowest: number | null;
+    highest: number | null;
+    low: number | null;
+    high: number | null;
+    limit_by: string;
+    inside: boolean;
     factor: number;
     offset: number;
   }
@@ -242,15 +258,11 @@ declare namespace Api {
     refused: RefusedCounts;
     notices: OperatorNotice[];
   }
-  interface PeakView {
-    channel: string;
-    unit: string;
-    lowest: number | null;
-    highest: number | null;
-    low: number | null;
-    high: number | null;
-    limit_by: string;
-    inside: boolean;
+  interface PageStream {
+    number: number;
+    name: string;
+    channels: PageChannel[];
+    rate_hz: number;
   }
   interface ProblemView {
     message: string;
@@ -403,12 +415,6 @@ declare namespace Api {
   interface Stopped {
     acted: boolean;
   }
-  interface StreamView {
-    number: number;
-    name: string;
-    channels: ChannelView[];
-    rate_hz: number;
-  }
   interface TrialStatus {
     number: number;
     repeat: number;
@@ -457,6 +463,6 @@ declare namespace Api {
     act: { args: ActArguments; result: ActionReply };
     identify: { args: RunArguments; result: Reported };
     draw: { args: RunArguments; result: Reported };
-    dry_run: { args: Checked; result: DryRun };
+    dry_run: { args: Checked; result: PageDryRun };
   }
 }

@@ -17,12 +17,16 @@ from rigd.model.poses import poses_of
 from rigd.model.units import parse_unit
 from rigd.remote.protocol import VERBS, Kind, Message, RigEvent, Status, Verb
 from rigd.remote.protocol.results import (
+    ChannelView,
     Description,
+    DryRun,
     LatestValues,
     ParameterView,
+    PeakView,
     ProcedureView,
     RunLine,
     RunView,
+    StreamView,
 )
 from rigd.remote.protocol.status import PromptView
 
@@ -224,9 +228,51 @@ class PagePose(Message):
     """Whether an interlock watches the stream."""
 
 
+class PageChannel(ChannelView):
+    """A channel; `display` is never empty."""
+
+    factor: float
+    """What a difference of 1 in `display` is in SI."""
+    offset: float
+    """What 0 in `display` is in SI; 0 but for degC and the like."""
+
+    @classmethod
+    def of(cls, view: ChannelView) -> PageChannel:
+        """Return ``view`` with the unit in which people read it as numbers."""
+        return cls(**{**dict(view), **_displayed(view)})
+
+
+class PageStream(StreamView):
+    """A stream of live data."""
+
+    channels: tuple[PageChannel, ...]
+
+
+class PagePeak(PeakView):
+    """The predicted extremes of a channel; `display` is never empty."""
+
+    factor: float
+    """What a difference of 1 in `display` is in SI."""
+    offset: float
+    """What 0 in `display` is in SI; 0 but for degC and the like."""
+
+
+class PageDryRun(DryRun):
+    """The result of a dry run."""
+
+    peaks: tuple[PagePeak, ...]
+
+    @classmethod
+    def of(cls, found: DryRun) -> PageDryRun:
+        """Return ``found`` with the units in which people read the channels as numbers."""
+        peaks = tuple(PagePeak(**{**dict(item), **_displayed(item)}) for item in found.peaks)
+        return cls(**{**dict(found), "peaks": peaks})
+
+
 class PageDescription(Description):
     """The description of the rig with the poses that the page draws in a plane."""
 
+    streams: tuple[PageStream, ...]
     poses: tuple[PagePose, ...] = ()
 
     @classmethod
@@ -248,7 +294,13 @@ class PageDescription(Description):
                     watched=pose.stream in watched,
                 )
             )
-        return cls(**dict(description), poses=tuple(poses))
+        shown = tuple(
+            PageStream(
+                **{**dict(item), "channels": tuple(map(PageChannel.of, item.channels))},
+            )
+            for item in description.streams
+        )
+        return cls(**{**dict(description), "streams": shown}, poses=tuple(poses))
 
 
 class LiveStatus(Message):
@@ -300,16 +352,19 @@ LiveMessage = LiveState | LiveEvent | LiveSkipped
 #: What the page receives instead of a message of the protocol.
 _COMPLETED: Mapping[type[Message], type[Message]] = {
     Description: PageDescription,
+    DryRun: PageDryRun,
     ProcedureView: PageProcedure,
     RunView: PageRun,
 }
 
 
 def complete(answer: Message) -> Message:
-    """Return the answer to a question, with the additional data for the page."""
+    """Return the answer to a question or command, with the additional data for the page."""
     match answer:
         case Description():
             return PageDescription.of(answer)
+        case DryRun():
+            return PageDryRun.of(answer)
         case ProcedureView():
             return PageProcedure.of(answer)
         case RunView():
@@ -323,7 +378,10 @@ def page_schema() -> dict[str, Any]:
         name: (verb.arguments, _COMPLETED.get(verb.result, verb.result))
         for name, verb in ASKS.items()
     }
-    commands = {name: (verb.arguments, verb.result) for name, verb in COMMANDS.items()}
+    commands = {
+        name: (verb.arguments, _COMPLETED.get(verb.result, verb.result))
+        for name, verb in COMMANDS.items()
+    }
     stop = next(iter(VERBS[Kind.STOP].values())).result
     own: list[type[Message]] = [
         SessionReply, Invitation, RequestError, stop,
@@ -347,6 +405,11 @@ def page_schema() -> dict[str, Any]:
             for title, table in (("asks", asks), ("commands", commands))
         },
     }
+
+
+def _displayed(view: ChannelView | PeakView) -> dict[str, str | float]:
+    symbol = view.display or view.unit
+    return {"display": symbol, **_scale(symbol)}
 
 
 def _scale(symbol: str) -> dict[str, float]:

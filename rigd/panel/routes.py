@@ -119,7 +119,8 @@ class PanelApi:
         to_us = verb == "lease_give" and args.get("to") == self.rig.identity
         if to_us and not self.sessions.has_page(str(args.get("user", ""))):
             raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
-        return await self.rig.request(Kind.COMMAND, verb, args, COMMANDS[verb].result, session.name)
+        kind = COMMANDS[verb].result
+        return complete(await self.rig.request(Kind.COMMAND, verb, args, kind, session.name))
 
     async def stop(self, request: Request, session: Session) -> Message:
         """Stop, abort or estop; every session may do so."""

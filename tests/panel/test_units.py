@@ -5,8 +5,15 @@ from __future__ import annotations
 import pytest
 from pydantic import JsonValue
 
-from rigd.panel.messages import PageEvent
-from rigd.remote.protocol import VERSION, RigEvent
+from rigd.panel.messages import PageDescription, PageDryRun, PageEvent, complete
+from rigd.remote.protocol import VERSION, RigEvent, Role
+from rigd.remote.protocol.results import (
+    ChannelView,
+    Description,
+    DryRun,
+    PeakView,
+    StreamView,
+)
 
 
 @pytest.mark.parametrize(
@@ -19,3 +26,27 @@ def test_number_in_unit_becomes_si(unit: str, number: float, si: float) -> None:
     event = PageEvent.of(began)
     scale = event.scales["hot"]
     assert number * scale.factor + scale.offset == pytest.approx(si)
+
+
+def test_channel_is_shown_in_its_display_unit() -> None:
+    channels = (
+        ChannelView(name="heat", unit="K", display="degC"),
+        ChannelView(name="fan", unit="rad/s"),
+    )
+    stream = StreamView(number=0, name="oven", channels=channels, rate_hz=1.0)
+    shown = complete(
+        Description(rig="oven", title="", simulated=True, streams=(stream,), role=Role.OBSERVER)
+    )
+    assert isinstance(shown, PageDescription)
+    heat, fan = shown.streams[0].channels
+    assert (heat.display, heat.factor, heat.offset) == ("degC", 1.0, 273.15)
+    assert (fan.display, fan.factor, fan.offset) == ("rad/s", 1.0, 0.0)
+
+
+def test_peak_is_shown_in_its_display_unit() -> None:
+    peak = PeakView(channel="oven.fan", unit="rad/s", display="rpm", lowest=0.0, highest=1.0,
+                    low=None, high=2.0, limit_by="rig file", inside=True)  # fmt: skip
+    shown = complete(DryRun(ok=True, duration_s=1.0, trials=1, steps=(), peaks=(peak,)))
+    assert isinstance(shown, PageDryRun)
+    assert shown.peaks[0].display == "rpm"
+    assert shown.peaks[0].factor == pytest.approx(0.10472, rel=1e-4)

@@ -119,10 +119,13 @@ def test_a_device_that_falls_silent_ends_a_read(wire: WireRig, tmp_path: Path) -
 
 
 def test_tare_works_for_slow_and_cycle_devices(wire: WireRig, tmp_path: Path) -> None:
-    done = rigd("tare", "scale", "--rig", wire.rig, cwd=tmp_path)
+    grams = other(
+        wire, tmp_path, display=("      unit: kg\n", "      unit: kg\n    display: {mass: g}\n")
+    )
+    done = rigd("tare", "scale", "--rig", grams, cwd=tmp_path)
     assert done.code == 0, done.err
     _, _, left = done.out.partition("scale.mass is now ")
-    assert abs(float(left.removesuffix(" kg\n"))) <= DIVISION_KG
+    assert abs(float(left.removesuffix(" g\n"))) <= 1000 * DIVISION_KG
     assert wire.parts()["scale"]["tare_kg"] == pytest.approx(3.959, abs=0.01)
     done = rigd("tare", "traction", "--rig", wire.rig, "--json", cwd=tmp_path)
     assert done.code == 0, done.err

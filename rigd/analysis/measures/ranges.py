@@ -36,7 +36,7 @@ class Sensor:
             (self.channel.high, values >= high),
         ):
             if beyond.any():
-                shown = format_quantity(bound, self.channel.unit)
+                shown = format_quantity(bound, self.channel.shown_in)
                 return int(beyond.sum()), f"{self.name} at the end of its range, {shown}"
         return 0, ""
 

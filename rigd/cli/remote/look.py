@@ -158,11 +158,20 @@ def _details(data: Mapping[str, JsonValue]) -> str:
         if name == "name":
             parts.insert(0, _plain(value))
         elif name == "parameters" and isinstance(value, dict) and isinstance(units, dict):
-            shown = (f"{item} {_plain(of)} {units.get(item) or ''}" for item, of in value.items())
-            parts.append(", ".join(shown).rstrip())
+            shown = (f"{item} {_in_unit(of, units.get(item))}" for item, of in value.items())
+            parts.append(", ".join(shown))
         else:
             parts.append(f"{name.replace('_', ' ')} {_plain(value)}")
     return "; ".join(parts) or ", ".join(data)
+
+
+def _in_unit(value: JsonValue, unit: JsonValue) -> str:
+    """Return a parameter, in SI, as a quantity in its unit; a word as it is."""
+    from rigd.model.units import format_quantity
+
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isinstance(unit, str):
+        return _plain(value)
+    return format_quantity(value, unit)
 
 
 def _plain(value: JsonValue) -> str:

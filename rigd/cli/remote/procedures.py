@@ -99,6 +99,7 @@ def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
                 bound(peak.low, -math.inf),
                 bound(peak.high, math.inf),
                 peak.limit_by,
+                peak.display,
             )
             for peak in dry_run.peaks
         ),

@@ -22,6 +22,7 @@ from rigd.engine.sink import Rows
 from rigd.engine.wiring import in_cycle
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.model.rows import TIME_FIELD
+from rigd.model.units import format_difference, format_quantity
 from rigd.sdk import BlockDriver, Driver
 
 #: A rate may differ from the declared rate by this share of it.
@@ -148,7 +149,6 @@ def _unknown(check: Check, group: DerivedConfig) -> Check:
 def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Statistics) -> Check:
     """Return the check of a channel that was watched at rest."""
     name = f"{device.name}.{channel.name}"
-    unit = "" if channel.unit == "1" else f" {channel.unit}"
     if seen.not_finite:
         total = seen.count + seen.not_finite
         found = f"{seen.not_finite} of {total} values are not a number"
@@ -170,18 +170,19 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
     if seen.count > 2 and seen.climbing:
         found = "its value only rises"
         return Check(group, name, CheckVerdict.OK, found, figures=figures)
-    found = f"zero {seen.mean:.4g}{unit}, "
+    found = f"zero {format_quantity(seen.mean, channel.shown_in, 4)}, "
     if seen.constant:
         found += "constant"
     elif not math.isnan(seen.deviation):
-        found += f"noise {seen.deviation:.3g}{unit}"
+        found += f"noise {format_difference(seen.deviation, channel.shown_in, 3)}"
     else:
         found += "one value"
     limit = device.limits.get(channel.name)
     rests = limit is not None and seen.low == limit.rest == seen.high  # an open relay reads 0
     if not rests and (seen.low <= channel.low or seen.high >= channel.high):
         end = channel.low if seen.low <= channel.low else channel.high
-        advice = f"it is at the end of its range, {end:g}{unit}: saturated, or a wire is loose?"
+        shown = format_quantity(end, channel.shown_in)
+        advice = f"it is at the end of its range, {shown}: saturated, or a wire is loose?"
         return Check(group, name, CheckVerdict.WARN, found, advice, figures)
     analogue = issubclass(device.driver_class, BlockDriver) and not in_cycle(device)
     if seen.constant and analogue and channel.raw_of is not None:

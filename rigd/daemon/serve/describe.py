@@ -90,6 +90,7 @@ def _channel(channel: Channel) -> ChannelView:
     return ChannelView(
         name=channel.name,
         unit=channel.unit,
+        display=channel.display,
         doc=channel.doc,
         low=_finite(channel.low),
         high=_finite(channel.high),

@@ -209,6 +209,7 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
             PeakView(
                 channel=peak.channel,
                 unit=peak.unit,
+                display=peak.display,
                 lowest=_finite(peak.lowest),
                 highest=_finite(peak.highest),
                 low=_finite(peak.low),

@@ -33,6 +33,8 @@ class ChannelView(Message):
     name: DaemonText
     unit: DaemonText
     """SI; values come in it."""
+    display: DaemonText = ""
+    """The unit in which people read them, "" for `unit`."""
     doc: DaemonText = ""
     low: float | None = None
     """The range that the device can measure."""
@@ -222,6 +224,8 @@ class PeakView(Message):
 
     channel: DaemonText
     unit: DaemonText
+    display: DaemonText = ""
+    """As in :class:`ChannelView`."""
     lowest: float | None
     highest: float | None
     low: float | None

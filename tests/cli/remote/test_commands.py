@@ -166,7 +166,7 @@ def test_holder_of_the_lease_is_named(ask: Asking) -> None:
 def test_events_and_recordings_are_listed(ask: Asking) -> None:
     ask.remote.rig.emit("step", name="one")
     ask.remote.rig.emit(
-        "trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"}
+        "trial_start", number=1, parameters={"current": 0.3}, units={"current": "mA"}
     )
     ask.remote.rig.emit("devices", scale="", drive="")
     ask.remote.rig.emit(
@@ -174,7 +174,7 @@ def test_events_and_recordings_are_listed(ask: Asking) -> None:
     )
     lines = ask("events").out.splitlines()
     assert [" ".join(line.split()[2:]) for line in lines] == [
-        "step one", "trial_start number 1; current 0.3 A", "devices scale, drive",
+        "step one", "trial_start number 1; current 300 mA", "devices scale, drive",
         "command eve: start set floor [2Jfake",
     ]  # fmt: skip
     assert json.loads(ask("events", "--json").out.splitlines()[0])["data"] == {"name": "one"}

@@ -49,6 +49,18 @@ def test_doctor_reports_zero_and_noise_of_channel() -> None:
     assert check.figures["zero"] == pytest.approx(1.0)
 
 
+def test_doctor_reports_in_unit_that_people_read() -> None:
+    warm = Channel.read_in("degC", "heat", low=273.15, high=573.15)
+    device = RIG.devices["accelerometer"]
+    seen = Statistics()
+    seen.add(np.array([293.1, 293.2]))
+    check = judge_channel("channels", device, warm, seen)
+    assert check.found == "zero 20 degC, noise 0.0707 K"
+    assert (check.figures["unit"], check.figures["zero"]) == ("K", pytest.approx(293.15))
+    seen.add(np.array([573.15, 293.1]))
+    assert "its range, 300 degC:" in judge_channel("channels", device, warm, seen).advice
+
+
 def test_channel_at_end_of_its_range_is_saturated() -> None:
     check = channel([1.0, 10.0, 2.0], low=-10.0, high=10.0)
     assert check.verdict is CheckVerdict.WARN

@@ -244,7 +244,7 @@ def test_stream_of_run_gets_a_new_number(tmp_path: Path) -> None:
     feed = Feed(RIG, kept)
     numbers = []
     for run, names in enumerate((("force",), ("force", "power"), (), ("force",))):
-        channels = tuple(Channel(name, "N") for name in names)
+        channels = tuple(Channel(name, "N", display="kN") for name in names)
         streams = [*streams_of(RIG), *([Stream("own", channels)] if channels else [])]
         feed.attach(prepared(tmp_path / str(run), streams, 100))
         numbers += [(live.number, len(live.stream.channels)) for live in feed.of_run]
@@ -253,3 +253,4 @@ def test_stream_of_run_gets_a_new_number(tmp_path: Path) -> None:
     assert [event.data["added"] for event in kept.events] == [["own"], ["own"], [], ["own"]]
     described = describe(RIG, Role.OBSERVER, feed.of_run).streams[-1]
     assert (described.number, described.name, described.rate_hz) == (base + 2, "own", 1000)
+    assert (described.channels[0].unit, described.channels[0].display) == ("N", "kN")

@@ -1,9 +1,12 @@
 // Every channel by its full name, with its limits.
 
+import { inUnit } from "./format.js";
 import { read, watch } from "./store.js";
 
 /**
- * @typedef {Api.ChannelView & { full: string, stream: Api.StreamView, place: number, limits: [number, number], by: string[] }} Info
+ * A channel: its `limits` and the values of `newest.js` are in `unit`,
+ * the unit in which people read it.
+ * @typedef {Omit<Api.PageChannel, "display" | "low" | "high"> & { full: string, stream: Api.PageStream, place: number, limits: [number, number], by: string[] }} Info
  * @type {Map<string, Info>}
  */
 const infos = new Map();
@@ -18,9 +21,9 @@ watch("describe", () => {
   const { streams, setpoints, interlocks } = read("describe");
   infos.clear();
   for (const stream of streams) {
-    stream.channels.forEach((channel, place) => {
-      const full = `${stream.name}.${channel.name}`;
-      infos.set(full, { ...channel, full, stream, place, limits: [-Infinity, Infinity], by: [] });
+    stream.channels.forEach(({ name, display, doc, raw_of, factor, offset }, place) => {
+      const full = `${stream.name}.${name}`;
+      infos.set(full, { name, unit: display, doc, raw_of, factor, offset, full, stream, place, limits: [-Infinity, Infinity], by: [] });
     });
   }
   for (const { name, low, high } of setpoints) tighten(`${name}_setpoint`, low, high, "rig file");
@@ -33,13 +36,13 @@ watch("describe", () => {
 
 /**
  * @param {string} name
- * @param {number} low
+ * @param {number} low in SI, as `high`
  * @param {number} high
  * @param {string} by
  */
 function tighten(name, low, high, by) {
   const info = infos.get(name);
   if (info === undefined) return;
-  info.limits = [Math.max(info.limits[0], low), Math.min(info.limits[1], high)];
+  info.limits = [Math.max(info.limits[0], inUnit(low, info)), Math.min(info.limits[1], inUnit(high, info))];
   info.by.push(by);
 }

@@ -2,7 +2,7 @@
 // no interlock is watched, and none is shown as clear.
 
 import { el, fill, icon, mark, setText } from "./dom.js";
-import { ACTIONS, clock, quantity, words } from "./format.js";
+import { ACTIONS, clock, inUnit, quantity, words } from "./format.js";
 import { channelInfo } from "./infos.js";
 import { watchEvents } from "./link.js";
 import { known, read, watch } from "./store.js";
@@ -80,9 +80,9 @@ function verdictOf(isWatched, count) {
 
 /** @param {Api.InterlockView} interlock */
 function condition({ source, low, high }) {
-  const symbol = channelInfo(source)?.unit ?? "1";
+  const info = channelInfo(source);
   /** @param {number | string} value */
-  const bound = (value) => (typeof value === "string" ? value : quantity(value, symbol));
+  const bound = (value) => (typeof value === "string" ? value : quantity(inUnit(value, info), info?.unit ?? "1"));
   if (low !== null && high !== null) return `${source} within ${bound(low)} … ${bound(high)}`;
   if (low !== null) return `${source} above ${bound(low)}`;
   if (high !== null) return `${source} below ${bound(high)}`;

@@ -1,5 +1,6 @@
-// The newest value of a channel, and whether it is old.
+// The values of a channel in its unit, the newest with its age, and whether it is old.
 
+import { inUnit } from "./format.js";
 import { histories } from "./histories.js";
 import { known, rigNow } from "./store.js";
 
@@ -11,15 +12,44 @@ const STALE_S = 1.5;
  * @param {import("./infos.js").Info} info
  * @returns {[number, number | null]}
  */
-export function newest({ full, stream, place }) {
+export function newest(info) {
+  const { full, stream, place } = info;
   const history = histories.get(stream.number);
   const { latest } = known;
   const asked = latest?.values[full];
   const askedAt = latest === null || asked === undefined ? -Infinity : latest.t_ns / 1e9 - asked.age_s;
   if (history !== undefined && history.newest >= askedAt) {
-    return [history.value(place), rigNow() / 1e3 - history.newest];
+    return [inUnit(history.value(place), info), rigNow() / 1e3 - history.newest];
   }
-  return asked === undefined ? [NaN, null] : [asked.value ?? NaN, rigNow() / 1e3 - askedAt];
+  return asked === undefined ? [NaN, null] : [inUnit(asked.value ?? NaN, info), rigNow() / 1e3 - askedAt];
+}
+
+/**
+ * The value at the time `t`; undefined if nothing has come.
+ * @param {import("./infos.js").Info} info
+ * @param {number} t
+ */
+export function valueAt(info, t) {
+  const value = histories.get(info.stream.number)?.at(info.place, t);
+  return typeof value === "number" ? inUnit(value, info) : value;
+}
+
+/**
+ * Fill `values` with the extremes of each column, see `History.columns`; returns those of all.
+ * @param {import("./infos.js").Info} info
+ * @param {number} first
+ * @param {number} step
+ * @param {number} count
+ * @param {(number | null)[]} values
+ * @returns {[number, number]}
+ */
+export function columns({ stream, place, factor, offset }, first, step, count, values) {
+  const [low, high] = histories.get(stream.number)?.columns(place, first, step, count, values) ?? [Infinity, -Infinity];
+  if (factor === 1 && offset === 0) return [low, high];
+  values.forEach((value, index) => {
+    if (value !== null) values[index] = (value - offset) / factor;
+  });
+  return [(low - offset) / factor, (high - offset) / factor];
 }
 
 /**

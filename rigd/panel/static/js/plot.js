@@ -4,7 +4,7 @@ import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
 import { el, setText } from "./dom.js";
 import { clock, short, steady, unit } from "./format.js";
-import { histories } from "./histories.js";
+import { columns as extremes, valueAt } from "./newest.js";
 import { panAndZoom } from "./gestures.js";
 
 const AXIS_PX = 62; // the same in every plot, so that the plots are aligned
@@ -79,8 +79,7 @@ export class Plot {
     let lowest = Infinity;
     let highest = -Infinity;
     this.infos.forEach((info, index) => {
-      const history = histories.get(info.stream.number);
-      const [low, high] = history?.columns(info.place, first, step, count, ys[index]) ?? [Infinity, -Infinity];
+      const [low, high] = extremes(info, first, step, count, ys[index]);
       lowest = Math.min(lowest, low);
       highest = Math.max(highest, high);
     });
@@ -140,9 +139,7 @@ export class Plot {
     const at = this.cursor === null ? null : this.start + this.cursor * (this.end - this.start);
     const size = this.scale === null ? 1 : Math.max(Math.abs(this.scale.min), Math.abs(this.scale.max));
     this.infos.forEach((info, index) => {
-      const history = histories.get(info.stream.number);
-      const value = at === null ? history?.at(info.place, this.end) : history?.at(info.place, at);
-      setText(this.chips[index].value, steady(value, size));
+      setText(this.chips[index].value, steady(valueAt(info, at ?? this.end), size));
     });
   }
 

@@ -1,13 +1,13 @@
 // The result of a dry run: duration, steps, and distance from the limits.
 
 import { el, fill, icon } from "./dom.js";
-import { duration, quantities, scaled, short, steady, words } from "./format.js";
+import { duration, inUnit, quantities, scaled, short, steady, words } from "./format.js";
 
 const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "After each trial", finish: "At the end" };
 
 /**
  * @param {HTMLElement} root
- * @param {Api.DryRun} found
+ * @param {Api.PageDryRun} found
  */
 export function drawPreview(root, found) {
   const isPlayed = found.physics !== "none";
@@ -36,7 +36,7 @@ export function drawPreview(root, found) {
 
 /**
  * The duration in words: predicted, or without physics at most.
- * @param {Api.DryRun} found
+ * @param {Api.PageDryRun} found
  */
 export function expected(found) {
   return found.physics === "none" ? `at most ${duration(found.duration_s)}` : `about ${duration(found.duration_s)}`;
@@ -79,32 +79,34 @@ function spread({ shortest_s: shortest, longest_s: longest, timing }) {
 
 /**
  * The predicted extremes as a bar within the limits; an excess without a trip was too short for a trip.
- * @param {Api.PeakView} item
+ * @param {Api.PagePeak} item
  * @param {boolean} isFit
  */
 function peak(item, isFit) {
-  const low = item.low ?? Math.min(item.lowest ?? 0, 0);
-  const high = item.high ?? Math.max(item.highest ?? 0, 0);
+  const [bottom, top, lowest, highest] = [item.low, item.high, item.lowest, item.highest]
+    .map((value) => (value === null ? null : inUnit(value, item)));
+  const low = bottom ?? Math.min(lowest ?? 0, 0);
+  const high = top ?? Math.max(highest ?? 0, 0);
   const room = high - low || 1;
   const bar = el("i", {});
-  const from = Math.max(0, ((item.lowest ?? low) - low) / room);
-  const to = Math.min(1, ((item.highest ?? low) - low) / room);
+  const from = Math.max(0, ((lowest ?? low) - low) / room);
+  const to = Math.min(1, ((highest ?? low) - low) / room);
   bar.style.setProperty("--from", String(from));
   bar.style.setProperty("--to", String(Math.max(to, from + 0.005)));
   /** @param {number | null} value */
   const end = (value) => (value === null ? "" : short(value));
-  const scale = Math.max(Math.abs(low), Math.abs(high), Math.abs(item.lowest ?? 0), Math.abs(item.highest ?? 0));
-  const shown = scaled(scale, item.unit);
+  const scale = Math.max(Math.abs(low), Math.abs(high), Math.abs(lowest ?? 0), Math.abs(highest ?? 0));
+  const shown = scaled(scale, item.display);
   /** @param {number | null} value */
   const found = (value) => steady(value === null ? null : value / shown.factor, scale / shown.factor);
   const beyond = isFit ? "beyond, too briefly to trip" : "beyond the limit";
   return el("div", { class: "peak", data: { mood: item.inside ? "calm" : isFit ? "warn" : "bad" } },
     el("span", { class: "peak-name" }, words(item.channel)),
-    el("span", { class: "peak-end" }, end(item.low)),
+    el("span", { class: "peak-end" }, end(bottom)),
     el("span", { class: "peak-bar" }, bar),
-    el("span", { class: "peak-end" }, end(item.high)),
+    el("span", { class: "peak-end" }, end(top)),
     el("span", { class: "peak-values" },
-      el("span", { class: "whole" }, found(item.lowest)), " … ", el("span", { class: "whole" }, `${found(item.highest)}\u202f${shown.unit}`),
+      el("span", { class: "whole" }, found(lowest)), " … ", el("span", { class: "whole" }, `${found(highest)}\u202f${shown.unit}`),
       item.inside ? null : el("span", { class: "peak-note" }, beyond)),
     el("span", { class: "peak-by" }, item.limit_by));
 }

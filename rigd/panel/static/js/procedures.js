@@ -75,7 +75,7 @@ export function mountProcedures(root) {
 /** @typedef {Pick<Api.StartArguments, "procedure" | "set">} Given */
 
 class Sheet {
-  /** @type {{ key: string, result: Promise<Api.DryRun> } | null} */
+  /** @type {{ key: string, result: Promise<Api.PageDryRun> } | null} */
   #found = null;
   #seed = el("input", {
     id: "seed", inputMode: "numeric", pattern: "\\d*", title: "a whole number", placeholder: "chosen by rigd", autocomplete: "off",
