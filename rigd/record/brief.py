@@ -81,13 +81,14 @@ def _read(fd: int, path: Path) -> RunInfo:
     for at, length in found.metadata:
         name, values = _metadata(_content(fd, at, length, Opcode.METADATA))
         metadata.setdefault(name, {}).update(values)
-    if START_KEY not in metadata.get(FORMAT_METADATA, {}) or RECOVERY_METADATA in metadata:
+    started = metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
+    if not started.isdecimal() or RECOVERY_METADATA in metadata:
         raise _Unusual
     events: list[Event] = []
     for at, length in found.chunks.get(found.events_channel, ()):
         data = unpack_chunk(parse_chunk(_content(fd, at, length, Opcode.CHUNK)))
         events += _events(memoryview(data), found.events_channel)
-    start_ns = int(metadata[FORMAT_METADATA][START_KEY])
+    start_ns = int(started)
     end_ns = start_ns if found.last_ns is None else found.last_ns
     return info_of(path, metadata, events, trials(events), start_ns, end_ns, size)
 

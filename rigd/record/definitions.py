@@ -18,9 +18,7 @@ from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.contents import Contents
 from rigd.record.schema import (
-    EVENTS_SCHEMA,
-    EVENTS_TOPIC,
-    EVENTS_TYPE,
+    OWN_TOPICS,
     STREAM_KEY,
     channel_metadata,
     check_streams,
@@ -71,22 +69,14 @@ def replace_channel(number: int, value_bytes: int, known: Contents) -> Channel:
     return channel
 
 
-def has_events(number: int, known: Contents) -> bool:
-    """Return whether the channel of the events is defined as rigd defines it."""
+def has_own(number: int, known: Contents) -> bool:
+    """Return whether a channel of rigd's own is defined as rigd defines it."""
     channel = known.channels.get(number)
     return (
         channel is not None
-        and (channel.topic, channel.schema_id) == (EVENTS_TOPIC, number)
+        and (channel.topic, channel.schema_id) == (OWN_TOPICS[number][0], number)
         and number in known.schemas
     )
-
-
-def define_events(number: int, known: Contents) -> Channel:
-    """Define the channel of the events, which is the same in every recording; return it."""
-    channel = Channel(number, EVENTS_TOPIC, MessageEncoding.CDR, {}, number)
-    known.schemas[number] = _schema(number, EVENTS_TYPE, EVENTS_SCHEMA)
-    known.channels[number] = channel
-    return channel
 
 
 def replace_schema(channel: Channel, known: Contents) -> None:

@@ -34,21 +34,31 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
-def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> bytes:
-    """Return the complete Message record of an event; its ``time`` counts from ``start_ns``.
+def event_payload(event: Event, start_ns: int) -> bytes:
+    """Return an event as a message, in CDR; its ``time`` counts from ``start_ns``.
 
     Raises:
         TypeError: the data holds something that JSON has no form for.
 
     """
     text = data_to_json(event.data)
-    body = _string(event.kind)
+    body = cdr_string(event.kind)
     body += b"\x00" * (-len(body) % 4) + struct.pack("<i", event.trial)
     # CDR counts alignment from the end of its own header.
     body += b"\x00" * (-len(body) % 8) + struct.pack("<d", (event.t_ns - start_ns) * 1e-9)
-    payload = CDR_HEADER + body + _string(text)
-    head = MESSAGE_FIELDS.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)
+    return CDR_HEADER + body + cdr_string(text)
+
+
+def message_record(t_ns: int, payload: bytes, channel: int, sequence: int) -> bytes:
+    """Return a complete Message record, logged and published at ``t_ns``."""
+    head = MESSAGE_FIELDS.pack(channel, sequence & 0xFFFFFFFF, t_ns, t_ns)
     return FRAME.pack(Opcode.MESSAGE, len(head) + len(payload)) + head + payload
+
+
+def cdr_string(text: str) -> bytes:
+    """Return a text in CDR: its length, its bytes, a zero; begins at a multiple of 4 bytes."""
+    encoded = text.encode() + b"\x00"
+    return _LENGTH.pack(len(encoded)) + encoded
 
 
 def data_to_json(data: Mapping[str, Any]) -> str:
@@ -65,7 +75,7 @@ def parse_event(t_ns: int, payload: memoryview) -> Event:
     """Return the event in a message's payload.
 
     Raises:
-        Malformed: the payload is not an event as :func:`event_message` writes it.
+        Malformed: the payload is not an event as :func:`event_payload` writes it.
 
     """
     if bytes(payload[:4]) != CDR_HEADER:
@@ -84,11 +94,6 @@ def parse_event(t_ns: int, payload: memoryview) -> Event:
     if not isinstance(data, dict):
         raise Malformed("an event whose data is no JSON object")
     return Event(t_ns, kind, trial, data)
-
-
-def _string(text: str) -> bytes:
-    encoded = text.encode() + b"\x00"
-    return _LENGTH.pack(len(encoded)) + encoded
 
 
 def _read_string(body: memoryview, at: int) -> tuple[str, int]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.chunks import LOG_TIME_AT, MessageBlock, Times, blob_dtype, message_dtype
-from rigd.record.events import CDR_HEADER, Event, event_message
+from rigd.record.events import CDR_HEADER, message_record
 from rigd.record.wire import FRAME
 
 #: A chunk is sealed when it spans this long ...
@@ -144,47 +144,39 @@ class OpenRows:
         return needed + int(late[0]) if late.size else len(times)
 
 
-class OpenEvents:
-    """Open chunk of ``/events``: messages of any size, sealed by span or size."""
+class OpenMessages:
+    """Open chunk of messages of any size, sealed by their size, or by a span of time in ns."""
 
-    def __init__(self, channel: int, sequence: int, start_ns: int) -> None:
-        """Begin with message number ``sequence``; event times count from ``start_ns``."""
+    def __init__(self, channel: int, sequence: int, span_ns: int = MAX_NS) -> None:
+        """Begin with message number ``sequence``."""
         self.channel = channel
         self._sequence = sequence
-        self._start_ns = start_ns
+        self._span_ns = span_ns
         self._records = bytearray()
         self._times: list[int] = []
         self._offsets: list[int] = []
 
     @property
     def count(self) -> int:
-        """Number of events held."""
+        """Number of messages held."""
         return len(self._times)
 
     @property
     def full(self) -> bool:
-        """Whether the chunk takes no further event."""
+        """Whether the chunk takes no further message."""
         if len(self._records) >= MIN_BYTES:
             return True
-        return bool(self._times) and abs(self._times[-1] - self._times[0]) >= EVENTS_SPAN_NS
+        return bool(self._times) and abs(self._times[-1] - self._times[0]) >= self._span_ns
 
-    def add(self, event: Event) -> None:
-        """Add an event.
-
-        Raises:
-            RecordingError: its time is before 1970.
-            TypeError: its data cannot be written as JSON.
-        """
-        if event.t_ns < 0:
-            raise before_1970(event.t_ns, "events")
-        message = event_message(event, self.channel, self._sequence, self._start_ns)
-        self._times.append(event.t_ns)
+    def add(self, t_ns: int, payload: bytes) -> None:
+        """Add a message of time ``t_ns``."""
+        self._times.append(t_ns)
         self._offsets.append(len(self._records))
-        self._records += message
+        self._records += message_record(t_ns, payload, self.channel, self._sequence)
         self._sequence += 1
 
     def block(self) -> MessageBlock:
-        """Return the stored events as a block, valid until more events are added."""
+        """Return the stored messages as a block, valid until more are added."""
         times, offsets = np.array(self._times, np.uint64), np.array(self._offsets, np.uint64)
         return MessageBlock(self.channel, memoryview(bytes(self._records)), times, offsets)
 

@@ -22,7 +22,6 @@ RECOVERY_METADATA: Final = "recovery"
 GAPS_KEY: Final = "lost_rows"  #: in it: the gaps, as JSON
 LIBRARY: Final = "rigd "  #: the beginning of the library name in the header of a file by rigd
 START_KEY: Final = "start_ns"
-EVENTS_CHANNEL: Final = 1  #: so that streams follow from 2
 
 
 @dataclass(frozen=True)
@@ -52,25 +51,36 @@ def build_prefix(
     contents = Contents()
     data = bytearray(MAGIC)
     data += encode(mcap.Header(Profile.ROS2, f"{LIBRARY}{__version__}"))
-    types = [schema.EVENTS_TYPE, *schema.type_names(streams)]
-    texts = [schema.EVENTS_SCHEMA, *map(schema.schema_text, streams)]
-    topics = [schema.EVENTS_TOPIC, *(f"/{stream.name}" for stream in streams)]
-    channel_metadata = [{}, *map(schema.channel_metadata, streams)]
-    for number, (name, text) in enumerate(zip(types, texts, strict=True), EVENTS_CHANNEL):
+    define_own(schema.EVENTS_CHANNEL, contents)
+    types = schema.type_names(streams)
+    numbered = enumerate(zip(streams, types, strict=True), schema.EVENTS_CHANNEL + 1)
+    for number, (stream, name) in numbered:
+        text = schema.schema_text(stream)
         contents.schemas[number] = mcap.Schema(number, text.encode(), SchemaEncoding.ROS2, name)
         contents.channels[number] = mcap.Channel(
             number,
-            topics[number - EVENTS_CHANNEL],
+            f"/{stream.name}",
             MessageEncoding.CDR,
-            channel_metadata[number - EVENTS_CHANNEL],
+            schema.channel_metadata(stream),
             number,
         )
+    if schema.TRIAL_TOPIC not in {channel.topic for channel in contents.channels.values()}:
+        define_own(schema.TRIAL_CHANNEL, contents)
     for kind in (contents.schemas, contents.channels):
         for record in kind.values():
             data += encode(record)
     own = {FORMAT_METADATA: {START_KEY: str(start_ns), "version": __version__}}
     data += build_extras({**own, **metadata}, attachments, start_ns, len(data), contents)
     return bytes(data), contents
+
+
+def define_own(number: int, contents: Contents) -> mcap.Channel:
+    """Define a channel of rigd's own, which is the same in every recording; return it."""
+    topic, name, text = schema.OWN_TOPICS[number]
+    channel = mcap.Channel(number, topic, MessageEncoding.CDR, {}, number)
+    contents.schemas[number] = mcap.Schema(number, text.encode(), SchemaEncoding.ROS2, name)
+    contents.channels[number] = channel
+    return channel
 
 
 def build_extras(

@@ -41,6 +41,7 @@ from rigd.record.schema import (
     EVENTS_STREAM,
     EVENTS_TOPIC,
     STREAM_KEY,
+    TRIAL_TOPIC,
     stream_from_json,
     stream_from_schema,
 )
@@ -565,7 +566,7 @@ def _streams(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
         stream = _stream(channel, contents.schemas.get(channel.schema_id))
         if stream is not None and f"/{stream.name}" == channel.topic:
             streams[stream.name] = stream
-        elif channel.topic != EVENTS_TOPIC:
+        elif channel.topic not in (EVENTS_TOPIC, TRIAL_TOPIC):
             others.append(channel.topic)
     return streams, tuple(others)
 

@@ -13,6 +13,8 @@ from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.file import RecordingFile, lock, write_error
 from rigd.record.reader import Recording
 from rigd.record.scan import scan
+from rigd.record.schema import TRIAL_CHANNEL
+from rigd.record.trial_series import TrialSeries
 from rigd.record.wire import map_file
 
 
@@ -25,6 +27,7 @@ class Start:
     channels: dict[str, tuple[int, Stream]]
     start_ns: int
     numbers: dict[int, int]  #: of the next message, by channel: those that are lost had theirs
+    trial: TrialSeries | None  #: as the events leave it; None if the file has no such topic
 
 
 def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> Start:
@@ -62,7 +65,15 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
     for gap in recording.gaps:
         number = by_topic.get(f"/{gap.stream}", 0)
         numbers[number] = numbers.get(number, 0) + (gap.rows or 0)
-    return Start(file, found.contents, channels, recording.start_ns, numbers)
+    trial = _trial(recording) if TRIAL_CHANNEL in found.contents.channels else None
+    return Start(file, found.contents, channels, recording.start_ns, numbers, trial)
+
+
+def _trial(recording: Recording) -> TrialSeries:
+    series = TrialSeries()
+    for event in recording.events():
+        series.follow(event)
+    return series
 
 
 def _check_same(path: Path, recording: Recording, streams: Sequence[Stream]) -> None:

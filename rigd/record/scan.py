@@ -13,11 +13,11 @@ from __future__ import annotations
 from rigd.record.chunks import CDR_SIZE, MESSAGE_HEAD
 from rigd.record.contents import Contents
 from rigd.record.crc import crc32
-from rigd.record.definitions import define_events, has_events, replace_channel, replace_schema
+from rigd.record.definitions import has_own, replace_channel, replace_schema
 from rigd.record.ending import check_ending, read_ending, take_summary
 from rigd.record.plausible import begin_of_another
-from rigd.record.prefix import EVENTS_CHANNEL, FORMAT_METADATA, LIBRARY
-from rigd.record.schema import STREAM_KEY
+from rigd.record.prefix import FORMAT_METADATA, LIBRARY, define_own
+from rigd.record.schema import EVENTS_CHANNEL, OWN_TOPICS, STREAM_KEY, TRIAL_CHANNEL
 from rigd.record.walk import Damage, Piece, Scan, drop_copies, take_head, walk
 from rigd.record.wire import DATA_END, MAGIC, Malformed
 
@@ -75,8 +75,8 @@ def _define_channels(found: Scan) -> None:
             if number in contents.channels or piece.chunk is None:
                 continue
             size = piece.chunk.uncompressed_size // span.count - MESSAGE_HEAD.itemsize - CDR_SIZE
-            if number == EVENTS_CHANNEL and found.by_rigd:
-                channel = define_events(number, contents)
+            if number in OWN_TOPICS and found.by_rigd:
+                channel = define_own(number, contents)
             else:
                 channel = replace_channel(number, size, contents)
             problems.append(
@@ -90,9 +90,14 @@ def _define_channels(found: Scan) -> None:
 def _define_own(contents: Contents) -> list[str]:
     """Define again what follows from the rest of a recording by rigd; return the losses."""
     problems: list[str] = []
-    if not has_events(EVENTS_CHANNEL, contents):
-        define_events(EVENTS_CHANNEL, contents)
-        problems.append("the definition of the events is lost, and written anew")
+    own = [EVENTS_CHANNEL]
+    if TRIAL_CHANNEL in contents.channels or TRIAL_CHANNEL in contents.schemas:
+        own.append(TRIAL_CHANNEL)  # older recordings have none
+    for number in own:
+        if not has_own(number, contents):
+            define_own(number, contents)
+            topic = OWN_TOPICS[number][0].removeprefix("/")
+            problems.append(f"the definition of {topic} is lost, and written anew")
     for channel in contents.channels.values():
         if channel.schema_id not in contents.schemas and STREAM_KEY in channel.metadata:
             replace_schema(channel, contents)

@@ -30,6 +30,26 @@ float64 time
 string data
 """
 
+EVENTS_CHANNEL: Final = 1  #: so that streams follow from 2
+TRIAL_TOPIC: Final = "/trial"
+TRIAL_TYPE: Final = "rigd/msg/TrialMark"
+TRIAL_SCHEMA: Final = """\
+# Trial and step from this time on, for viewers; /events has all that is known of them.
+# number of the trial, -1 outside of one
+int32 number
+# number of the trial among those of the same point, -1 outside of one
+int32 repeat
+# steps entered before it, in its trial or since the last one; -1 outside of one
+int32 step
+string step_name
+"""
+TRIAL_CHANNEL: Final = 2**16 - 1  #: the last one, behind all streams
+#: The topics that are rigd's own: topic, type and definition, by the number of the channel.
+OWN_TOPICS: Final = {
+    EVENTS_CHANNEL: (EVENTS_TOPIC, EVENTS_TYPE, EVENTS_SCHEMA),
+    TRIAL_CHANNEL: (TRIAL_TOPIC, TRIAL_TYPE, TRIAL_SCHEMA),
+}
+
 _FIELD: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _STREAM: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _PLAIN_LINE: Final = re.compile(r"(?P<type>float64|uint32)\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\Z")
@@ -75,7 +95,7 @@ def type_names(streams: Sequence[Stream]) -> list[str]:
     for position, stream in enumerate(streams):
         words = re.split(r"[_/]+", stream.name)
         name = "rigd/msg/" + "".join(word[:1].upper() + word[1:] for word in words)
-        taken = name in names or name == EVENTS_TYPE
+        taken = name in (*names, EVENTS_TYPE, TRIAL_TYPE)
         names.append(f"{name}{position}" if taken else name)
     return names
 

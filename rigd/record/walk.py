@@ -44,13 +44,13 @@ from rigd.record.plausible import (
     next_record,
 )
 from rigd.record.prefix import (
-    EVENTS_CHANNEL,
     FORMAT_METADATA,
     GAPS_KEY,
     LIBRARY,
     RECOVERY_METADATA,
     START_KEY,
 )
+from rigd.record.schema import EVENTS_CHANNEL, TRIAL_CHANNEL
 from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
 
 
@@ -155,6 +155,8 @@ class Scan:
             known = ()
         found: list[Gap] = []
         for number, channel in self.contents.channels.items():
+            if number == TRIAL_CHANNEL:  # the events have all of it
+                continue
             held = [piece.spans[number] for piece in self.pieces if number in piece.spans]
             indexed = self.indexed.get(number, [])
             found += find_gaps(channel.topic, held, indexed, known, self.start_ns)

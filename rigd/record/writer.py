@@ -24,11 +24,19 @@ from rigd.model import RecordingError, Stream
 from rigd.record.chunks import Chunk, build_chunk
 from rigd.record.compression import Compression, compressor
 from rigd.record.contents import SummaryWriter
-from rigd.record.events import NO_TRIAL, Event
+from rigd.record.events import NO_TRIAL, Event, event_payload
 from rigd.record.file import RecordingFile
-from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
-from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
+from rigd.record.openchunk import (
+    EVENTS_SPAN_NS,
+    OpenChunk,
+    OpenMessages,
+    OpenRows,
+    before_1970,
+)
+from rigd.record.prefix import Attachment, build_extras, build_prefix
 from rigd.record.resume import open_for_append
+from rigd.record.schema import EVENTS_CHANNEL, TRIAL_CHANNEL
+from rigd.record.trial_series import TrialSeries
 
 #: Sealed chunks of this total size are written without a flush.
 MAX_WAITING_BYTES: Final = 1024 * 1024
@@ -53,6 +61,7 @@ class RecordingWriter:
         streams: Mapping[str, tuple[int, Stream]],
         numbers: Mapping[int, int],
         *,
+        trial: TrialSeries | None,
         start_ns: int,
         compression: Compression,
         sync_interval_s: float | None,
@@ -64,7 +73,9 @@ class RecordingWriter:
             name: OpenRows(stream, channel, numbers.get(channel, 0))
             for name, (channel, stream) in streams.items()
         }
-        self._events = OpenEvents(EVENTS_CHANNEL, numbers.get(EVENTS_CHANNEL, 0), start_ns)
+        self._events = OpenMessages(EVENTS_CHANNEL, numbers.get(EVENTS_CHANNEL, 0), EVENTS_SPAN_NS)
+        self._marks = OpenMessages(TRIAL_CHANNEL, numbers.get(TRIAL_CHANNEL, 0))
+        self._trial = trial
         self._compression = compression
         self._compress = compressor(compression)
         self._start_ns = start_ns
@@ -109,6 +120,7 @@ class RecordingWriter:
             file,
             numbered,
             {},
+            trial=TrialSeries() if TRIAL_CHANNEL in contents.channels else None,
             start_ns=start_ns,
             compression=compression,
             sync_interval_s=sync_interval_s,
@@ -146,6 +158,7 @@ class RecordingWriter:
             start.file,
             start.channels,
             start.numbers,
+            trial=start.trial,
             start_ns=start.start_ns,
             compression=compression,
             sync_interval_s=sync_interval_s,
@@ -198,12 +211,20 @@ class RecordingWriter:
         """
         self._check()
         try:
-            self._events.add(Event(t_ns, kind, NO_TRIAL if trial is None else trial, data or {}))
+            event = Event(t_ns, kind, NO_TRIAL if trial is None else trial, data or {})
+            payload = event_payload(event, self._start_ns)
         except (TypeError, ValueError) as error:
             raise RecordingError(f"event {kind!r} cannot be recorded: {error}") from error
+        if t_ns < 0:
+            raise before_1970(t_ns, "events")
+        self._events.add(t_ns, payload)
+        mark = None if self._trial is None else self._trial.follow(event)
+        if mark is not None:
+            self._marks.add(t_ns, mark.payload())
         self._changed = True
-        if self._events.full:
-            self._seal(self._events)
+        for held in (self._events, self._marks):
+            if held.full:
+                self._seal(held)
 
     def add_metadata(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
         """Write metadata; of a name that the file has, the reader merges them over the first.
@@ -261,7 +282,7 @@ class RecordingWriter:
 
     def _open(self) -> list[OpenChunk]:
         """Return the open chunks, in the order in which ``close`` seals them."""
-        return [self._events, *self._rows.values()]
+        return [self._events, self._marks, *self._rows.values()]
 
     def _seal(self, held: OpenChunk) -> None:
         block = held.block()

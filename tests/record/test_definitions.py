@@ -35,15 +35,18 @@ def path(
 
 
 def definitions(path: Path, opcode: int) -> list[list[Record]]:
-    """Return the schemas or channels in order, each with its copy in the summary."""
+    """Return the schemas or channels in order, each with its copy in the summary.
+
+    Of events, wheel_servo, force, and of what viewers read of trials.
+    """
     end = Recording.open(path).data_end
     found = [
         record
         for record in records(memoryview(path.read_bytes())[:-8], 8)
         if record.opcode == opcode
     ]
-    assert len([item for item in found if item.start < end]) == 3
-    return [[found[number], found[3 + number]] for number in range(3)]
+    assert len([item for item in found if item.start < end]) == 4
+    return [[found[number], found[4 + number]] for number in range(4)]
 
 
 def spoil(path: Path, copies: list[Record], changed: Change) -> bytes:

@@ -57,6 +57,7 @@ class Feed:
         rig: the rig; its streams are numbered in the order of its file, that of the cycle last.
         outlet: gets a frame of each stream that has new rows, 30 times a second, and every event.
         raw: gets the rows themselves, as the ring stores them (``t_ns`` Unix); must not wait long.
+        happened: gets every event of a run, likewise.
 
     A run may have streams that the rig does not have (derived channels of its procedure). They stay
     until other streams are shown; each gets a number that no stream had before.
@@ -68,13 +69,14 @@ class Feed:
         outlet: Outlet,
         *,
         raw: Callable[[Stream, Rows], None] = lambda _, __: None,
+        happened: Callable[[RecordedEvent], None] = lambda _: None,
     ) -> None:
         self._streams = {
             stream.name: LiveStream(number, stream) for number, stream in enumerate(streams_of(rig))
         }
         self._of_rig = frozenset(self._streams)
         self._numbers = itertools.cycle(range(len(self._streams), 2**16))  # a frame has 16 bits
-        self._outlet, self._raw = outlet, raw
+        self._outlet, self._raw, self._happened = outlet, raw, happened
         self._log = EventLog()
         self._views: list[EventView] = []
         #: Unix time less monotonic time, on the clock of the run shown last.
@@ -240,6 +242,8 @@ class Feed:
         # All are numbered before any is published: a client that misses one can ask for it.
         for event in [self._log.add(item) for item in events]:
             self._outlet.event(event)
+        for recorded in events:
+            self._happened(recorded)
 
     def _show_rows(self, live: LiveStream) -> None:
         rows = live.read()

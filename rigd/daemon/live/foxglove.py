@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from rigd.config.rig import RigConfig
@@ -20,8 +21,16 @@ from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError, LinkError
 from rigd.model.extras import require
 from rigd.model.rows import TIME_FIELD
-from rigd.record.events import CDR_HEADER
-from rigd.record.schema import channel_metadata, schema_text, type_names
+from rigd.record.events import CDR_HEADER, Event
+from rigd.record.schema import (
+    TRIAL_SCHEMA,
+    TRIAL_TOPIC,
+    TRIAL_TYPE,
+    channel_metadata,
+    schema_text,
+    type_names,
+)
+from rigd.record.trial_series import TrialSeries
 
 if TYPE_CHECKING:  # the extra rigd[foxglove]
     from foxglove import Channel
@@ -79,6 +88,10 @@ class FoxgloveServer:
             stream.name: self._topic(stream, name)
             for stream, name in zip(streams, type_names(streams), strict=True)
         }
+        self._series = TrialSeries()
+        self._trial: Channel | None = None
+        if TRIAL_TOPIC not in (f"/{name}" for name in self._topics):  # as in a recording
+            self._trial = self._channel(TRIAL_TOPIC, TRIAL_TYPE, TRIAL_SCHEMA, {})
 
     def show(self, stream: Stream, rows: Rows) -> None:
         """Send rows to the viewers of their stream; a slow viewer misses some.
@@ -94,18 +107,26 @@ class FoxgloveServer:
             topic = self._topics[stream.name] = self._topic(stream, name)
         topic.send(rows)
 
-    def _topic(self, stream: Stream, type_name: str) -> _Topic:
+    def happened(self, event: Event) -> None:
+        """Send which trial and step it is, if an event of a run changes it."""
+        mark = self._series.follow(event)
+        if mark is not None and self._trial is not None:
+            self._trial.log(mark.payload(), log_time=event.t_ns)
+
+    def _channel(self, topic: str, name: str, text: str, metadata: Mapping[str, str]) -> Channel:
         import foxglove
 
-        schema = foxglove.Schema(
-            name=type_name, encoding="ros2msg", data=schema_text(stream).encode()
-        )
-        channel = foxglove.Channel(
-            f"/{stream.name}",
-            schema=schema,
+        return foxglove.Channel(
+            topic,
+            schema=foxglove.Schema(name=name, encoding="ros2msg", data=text.encode()),
             message_encoding="cdr",
-            metadata=channel_metadata(stream),
+            metadata=dict(metadata),
             context=self._context,
+        )
+
+    def _topic(self, stream: Stream, type_name: str) -> _Topic:
+        channel = self._channel(
+            f"/{stream.name}", type_name, schema_text(stream), channel_metadata(stream)
         )
         return _Topic(stream, channel, math.ceil(most_rows_hz(self._rig, stream) / MOST_HZ))
 

@@ -33,6 +33,7 @@ from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
 from rigd.model.channels import Stream
+from rigd.record.events import Event
 from rigd.remote.certificates import expires_soon
 from rigd.remote.protocol import Role
 from rigd.remote.server import Lease, Server, role_of
@@ -169,13 +170,14 @@ def _compose(
     stack.enter_context(before_programs())  # with every thread from here on, zenoh's too
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
     raw: Callable[[Stream, Rows], None] = _nowhere
+    happened: Callable[[Event], None] = _ignore
     if options.foxglove is not None:
         with as_program():  # its viewers are not authenticated
             foxglove = FoxgloveServer(rig, options.foxglove)
         stack.callback(foxglove.stop)
         announce(f"Foxglove: {foxglove.address}")
-        raw = foxglove.show
-    feed = stack.enter_context(Feed(rig, server.publisher, raw=raw))
+        raw, happened = foxglove.show, foxglove.happened
+    feed = stack.enter_context(Feed(rig, server.publisher, raw=raw, happened=happened))
     notices = Notices(changed)
     soon = None if rig.remote.tls is None else expires_soon(rig.remote.tls)
     if soon is not None:
@@ -228,6 +230,10 @@ def _compose(
 
 def _nowhere(stream: Stream, rows: Rows) -> None:
     """Discard raw rows, which only Foxglove uses."""
+
+
+def _ignore(event: Event) -> None:
+    """Discard an event of a run, as :func:`_nowhere` does rows."""
 
 
 def _may_command(rig: RigConfig, identity: str) -> bool:

@@ -108,7 +108,8 @@ def test_events_of_both_rings_keep_order_from_first(tmp_path: Path) -> None:
     cycle, daemon = folder.event_ring("cycle"), folder.event_ring("daemon")
     daemon.push(1, "run_start", -1, {})
     daemon.drain()  # recorded already, and still to be seen
-    feed = Feed(RIG, kept)
+    happened: list[str] = []
+    feed = Feed(RIG, kept, happened=lambda event: happened.append(event.kind))
     feed.attach(folder)
     cycle.push(5, "trip", 3, {"value": float("nan")})
     daemon.push(4, "trial_start", 3, {})
@@ -122,6 +123,7 @@ def test_events_of_both_rings_keep_order_from_first(tmp_path: Path) -> None:
     assert [event.kind for event in kept.events] == [
         "run_start", "trial_start", "trip", "lease", "run_end",
     ]  # fmt: skip
+    assert happened == ["run_start", "trial_start", "trip", "run_end"]
     assert [event.seq for event in kept.events] == [0, 1, 2, 3, 4]
     assert kept.events[2].data == {"value": "nan"}
     assert feed.events(3) == (kept.events[3:], 5)

@@ -31,6 +31,7 @@ from rigd.engine.wiring import streams_of
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, LinkError
 from rigd.model.extras import MissingExtra
+from rigd.record.events import Event
 from rigd.record.schema import stream_from_json
 
 RIG = load_rig("angle-1")
@@ -62,7 +63,7 @@ def told(client: ClientConnection, op: str) -> dict[str, Any]:
 
 def topics(client: ClientConnection) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
-    while len(found) < len(STREAMS):
+    while len(found) <= len(STREAMS):  # and /trial
         found |= {item["topic"]: item for item in told(client, "advertise")["channels"]}
     return found
 
@@ -92,7 +93,7 @@ def test_server_offers_streams_of_rig_read_only(
 ) -> None:
     assert told(client, "serverInfo")["capabilities"] == []
     found = topics(client)
-    assert set(found) == {f"/{name}" for name in STREAMS}
+    assert set(found) == {"/trial", *(f"/{name}" for name in STREAMS)}
     for name, stream in STREAMS.items():
         topic = found[f"/{name}"]
         assert (topic["encoding"], topic["schemaEncoding"]) == ("cdr", "ros2msg")
@@ -119,6 +120,21 @@ def test_a_row_arrives_bit_for_bit(server: FoxgloveServer, client: ClientConnect
         assert values[1:] == tuple(7 + index / 64 for index in range(1, count))
         status = payload[4 + 8 * count :]
         assert status == (struct.pack("<I", 7) if STREAMS[name].has_status else b"")
+
+
+def test_trial_and_step_of_a_run_arrive(server: FoxgloveServer, client: ClientConnection) -> None:
+    number = topics(client)["/trial"]["id"]
+    client.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 0, "channelId": number}]}))
+    until = time.monotonic() + PATIENCE_S
+    while server._trial is None or not server._trial.has_sinks():
+        assert time.monotonic() < until
+        time.sleep(0.005)
+    server.happened(Event(START_NS, "trial_start", 3, {"repeat": 1}))
+    server.happened(Event(START_NS + 5, "step", 3, {"name": "rest"}))
+    assert received(client)[1] == START_NS
+    _, t_ns, payload = received(client)
+    assert t_ns == START_NS + 5
+    assert struct.unpack_from("<4x3iI5s", payload) == (3, 1, 0, 5, b"rest\0")
 
 
 def test_a_fast_stream_is_thinned_evenly(server: FoxgloveServer, client: ClientConnection) -> None:
