@@ -139,6 +139,9 @@ SHOWN: dict[str, Shows] = {
     "rigd export FILE --to csv --on carriage --between linear": Shows(
         "joined.csv", {"FILE": PVC}
     ),
+    "rigd layout lugre-1 --to foxglove": Shows("lugre-1.foxglove.json"),
+    "rigd layout configs/sim_lugre.yaml --to plotjuggler": Shows("lugre-1.plotjuggler.xml"),
+    "rigd layout FILE --to foxglove": Shows("quick.foxglove.json", {"FILE": QUICK}),
     "rigd export runs/*.mcap --to parquet --output tables/": Shows("trials.parquet"),
     "rigd measure FILE --plan breakaway": Shows("accepted", {"FILE": BREAKAWAY}),
     "rigd measure FILE --json": Shows('"verdict": "accepted"', {"FILE": BREAKAWAY}),
