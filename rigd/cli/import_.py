@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.options import add_about, read_about
+
 if TYPE_CHECKING:
     from rigd.importing import Imported
 
@@ -14,6 +16,7 @@ EXAMPLES = """\
 examples:
   rigd import old/*.csv --map map.yaml
   rigd import old/*.csv --map map.yaml --out imported/
+  rigd import old/*.csv --map map.yaml --out W7/ --specimen W7 --meta batch=13
 
   The map states what the files mean: which column is which channel, in which unit, where the times
   stand, where trials begin, and what `rigd identify` shall evaluate. Each test becomes one
@@ -33,6 +36,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where to write the recordings (default: runs)",
     )  # fmt: skip
     parser.add_argument("--overwrite", action="store_true", help="replace recordings that exist")
+    parser.add_argument("--operator", metavar="NAME", help="who did the tests, for the recordings")
+    add_about(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -42,8 +47,9 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd import")
     from rigd.importing import import_files, load_map
 
+    about = read_about(args.operator, args.note, args.meta, args.specimen)
     what = load_map(args.map)
-    for imported in import_files(what, args.files, args.out, overwrite=args.overwrite):
+    for imported in import_files(what, args.files, args.out, overwrite=args.overwrite, about=about):
         print(_line(imported))
     return 0
 

@@ -35,7 +35,7 @@ from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
 from rigd.record.compression import Compression
-from rigd.record.info import SPECIMEN_METADATA
+from rigd.record.info import stated_metadata
 
 #: Virtual time begins here, one day later for each seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
@@ -219,7 +219,8 @@ def _form(
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
-        metadata = {"resumed": resumed} | _add_about(request, resumed)
+        stated = stated_metadata(request.about, request.specimen, resumed)
+        metadata = {"resumed": resumed} | stated
     kept = RecordingSpec(
         path,
         request.procedure.record,
@@ -317,17 +318,8 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     )
     files = {"procedure_file": request.procedure_location, "rig_file": request.rig.source.location}
     records["run"] |= {name: location for name, location in files.items() if location}
-    return records | _add_about(request, records["run"]) | calibration_metadata(request.rig)
-
-
-def _add_about(request: RunRequest, run: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Add operator and note to the metadata ``run``; return all else as metadata."""
-    about, specimen = request.about, request.specimen
-    run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
-    given = {"meta": dict(about.meta)}
-    if specimen is not None and specimen.name:
-        given[SPECIMEN_METADATA] = {"name": specimen.name, **specimen.fields}
-    return {name: values for name, values in given.items() if values}
+    stated = stated_metadata(request.about, request.specimen, records["run"])
+    return records | stated | calibration_metadata(request.rig)
 
 
 def day_of(start_ns: int | None) -> date:

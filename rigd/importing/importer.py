@@ -16,15 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd import __version__
+from rigd.config.lab import SPECIMEN_FILE, Specimen, stated_specimen
 from rigd.importing.files import SourceFiles, sort_files
 from rigd.importing.found import FoundTrial, found_trials
 from rigd.importing.map import ImportMap
 from rigd.importing.reading import SourceReader, find_trials_in, open_source, prefetched
+from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity
 from rigd.procedure.identify import plan_metadata
 from rigd.record import Attachment, RecordingWriter
+from rigd.record.info import stated_metadata
 
 #: Name of the map in a recording.
 MAP_FILE: Final = "import_map.yaml"
@@ -34,6 +37,7 @@ IMPORT_METADATA: Final = "import"
 _AHEAD: Final = timedelta(days=2)
 #: Mode of the run of an imported recording.
 IMPORTED: Final = "imported"
+NOTHING_STATED: Final = About()
 
 
 @dataclass(frozen=True)
@@ -47,17 +51,24 @@ class Imported:
 
 
 def import_files(
-    what: ImportMap, files: Sequence[Path], folder: Path, *, overwrite: bool = False
+    what: ImportMap,
+    files: Sequence[Path],
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    about: About = NOTHING_STATED,
 ) -> list[Imported]:
     """Write a recording of each test in ``files`` to ``folder``; return them in order.
 
-    Memory is bounded: some 10 MB of each source are held at once.
+    Each recording states ``about``, with the file of its specimen, if there is one below the
+    current folder. Memory is bounded: some 10 MB of each source are held at once.
 
     Raises:
-        ConfigError: the map or a file has a mistake, each named with its place; no recording is
-            written then, not of the other files either.
+        ConfigError: the map, a file or that of the specimen has a mistake, each named with its
+            place; no recording is written then, not of the other files either.
         RecordingError: a recording exists already (unless ``overwrite``), or cannot be written.
     """
+    specimen = stated_specimen(about, None)
     tests = sort_files(what, files)
     targets = _targets(tests, folder, overwrite=overwrite)
     try:
@@ -73,7 +84,7 @@ def import_files(
             part.unlink(missing_ok=True)
             cleanup.callback(part.unlink, missing_ok=True)
             try:
-                done.append((_Import(what, test, target).write(part), part))
+                done.append((_Import(what, test, target, about, specimen).write(part), part))
             except ConfigError as error:
                 problems.append(error)
         if problems:
@@ -101,10 +112,14 @@ def _targets(tests: Sequence[SourceFiles], folder: Path, *, overwrite: bool) -> 
 class _Import:
     """Makes one recording."""
 
-    def __init__(self, what: ImportMap, test: SourceFiles, target: Path) -> None:
+    def __init__(
+        self, what: ImportMap, test: SourceFiles, target: Path, about: About, specimen: Specimen
+    ) -> None:
         self._what = what
         self._test = test
         self._target = target
+        self._about = about
+        self._specimen = specimen
 
     def write(self, part: Path) -> Imported:
         """Write the recording to ``part``.
@@ -136,12 +151,16 @@ class _Import:
             self._check_past(start_ns)
             metadata = self._metadata(start_ns)
             streams = [reader.stream for reader in readers.values()]
-            text = what.document.text.encode()
+            texts = {MAP_FILE: what.document.text, SPECIMEN_FILE: self._specimen.text}
             with RecordingWriter.create(
                 part,
                 streams=streams,
                 metadata=metadata,
-                attachments=[Attachment(MAP_FILE, "application/yaml", text)],
+                attachments=[
+                    Attachment(name, "application/yaml", text.encode())
+                    for name, text in texts.items()
+                    if text
+                ],
                 start_ns=start_ns,
                 sync_interval_s=None,
             ) as writer:
@@ -209,7 +228,7 @@ class _Import:
         }
         if what.plan is not None:
             metadata["identify"] = plan_metadata(what.plan)
-        return metadata
+        return metadata | stated_metadata(self._about, self._specimen, metadata["run"])
 
     def _origin(
         self, readers: Mapping[str, SourceReader], hashes: Mapping[Path, str], started_from: str

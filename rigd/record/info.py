@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.model import Stream
 from rigd.record.events import Event
@@ -14,6 +14,10 @@ from rigd.record.notes import Note, notes_in
 from rigd.record.prefix import RECOVERY_METADATA
 from rigd.record.reader import Recording
 from rigd.record.trials import INTERRUPTED, TrialInfo
+
+if TYPE_CHECKING:
+    from rigd.config.lab import Specimen
+    from rigd.model.about import About
 
 #: State where ``run_end`` names none.
 COMPLETE: Final = "complete"
@@ -214,3 +218,14 @@ def _stream_info(recording: Recording, name: str) -> StreamInfo:
     spread = span[1] - span[0] if span is not None else 0
     rate_hz = (rows - 1) / (spread * 1e-9) if spread > 0 else 0.0
     return StreamInfo(recording.streams[name], rows, rate_hz)
+
+
+def stated_metadata(
+    about: About, specimen: Specimen | None, run: dict[str, str]
+) -> dict[str, dict[str, str]]:
+    """Add operator and note to the metadata ``run``; return all else that is stated as metadata."""
+    run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
+    given = {"meta": dict(about.meta)}
+    if specimen is not None and specimen.name:
+        given[SPECIMEN_METADATA] = {"name": specimen.name, **specimen.fields}
+    return {name: values for name, values in given.items() if values}

@@ -127,6 +127,9 @@ SHOWN: dict[str, Shows] = {
     "rigd info FILE --attachments folder/": Shows("folder/rig.yaml", {"FILE": QUICK}),
     "rigd import old/*.csv --map map.yaml": Shows("runs/push.mcap: 1 trial"),
     "rigd import old/*.csv --map map.yaml --out imported/": Shows("imported/push.mcap: 1 trial"),
+    "rigd import old/*.csv --map map.yaml --out W7/ --specimen W7 --meta batch=13": Shows(
+        "W7/push.mcap: 1 trial"
+    ),
     "rigd export FILE --to parquet": Shows(".parquet", {"FILE": QUICK}),
     f"rigd export {QUICK} --to parquet": Shows(".parquet"),
     "rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/": Shows(
