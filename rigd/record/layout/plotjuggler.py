@@ -23,7 +23,7 @@ COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 def text(tabs: Sequence[Tab]) -> str:
     """Return the layout: in each tab first the trial and the step, then its plots."""
     root = Element("root")
-    window = SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    window = SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for tab in tabs:
         container = SubElement(
             SubElement(window, "Tab", tab_name=tab.title, containers="1"), "Container"
