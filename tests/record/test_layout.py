@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +19,7 @@ from rigd.cli.main import main
 from rigd.config.loader import load_rig
 from rigd.engine.wiring import streams_of
 from rigd.model import Channel, Stream
+from rigd.record import Recording
 from rigd.record.layout import FORMATS, layout
 from rigd.record.layout.plots import MOST_PLOTS, tabs_of
 from rigd.sdk.shipped import shipped_folder
@@ -56,25 +57,28 @@ def placed(node: object) -> Iterator[str]:
         yield str(node)
 
 
+def shown(streams: Sequence[Stream]) -> tuple[set[str], set[str]]:
+    """``/topic/field`` in the layouts of Foxglove and of PlotJuggler."""
+    paths = {
+        path["value"].replace(".", "/")
+        for panel in panels(layout(streams, "foxglove")).values()
+        for path in panel.get("paths", [])
+    }
+    root = ElementTree.fromstring(layout(streams, "plotjuggler"))
+    return paths, {str(curve.get("name")) for curve in root.iter("curve")}
+
+
 @pytest.mark.parametrize("rig", RIGS)
 def test_layouts_name_only_what_is_recorded(tmp_path: Path, rig: str) -> None:
     path = tmp_path / "run.mcap"
     procedure = shipped_folder("procedures") / f"{RIGS[rig]}.yaml"
     play(Pair(procedure, load_rig(rig)), 0, path, trials=1)
-    recorded = fields_of(path)
-    topics = {name.split("/")[1] for name in recorded}
-    streams = [item for item in streams_of(load_rig(rig)) if item.name in topics]
-    assert {item.name for item in streams} == topics - {"trial", "events"}
-    paths = [
-        path["value"]
-        for panel in panels(layout(streams, "foxglove")).values()
-        for path in panel.get("paths", [])
-    ]
-    assert {path.replace(".", "/") for path in paths} <= recorded
-    root = ElementTree.fromstring(layout(streams, "plotjuggler"))
-    curves = {str(curve.get("name")) for curve in root.iter("curve")}
-    assert curves <= recorded
-    assert {"/trial/number", "/trial/step"} <= curves
+    recorded, streams = fields_of(path), Recording.open(path).streams
+    for names in shown([item for item in streams_of(load_rig(rig)) if item.name in streams]):
+        assert names <= recorded
+    paths, curves = shown(list(streams.values()))
+    assert paths <= recorded
+    assert {"/trial/number", "/trial/step"} <= curves <= recorded
     # All but raw readings, status words and what is known of a trial in words.
     left = {name for name in recorded - curves if not re.search(r"_raw$|/counts$|/status$", name)}
     assert {name.split("/")[1] for name in left} == {"trial", "events"}
@@ -94,8 +98,8 @@ def test_foxglove_layout_has_keys_of_its_sdk() -> None:
             assert set(panel) <= config | {"foxglovePanelTitle"}
             assert all(set(path) <= series for path in panel["paths"])
     tabs = found["Tab!streams"]["tabs"]
-    shown = [*placed(whole["layout"]), *(name for tab in tabs for name in placed(tab["layout"]))]
-    assert sorted(shown) == sorted(found)
+    used = [*placed(whole["layout"]), *(name for tab in tabs for name in placed(tab["layout"]))]
+    assert sorted(used) == sorted(found)
 
 
 def test_plotjuggler_layout_counts_its_plots() -> None:
