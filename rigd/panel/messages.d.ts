@@ -353,6 +353,7 @@ declare namespace Api {
   interface Runs {
     limit?: number;
     before?: string | null;
+    where?: string;
   }
   interface SessionReply {
     session: SessionView | null;

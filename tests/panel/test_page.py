@@ -184,6 +184,31 @@ def test_past_run_is_drawn_without_control(panel: ServedPanel, watched: Watched)
     expect(report.get_by_role("heading")).to_have_text("What was recorded")
 
 
+def test_runs_are_searched_by_a_condition(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["operator"])
+    turn_to(page, "Runs")
+    lines = page.locator(".run-list tbody tr")
+    field, wrong = page.get_by_label("Find"), page.locator(".run-list .problem")
+    expect(lines).to_have_count(len(panel.rig.runs))
+    field.fill("state == stopped")
+    press(page, "Search")
+    stopped = [run for run in panel.rig.runs if run.state == "stopped"]
+    assert 0 < len(stopped) < len(panel.rig.runs)
+    expect(lines).to_have_count(len(stopped))
+    expect(wrong).to_be_hidden()
+    field.fill("stat == stopped")
+    press(page, "Search")
+    expect(wrong).to_have_text("there is no field 'stat' – did you mean 'state'?")
+    expect(lines).to_have_count(len(stopped))
+    field.fill("state == nowhere")
+    press(page, "Search")
+    expect(lines).to_have_text("No recordings match.")
+    expect(wrong).to_be_hidden()
+    field.fill("")
+    field.press("Enter")
+    expect(lines).to_have_count(len(panel.rig.runs))
+
+
 def test_interlocks_are_called_clear_only_while_watched(
     panel: ServedPanel, watched: Watched
 ) -> None:

@@ -295,6 +295,17 @@ class PlayedRig:
             self.show()
         return result
 
+    def _runs(self, where: str) -> RunList:
+        """Return the recordings with the state that ``where`` compares, ``state == stopped``."""
+        name, _, value = where.partition(" == ")
+        if name not in ("", "state"):
+            raise Refusal(
+                Code.BAD_REQUEST, f"there is no field {name!r}", hint="did you mean 'state'?"
+            )
+        return RunList(
+            runs=tuple(run for run in self.runs if not name or run.state == value), more=False
+        )
+
     def _table(self) -> Handlers:
         lease = self.lease
         return Handlers(
@@ -306,7 +317,7 @@ class PlayedRig:
             procedures=lambda _, __: LISTED,
             procedure=_procedure,
             check=lambda _, wanted: check(wanted.set),
-            runs=lambda _, __: RunList(runs=tuple(self.runs), more=False),
+            runs=lambda _, wanted: self._runs(wanted.where),
             run=lambda _, wanted: RunView(line=self._line(wanted.run), details=DETAILS),
             report=self._report,
             fetch=self._fetch,

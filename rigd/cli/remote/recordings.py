@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_json, add_quiet
@@ -20,20 +21,30 @@ if TYPE_CHECKING:
 def _configure_runs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--limit", type=_count, default=20, metavar="N", help="how many (20)")
     parser.add_argument("--before", metavar="RUN", help="only recordings older than this")
+    parser.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="only recordings for which this holds, as in `rigd runs`: specimen == W7; several "
+        "--where must all hold",
+    )
     add_json(parser)
 
 
 def _runs(args: argparse.Namespace) -> int:
     with connect(args) as rig:
-        found = rig.runs(args.limit, args.before)
+        several = len(args.where) > 1  # one stays as it is, so that errors name its places
+        where = " and ".join(f"({text})" if several else text for text in args.where)
+        found = rig.runs(args.limit, args.before, where)
     if args.json:
         print_json(found.model_dump(mode="json"))
     else:
-        _print(found, again(args))
+        _print(found, where, again(args))
     return 0
 
 
-def _print(found: RunList, where: str) -> None:
+def _print(found: RunList, where: str, again: str) -> None:
     from rich.markup import escape
     from rich.table import Table
 
@@ -41,7 +52,7 @@ def _print(found: RunList, where: str) -> None:
 
     console = open_console()
     if not found.runs:
-        console.print("no recordings yet")
+        console.print("no recordings match" if where else "no recordings yet")
         return
     table = Table(box=None, pad_edge=False)
     for name in ("recording", "procedure", "state", "began (UTC)"):
@@ -64,10 +75,9 @@ def _print(found: RunList, where: str) -> None:
         table.add_row(*map(escape, texts))
     print_table(console, table)
     if found.more:
-        console.print(
-            escape(f"for older recordings:  rigd remote runs --before {found.runs[-1].run}{where}"),
-            soft_wrap=True,
-        )
+        asked = f" --where {quote(where)}" if where else ""
+        older = f"rigd remote runs --before {found.runs[-1].run}{asked}{again}"
+        console.print(escape(f"for older recordings:  {older}"), soft_wrap=True)
 
 
 def _configure_fetch(parser: argparse.ArgumentParser) -> None:
@@ -151,7 +161,13 @@ def _print_path(args: argparse.Namespace, path: Path) -> None:
 
 COMMANDS = {
     "runs": RemoteCommand(
-        "list the recordings of a daemon, the newest first", _runs, _configure_runs
+        "list the recordings of a daemon, the newest first",
+        _runs,
+        _configure_runs,
+        """\
+examples:
+  rigd remote runs --where 'specimen == W7 and started > 2026-09-01'
+""",
     ),
     "fetch": RemoteCommand(
         "fetch a recording",

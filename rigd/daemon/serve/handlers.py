@@ -80,7 +80,7 @@ def bind_handlers(parts: Parts) -> Handlers:
         procedures=lambda *_: parts.library.lines(),
         procedure=lambda _, args: parts.library.view(args.name),
         check=lambda _, args: parts.library.check(args) or _check(parts, args),
-        runs=lambda _, args: recordings.lines(args.limit, args.before, parts.under_way),
+        runs=lambda _, args: recordings.lines(args.limit, args.before, parts.under_way, args.where),
         run=lambda _, args: recordings.view(args.run, parts.under_way),
         report=lambda _, args: _report(parts, args),
         fetch=lambda _, args: _fetch(parts, args),

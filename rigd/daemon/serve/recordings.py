@@ -18,8 +18,9 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
+from rigd.catalogue import parse_where, search
 from rigd.engine.shared.scarce import insist
-from rigd.model.errors import RecordingError
+from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.pages import page_of
 from rigd.record import Recording, RunInfo, info_json, run_info
 from rigd.record.moment import is_virtual, recorded_at
@@ -63,12 +64,21 @@ class Recordings:
                 hint="choose another --runs",
             ) from error
 
-    def lines(self, limit: int, before: str | None, under_way: str | None) -> RunList:
+    def lines(
+        self, limit: int, before: str | None, under_way: str | None, where: str = ""
+    ) -> RunList:
         """Return the newest ``limit`` recordings, of those older than ``before`` if given.
 
-        The recording ``under_way`` has the state ``running``.
+        The recording ``under_way`` has the state ``running``. ``where``: only recordings for which
+        this condition holds; one that cannot be read is none of them.
+
+        Raises:
+            Refusal: the condition is wrong.
         """
         names = sorted((path.name for path in self._paths()), reverse=True)
+        if where.strip():
+            matching = self._matching(where)
+            names = [name for name in names if name in matching]
         older = [name for name in names if before is None or name < before]
         lines = [self._line(name, under_way) for name in older[:limit]]
         return RunList(runs=tuple(lines), more=len(older) > limit)
@@ -164,6 +174,17 @@ class Recordings:
 
     def _paths(self) -> list[Path]:
         return [path for path in self.folder.glob("*.mcap") if _NAME.fullmatch(path.name)]
+
+    def _matching(self, where: str) -> set[str]:
+        """Return the names of the recordings for which a condition holds.
+
+        Raises:
+            Refusal: it is wrong, or the folder is missing.
+        """
+        try:
+            return {line.file for line in search(self.folder, parse_where(where)).lines}
+        except (ConfigError, RecordingError) as error:
+            raise Refusal(Code.BAD_REQUEST, error.message, hint=error.hint) from error
 
     def _line(self, name: str, under_way: str | None) -> RunLine:
         path = self.folder / name

@@ -216,9 +216,12 @@ class AsyncVerbs(ABC):
 
     # Recordings
 
-    async def runs(self, limit: int = 100, before: str | None = None) -> RunList:
-        """Return the recordings, the newest first; only those older than ``before`` if given."""
-        return await self._ask("runs", RunList, limit=limit, before=before)
+    async def runs(self, limit: int = 100, before: str | None = None, where: str = "") -> RunList:
+        """Return the recordings, the newest first; only those older than ``before`` if given.
+
+        ``where``: only those for which this condition holds, as ``rigd runs --where`` takes it.
+        """
+        return await self._ask("runs", RunList, limit=limit, before=before, where=where)
 
     async def run(self, run: str) -> RunView:
         """Return the data of a recording; ``details`` are those of ``rigd info --json``."""

@@ -118,6 +118,8 @@ class Runs(Message):
     """How many, the newest first."""
     before: RunName | None = None
     """Only recordings older than this recording."""
+    where: Annotated[str, StringConstraints(max_length=2000)] = ""
+    """Only recordings for which this condition holds, as `rigd runs --where` takes it."""
 
 
 class PieceArguments(Message):

@@ -12,7 +12,7 @@ import pytest
 from rigd.daemon.serve.recordings import Recordings, interrupted
 from rigd.model.channels import Channel, Stream
 from rigd.record import NO_TRIAL, RecordingWriter
-from rigd.remote.protocol import Refusal, as_json
+from rigd.remote.protocol import Code, Refusal, as_json
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 
 AXIS = Stream("axis", (Channel("position", "m"),))
@@ -80,6 +80,48 @@ def test_unreadable_recording_is_listed_with_its_problem(tmp_path: Path) -> None
         assert line.state == "unreadable"
         assert line.problem
     assert recordings.view("foreign.mcap", None).line == lines[2]
+
+
+@pytest.fixture
+def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Recordings:
+    """Five recordings, two of them stopped, beside what cannot be read."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for hour in range(5):
+        state = "stopped" if hour in (1, 3) else "complete"
+        record(folder / f"20261121-0{hour}0000-sweep.mcap", state=state)
+    (folder / "torn.mcap").write_bytes(b"no recording")
+    (folder / "folder.mcap").mkdir()
+    return Recordings(folder)
+
+
+def test_condition_finds_recordings_page_by_page(searched: Recordings) -> None:
+    page = searched.lines(1, None, None, "state == stopped")
+    assert [run.run[9:11] for run in page.runs] == ["03"]
+    assert page.more
+    rest = searched.lines(10, page.runs[-1].run, None, "state == stopped")
+    assert [run.run[9:11] for run in rest.runs] == ["01"]
+    assert not rest.more
+    assert searched.lines(10, None, None, "parameter.speed > 1").runs == ()
+    assert len(searched.lines(10, None, None, " ").runs) == 7
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ("stat == stopped", "stat"),
+        ("state ==", "value"),
+        ("duration > 5 kg", "kg"),
+    ],
+)
+def test_wrong_condition_is_refused_with_its_mistake(
+    searched: Recordings, where: str, message: str
+) -> None:
+    with pytest.raises(Refusal, match=message) as refused:
+        searched.lines(10, None, None, where)
+    assert refused.value.code == Code.BAD_REQUEST
+    assert str(searched.folder) not in str(refused.value)  # clients must not see paths
 
 
 def test_recording_just_begun_is_running_not_torn(tmp_path: Path) -> None:

@@ -15,35 +15,53 @@ export function mountRuns(root) {
   const body = el("tbody");
   /** @type {HTMLButtonElement} */
   const more = el("button", { type: "button", hidden: true, onclick: () => attempt(more, () => load(false)) }, "Older ones");
+  const wanted = el("input", { type: "search", id: "run-where", placeholder: "such as specimen == W7", autocomplete: "off", autocapitalize: "none", spellcheck: false, maxLength: 2000 });
+  const wrong = el("p", { class: "problem", role: "alert", hidden: true });
+  const search = el("form", { class: "run-search", role: "search", onsubmit: (/** @type {Event} */ event) => {
+    event.preventDefault();
+    refresh();
+  } }, el("label", { for: "run-where" }, "Find"), wanted, el("button", { type: "submit" }, "Search"));
+  // The cross of the field empties it: all runs again.
+  wanted.addEventListener("search", () => wanted.value === "" && refresh());
   const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a run."));
   root.append(
     el("section", { class: "panel run-list", "aria-label": "Recordings" },
       el("div", { class: "panel-head" }, el("h2", {}, "Runs")),
+      search, wrong,
       el("div", { class: "scroll" },
         el("table", {},
           el("thead", {}, el("tr", {}, ...["Started", "Procedure", "State", "Trials", "Took"].map((text) => el("th", { scope: "col" }, text)))),
           body)),
       more),
     el("section", { class: "panel wide", "aria-label": "The run" }, sheet));
+  let where = "";
   let oldest = /** @type {string | null} */ (null);
   let open = /** @type {string | null} */ (null);
   let lastRun = /** @type {string | null | undefined} */ (undefined);
 
   /** @param {boolean} fresh */
   async function load(fresh) {
-    const { runs, more: isMore } = await ask("runs", fresh || oldest === null ? { limit: PAGE } : { limit: PAGE, before: oldest });
+    // Older ones are those of the condition that the list shows.
+    if (fresh) where = wanted.value.trim();
+    const { runs, more: isMore } = await ask("runs", { limit: PAGE, where, before: fresh ? null : oldest });
+    wrong.hidden = true;
     if (fresh) fill(body);
     body.append(...runs.map(line));
     oldest = runs.at(-1)?.run ?? oldest;
     more.hidden = !isMore;
-    if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 5, class: "empty" }, "No recordings yet.")));
+    if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 5, class: "empty" }, where ? "No recordings match." : "No recordings yet.")));
   }
 
   async function refresh() {
     try {
       await load(true);
     } catch (error) {
-      complain(asRefused(error));
+      const refused = asRefused(error);
+      if (refused.code !== "bad_request") complain(refused);
+      else {
+        setText(wrong, withHint(refused));
+        wrong.hidden = false;
+      }
     }
   }
 
