@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rigd.config.publication import Author, Publication
     from rigd.record import Recording
     from rigd.record.export import Format
     from rigd.record.joined import TimeBase
 
-HELP = "export recordings for other programs: Parquet, CSV, MATLAB, HDF5, ASAM MDF 4"
+HELP = "export recordings for other programs or publication: Parquet, CSV, MATLAB, HDF5, RO-Crate"
 EXAMPLES = """\
 examples:
   rigd export runs/20261121-080000-quick.mcap --to parquet
@@ -25,23 +26,36 @@ examples:
   rigd export FILE --to csv --rate "100 Hz"           all streams in one table
   rigd export FILE --to csv --on carriage --between linear
   rigd export runs/*.mcap --to parquet --output tables/
+  rigd export FILE --to rocrate --license CC-BY-4.0 --author "Ada Lovelace"
 
   One table per stream, with t_ns (UTC), time (s), trial (-1 outside trials), trial_time (s since
   the trial began), step and a column per channel, the numbers as recorded, in SI; one of the
   events; one of the trials with their parameters and what the procedure measures (measure_NAME);
   one of the steps as they were played. hdf5 and mdf4 have all tables in one file.
   --rate or --on puts all streams into one table. A gap stays one, and nothing is extrapolated.
+  rocrate makes one RO-Crate of all FILEs, a zip file or a folder, to be published with a DOI:
+  recordings, procedures, rigs, calibrations, tables, and who made them with what. It needs a
+  licence, and authors if no operator is stated; `publication:` in the file of the lab states both.
   Each of several files gets a folder of its own; if two have the same name, the folders of the
   recordings are kept: tables/monday/run. Of a damaged file, what is intact is exported, and
   what is lost is named.
 """
 
 
+#: Options that only a crate has.
+_OF_CRATES = (
+    "license", "author", "title", "description", "publisher", "keyword", "doi", "lab", "tables",
+)  # fmt: skip
+
+
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
     parser.add_argument(
-        "--to", choices=("parquet", "csv", "mat", "hdf5", "mdf4"), required=True, help="format"
+        "--to",
+        choices=("parquet", "csv", "mat", "hdf5", "mdf4", "rocrate"),
+        required=True,
+        help="format",
     )
     parser.add_argument(
         "--stream", action="append", metavar="NAME", help="only this stream (default: all streams)"
@@ -71,9 +85,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="PATH",
         help="folder of the tables (default: one with the recording's name); "
-        "for hdf5 and mdf4 a folder, or the file",
+        "for hdf5 and mdf4 a folder, or the file; for rocrate a folder, or a file .zip",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    crate = parser.add_argument_group("rocrate")
+    crate.add_argument(
+        "--license", metavar="LICENSE", help="such as CC-BY-4.0, or the address of its text"
+    )
+    crate.add_argument(
+        "--author",
+        action="append",
+        metavar="'NAME ORCID'",
+        help="an author, with the ORCID iD if there is one (default: those of the lab, or the "
+        "operators)",
+    )
+    crate.add_argument("--title", metavar="TEXT", help="title (default: that of the procedure)")
+    crate.add_argument("--description", metavar="TEXT", help="what the data are")
+    crate.add_argument("--publisher", metavar="NAME", help="who publishes the data")
+    crate.add_argument("--keyword", action="append", metavar="WORD", help="a word to find it by")
+    crate.add_argument("--doi", metavar="DOI", help="a DOI that is reserved for the data")
+    crate.add_argument(
+        "--lab", type=Path, metavar="FILE", help="file of the lab, with what holds for all its data"
+    )
+    crate.add_argument(
+        "--tables", choices=("csv", "parquet"), help="format of the tables (default: csv)"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -93,6 +129,11 @@ def execute(args: argparse.Namespace) -> int:
             hint="give --rate RATE or --on STREAM, too",
         )
     files: list[Path] = list(dict.fromkeys(args.files))
+    if args.to == "rocrate":
+        return _publish(args, files)
+    for name in _OF_CRATES:
+        if getattr(args, name) is not None:
+            raise ConfigError(f"--{name} is for --to rocrate")
     targets = _targets(files, args.output, args.to)
     for file, target in zip(files, targets, strict=True):
         recording = Recording.open(file, partial=True)
@@ -110,6 +151,87 @@ def execute(args: argparse.Namespace) -> int:
         for loss in run_info(recording).losses:
             print(f"warning: {loss}", file=sys.stderr)
     return 0
+
+
+def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:
+    """Write a crate of all recordings and print its name.
+
+    Raises:
+        ConfigError: an option is for tables, or what a publication needs is missing or wrong.
+        RecordingError: see :func:`rigd.record.export.rocrate.export_rocrate`.
+    """
+    from rigd.model.errors import ConfigError
+    from rigd.record import Recording
+    from rigd.record.export.rocrate import Source, export_rocrate
+
+    for name in ("stream", "rate", "on", "between"):
+        if getattr(args, name) is not None:
+            raise ConfigError(f"--{name} is not for --to rocrate, which has all that was recorded")
+    recordings = [Recording.open(file, partial=True) for file in files]
+    publication = _publication(args, recordings)
+    name = files[0].stem if len(files) == 1 else "recordings"
+    target: Path = args.output or files[0].with_name(f"{name}.crate.zip")
+    sources = [Source(recording, _measures(recording)) for recording in recordings]
+    written = export_rocrate(
+        sources, target, publication, tables=args.tables or "csv", overwrite=args.overwrite
+    )
+    print(written)
+    return 0
+
+
+def _publication(args: argparse.Namespace, recordings: Sequence[Recording]) -> Publication:
+    """Return what the options, the lab and the recordings state of the data.
+
+    Raises:
+        ConfigError: licence or authors are missing, or something is wrong.
+    """
+    from rigd.config.lab import load_lab
+    from rigd.config.publication import LICENSES, Author, Publication, PublicationSource
+    from rigd.model.errors import ConfigError
+    from rigd.record.export.rocrate import operators_of
+
+    lab = PublicationSource() if args.lab is None else load_lab(args.lab).publication
+    license = args.license or lab.license
+    if not license:
+        raise ConfigError(
+            "data without a licence can be used by nobody",
+            hint=f"give --license, such as {next(iter(LICENSES))} or CC-BY-4.0, or --lab with "
+            "`publication: {license: CC-BY-4.0}`",
+        )
+    try:
+        authors = [_author(text) for text in args.author or ()]
+        authors = authors or [author.author() for author in lab.authors]
+        authors = authors or [Author(name) for name in operators_of(recordings)]
+        if not authors:
+            raise ConfigError(
+                "a publication has authors, and the recordings state no operator",
+                hint='give --author "Ada Lovelace 0000-0002-1825-0097"',
+            )
+        return Publication(
+            license,
+            args.title or "",
+            args.description or "",
+            tuple(authors),
+            args.publisher or lab.publisher or "",
+            tuple(args.keyword or lab.keywords),
+            args.doi or "",
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _author(text: str) -> Author:
+    """Return the author of ``NAME ORCID``; the ORCID iD may be left out.
+
+    Raises:
+        ValueError: the ORCID iD is wrong, or there is no name.
+    """
+    from rigd.config.publication import Author
+
+    name, _, last = text.strip().rpartition(" ")
+    if name and any(letter.isdigit() for letter in last):
+        return Author(name.strip(), last.strip("<>()"))
+    return Author(text.strip())
 
 
 def _targets(files: Sequence[Path], output: Path | None, to: Format) -> list[Path]:

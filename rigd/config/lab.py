@@ -18,6 +18,7 @@ from pydantic import Field, StringConstraints
 from rigd.config.binding import bind
 from rigd.config.document import Document, KeyPath, read_document
 from rigd.config.problems import Problems
+from rigd.config.publication import PublicationSource, check_publication
 from rigd.config.source import FileName, FilePath, QuantityText, Source
 from rigd.model.about import About, check_text
 from rigd.model.errors import ConfigError, Place
@@ -70,6 +71,8 @@ class LabSource(Source):
     """Folder of the files of specimens; relative to this file."""
     fields: Annotated[dict[FieldName, FieldSource], Field(max_length=100)]
     """Fields by name: `operator`, `note`, `specimen`, `meta.NAME`, `specimen.NAME`."""
+    publication: PublicationSource | None = None
+    """What holds for data that the lab publishes: licence, authors, publisher."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,7 @@ class Lab:
     specimens: Path
     fields: Mapping[str, FieldSource]
     places: Mapping[str, Place]
+    publication: PublicationSource = field(default_factory=PublicationSource)
 
 
 def load_lab(path: Path) -> Lab:
@@ -103,6 +107,8 @@ def load_lab(path: Path) -> Lab:
     source = bind(document, LabSource, problems)
     for name, item in ({} if source is None else source.fields).items():
         _check_field(document, name, item, problems)
+    if source is not None and source.publication is not None:
+        check_publication(document, source.publication, problems)
     problems.raise_any()
     if source is None:
         raise ConfigError("the lab file cannot be used", place=document.place(()))
@@ -111,6 +117,7 @@ def load_lab(path: Path) -> Lab:
         path.parent / source.specimens,
         source.fields,
         {name: document.key_place(("fields", name)) for name in source.fields},
+        source.publication or PublicationSource(),
     )
 
 

@@ -142,6 +142,9 @@ SHOWN: dict[str, Shows] = {
     "rigd export FILE --to csv --on carriage --between linear": Shows(
         "joined.csv", {"FILE": PVC}
     ),
+    'rigd export FILE --to rocrate --license CC-BY-4.0 --author "Ada Lovelace"': Shows(
+        ".crate.zip", {"FILE": QUICK}
+    ),
     "rigd layout lugre-1 --to foxglove": Shows("lugre-1.foxglove.json"),
     "rigd layout configs/sim_lugre.yaml --to plotjuggler": Shows("lugre-1.plotjuggler.xml"),
     "rigd layout FILE --to foxglove": Shows("quick.foxglove.json", {"FILE": QUICK}),
