@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC
 from functools import cached_property
 from html import escape
@@ -19,7 +19,7 @@ from rigd.analysis.estimates import Estimate
 from rigd.analysis.evaluation import evaluate_sweeps, open_sweeps
 from rigd.analysis.plain import plain_object
 from rigd.analysis.plan import analysis_of
-from rigd.analysis.source import Correction
+from rigd.analysis.source import Correction, RecordedSweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.extras import require
 from rigd.procedure.loader import load_procedure
@@ -37,7 +37,9 @@ Recorded = Recording | str | os.PathLike[str]
 class ResultOrigin:
     """Where numbers come from: one recording, with the calibration that it states.
 
-    ``recorded`` is its date in UTC (ISO 8601), "" if it is not known.
+    ``recorded`` is its date in UTC (ISO 8601), "" if it is not known. ``constants`` are those that
+    its evaluation rests on and that all its trials have in common: value and standard uncertainty
+    in SI, None if none is stated.
     """
 
     recording: str
@@ -47,6 +49,18 @@ class ResultOrigin:
     recorded: str
     calibration: Mapping[str, str]
     meta: Mapping[str, str]
+    constants: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)
+
+    @staticmethod
+    def of_sweep(sweep: RecordedSweep) -> ResultOrigin:
+        """Return the origin that an identified recording states."""
+        plan = sweep.plan
+        constants = {
+            name: (float(value), u.of(value) if (u := plan.uncertainties.get(name)) else None)
+            for name, value in plan.constants.items()
+            if not isinstance(value, str)
+        }
+        return replace(ResultOrigin.of(sweep.info, plan.model), constants=constants)
 
     @staticmethod
     def of(info: RunInfo, model: str) -> ResultOrigin:
@@ -279,7 +293,7 @@ def identified(
     changed: list[Correction] = []
     sweeps = open_sweeps(paths, losses.append, corrections, changed.append)
     evaluation = evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options, notify)
-    origins = tuple(ResultOrigin.of(sweep.info, sweep.plan.model) for sweep in sweeps)
+    origins = tuple(map(ResultOrigin.of_sweep, sweeps))
     return Result(evaluation, tuple(losses), tuple(changed), origins)
 
 

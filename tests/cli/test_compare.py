@@ -53,10 +53,13 @@ def result(
     path: Path, *estimates: Estimate, rig: str = "lugre-1", day: str = "2026-09-01",
     method: str = "output error", model: str = "lugre", calibration: str = "",
     refused: Mapping[str, str] | None = None,
+    constants: Mapping[str, tuple[float, float | None]] | None = None,
 ) -> Path:  # fmt: skip
     """Write a result as `rigd identify --json` does, with these estimates."""
     stated = {"name": calibration, "made": day} if calibration else {}
-    origin = ResultOrigin(f"{path.stem}.mcap", rig, "p", model, f"{day}T08:00:00+00:00", stated, {})
+    origin = ResultOrigin(
+        f"{path.stem}.mcap", rig, "p", model, f"{day}T08:00:00+00:00", stated, {}, constants or {}
+    )
     told: dict[str, Any] = {
         "groups": [{"group": "pvc", "model": model, "method": method}],
         "origins": [asdict(origin)],
@@ -107,6 +110,31 @@ def test_constant_stated_otherwise_does_not_cancel(say: Say, tmp_path: Path) -> 
     assert code == 0
     assert "No difference found: sigma_0 (pvc)." in out
     assert "torque_constant is not stated alike (before: 0.03; after: 0.031)" in out
+
+
+def test_same_value_of_another_uncertainty_is_named(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", estimate("sigma_0", 50.0, 0.004, share=0.03))
+    other = estimate("sigma_0", 52.5, 0.004, share=0.03)
+    shares = (Share("torque_constant", 0.03, 2e-4, 0.03),)
+    second = result(tmp_path / "after.json", Estimate(**{**vars(other), "shares": shares}))
+    _, out, _ = say(first, second)
+    assert "torque_constant is stated with several uncertainties" in " ".join(out.split())
+
+
+def test_constant_of_no_interval_is_compared_too(say: Say, tmp_path: Path) -> None:
+    """An analysis that takes constants as exact: another value alone makes the difference."""
+    first, second = (
+        result(
+            tmp_path / f"{name}.json", estimate("mu_c", mu, 0.004),
+            constants={"wheel_radius": (radius, 1e-4), "gravity": (9.81, None)},
+        )
+        for name, mu, radius in (("before", 0.12, 0.05), ("after", 0.13, 0.0541))
+    )  # fmt: skip
+    _, out, _ = say(first, second)
+    told = " ".join(out.split())
+    assert "wheel_radius is not stated alike (before: 0.05; after: 0.0541)" in told
+    assert "gravity" not in told
+    assert "No interval here states which part of it comes from a constant." in told
 
 
 def test_trend_over_months_names_calibrations(say: Say, tmp_path: Path) -> None:

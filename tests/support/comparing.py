@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -28,7 +28,8 @@ class Try:
 
     ``determined``: both campaigns have the parameter that differs; ``found``: it was named;
     ``holds``: its interval holds the change. ``others``: parameters that were named and do not
-    differ. ``inside``: whether each interval of a difference holds the truth.
+    differ. ``intervals`` are those of all differences, ``missed`` the parameters whose interval
+    does not hold the truth.
     """
 
     number: int
@@ -40,37 +41,35 @@ class Try:
     found: bool = False
     holds: bool = False
     others: tuple[str, ...] = ()
-    inside: tuple[bool, ...] = field(default=())
-    interval: tuple[float, float] = (0.0, 0.0)
+    missed: tuple[str, ...] = ()
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def tries(number: int, folder: Path, currents: str = CURRENTS) -> list[Try]:
-    """Return what is found of the rig with this number: of two equal campaigns, of two apart."""
+def tries(number: int, folder: Path, currents: str = CURRENTS, *, twice: bool = False) -> list[Try]:
+    """Return what is found of the rig with this number: of two equal campaigns, of two apart.
+
+    All campaigns have one rig and its constants, as far off as their u; each has noise and a place
+    at the start of its own. ``twice``: a fourth campaign makes one more try of each kind.
+    """
     floor = FLOORS[number % len(FLOORS)]
     parameter = tuple(CHANGED)[number // len(FLOORS) % len(CHANGED)]
-    (folder / "same").mkdir()
-    (folder / "other").mkdir()
-    rig = random_rig(number, floor, folder / "same", currents=currents)
-    if parameter == "mu_c" and rig.truth["mu_c"] * (1.0 + CHANGE) >= rig.truth["mu_s"]:
+    truth = random_rig(number, floor, folder).truth
+    if parameter == "mu_c" and truth["mu_c"] * (1.0 + CHANGE) >= truth["mu_s"]:
         parameter = "sigma_0"  # no plant has a static friction below that of sliding
-    value = rig.truth[parameter] * (1.0 + CHANGE)
-    other = random_rig(
-        number, floor, folder / "other", currents=currents,
-        friction={CHANGED[parameter]: value},
-    )  # fmt: skip
-    results: list[Result | str] = []
-    for seed, played in enumerate((rig, rig, other), start=3 * number):
-        (folder / str(seed)).mkdir()
-        path = folder / str(seed) / "run.mcap"
-        played.record(path, seed)
+    apart = {CHANGED[parameter]: truth[parameter] * (1.0 + CHANGE)}
+    found: list[Result | str] = []
+    for seed, friction in enumerate([{}, {}, apart, apart][: 4 if twice else 3], start=4 * number):
+        own = folder / str(seed)
+        own.mkdir()
+        rig = random_rig(number, floor, own, friction=friction, currents=currents, start=seed)
+        rig.record(own / "run.mcap", seed)
         try:
-            results.append(identify(measured(path, number, floor), method="output-error"))
+            found.append(identify(measured(own / "run.mcap", number, floor), method="output-error"))
         except RigdError as error:
-            results.append(str(error))
-    return [
-        _tried(number, floor, parameter, results[:2], changed=False),
-        _tried(number, floor, parameter, results[::2], changed=True),
-    ]
+            found.append(str(error))
+    pairs = [(found[:2], False), (found[:3:2], True)]
+    pairs += [(found[2:], False), (found[1::2], True)] if twice else []
+    return [_tried(number, floor, parameter, pair, changed=changed) for pair, changed in pairs]
 
 
 def _tried(
@@ -91,18 +90,16 @@ def judged(
     """Return how a comparison agrees with the truth."""
     truth = dict.fromkeys(NAMES, 0.0) | ({parameter: CHANGE} if changed else {})
     rows = {row.name: row for row in found.compared if row.name in truth and row.test is not None}
-    inside = {}
-    for name, row in rows.items():
-        _, low, high = row.change(row.differences["second"])
-        inside[name] = (low <= truth[name] <= high, low, high)
-    others = tuple(name for name, row in rows.items() if row.differs and not truth[name])
-    mine = inside.get(parameter, (False, 0.0, 0.0))
+    intervals = {name: row.change(row.differences["second"])[1:] for name, row in rows.items()}
+    missed = tuple(
+        name for name, (low, high) in intervals.items() if not low <= truth[name] <= high
+    )
     return Try(
         number, floor, parameter, changed,
         determined=parameter in rows,
         found=parameter in rows and rows[parameter].differs,
-        holds=mine[0],
-        others=others,
-        inside=tuple(item[0] for item in inside.values()),
-        interval=mine[1:],
+        holds=parameter in rows and parameter not in missed,
+        others=tuple(name for name, row in rows.items() if row.differs and not truth[name]),
+        missed=missed,
+        intervals=intervals,
     )  # fmt: skip

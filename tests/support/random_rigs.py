@@ -92,11 +92,13 @@ def random_rig(
     *,
     friction: Mapping[str, float] | None = None,
     currents: str = PAPER_CURRENTS,
+    start: int | None = None,
 ) -> RandomRig:
     """Write the files of the rig with this number to ``folder``, and return it; 0 is as shipped.
 
     ``friction`` are values of the floor to be had instead (names as in ``plants/lugre.yaml``, SI),
-    ``currents`` the currents of its trials as a sweep is written.
+    ``currents`` the currents of its trials as a sweep is written, ``start`` the number that draws
+    where it stands at the start and the zeros of its card (default: its own).
     """
     random = np.random.default_rng((_RIGS, number))
     spread = 1.0 if number else 0.0
@@ -126,7 +128,9 @@ def random_rig(
         **{name: number_of(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
     }
     YAML().dump(plant, folder / "plant.yaml")
-    (folder / "rig.yaml").write_text(_rig_text(shipped, plant, number), "utf-8")
+    (folder / "rig.yaml").write_text(
+        _rig_text(shipped, plant, number if start is None else start), "utf-8"
+    )
     (folder / "procedure.yaml").write_text(_procedure_text(surface, currents), "utf-8")
     return RandomRig(number, floor, folder / "rig.yaml", folder / "procedure.yaml", truth)
 
@@ -146,7 +150,7 @@ def measured(path: Path, number: int, floor: str) -> Path:
     return content.write(path.with_name("measured.mcap"))
 
 
-def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
+def _rig_text(shipped: Path, plant: Mapping[str, Any], start: int) -> str:
     carriage, guide = plant["carriage"], plant["carriage"]["guide"]
     mass, gravity = number_of(carriage["mass"]), number_of(plant["gravity"])
     arm = abs(number_of(guide["contact_arm"]) - number_of(guide["mass_arm"]))
@@ -168,7 +172,7 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
     }
     return replaced(
         (shipped / "sim_lugre.yaml").read_text("utf-8"),
-        {"parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {number}"}
+        {"parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {start}"}
         | {f"{name}: {{value: {old},": f"{name}: {{value: {new},"
            for name, (old, new) in constants.items()},
     )  # fmt: skip

@@ -20,12 +20,13 @@ leaves uncorrected as an uncertainty of that size. The GUM requires the correcti
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient
+from rigd.analysis.estimates import Share
+from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient, Known
 
 FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
 
@@ -93,6 +94,8 @@ class BudgetTerm:
     systematic: bool  #: the same in all runs of a set: repeating does not lessen it
     uncorrected: bool  #: the paper's column holds a bias that is not corrected
     source: str  #: origin of the size, one sentence
+    #: What stated constants add to the logarithm of mu, each if it is 1 u larger.
+    shares: tuple[Share, ...] = ()
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object."""
@@ -168,6 +171,11 @@ class Budget:
         return math.sqrt(math.fsum(t.better**2 for t in self.terms[:FORCE_TERMS]))
 
     @property
+    def shares(self) -> tuple[Share, ...]:
+        """What stated constants add to the logarithm of mu; more runs do not lessen it."""
+        return tuple(share for t in self.terms if t.systematic for share in t.shares)
+
+    @property
     def systematic(self) -> float:
         """That part of ``better`` which more runs do not lessen."""
         return math.sqrt(math.fsum(t.better**2 for t in self.terms if t.systematic))
@@ -233,13 +241,19 @@ def _term(
     kind: str = "B",
     systematic: bool = True,
     uncorrected: bool = False,
+    shares: Iterable[Share] = (),
 ) -> BudgetTerm:
     """Return a term; the paper's column is the same as ours unless ``paper`` is given."""
     better = abs(sensitivity * input_u)
     return BudgetTerm(
         name, input_u, unit, sensitivity, better if paper is None else abs(paper), better,
-        kind, systematic, uncorrected, source,
+        kind, systematic, uncorrected, source, tuple(shares),
     )  # fmt: skip
+
+
+def _share(name: str, known: Known, slope: float) -> Share:
+    """Return what a constant adds; ``slope`` is d(ln mu)/d(constant)."""
+    return Share(name, known.value, known.u, slope * known.u)
 
 
 def _torque_terms(
@@ -255,7 +269,8 @@ def _torque_terms(
     left = sizes.crosstalk_u * at.normal_force_n * math.hypot(1.0, math.sqrt(2.0) * share)
     return (
         _term("torque calibration", scale.u, "N m/V", at.torque_nm * per_nm / scale.value,
-              "the calibration's own uncertainty: mass, arm, gravity, fit"),
+              "the calibration's own uncertainty: mass, arm, gravity, fit",
+              shares=[_share("torque_scale", scale, at.torque_nm * per_nm / scale.value)]),
         _term("gauge zero", sizes.tare_nm if sizes.tared else sizes.zero_nm, "N m", per_nm,
               "tared: the noise of one zero; else the zeros before the triggers, which all runs "
               "may share",
@@ -278,17 +293,26 @@ def _drag_terms(at: Conditions, rig: AngleRig, sizes: Sizes) -> Sequence[BudgetT
     bearing_u = float(np.hypot(np.hypot(constant.u, viscous.u * w), load.u * n))
     rolling = rig.rolling_resistance
     inertia = rig.wheel_inertia * at.wheel_acceleration_rad_s2
+    drawn = Known(rig.wheel_inertia, sizes.inertia * rig.wheel_inertia)
     return (
         _term("wheel inertia", sizes.inertia * rig.wheel_inertia, "kg m^2",
               at.wheel_acceleration_rad_s2 * per_nm, "drawing of wheel and shaft",
-              paper=inertia * per_nm, uncorrected=True),
+              paper=inertia * per_nm, uncorrected=True,
+              shares=[_share("wheel_inertia", drawn, -at.wheel_acceleration_rad_s2 * per_nm)]),
         _term("bearing friction", bearing_u, "N m", per_nm,
               "calibration of b0, b1 and bN, at this speed and load",
-              paper=bearing * per_nm, uncorrected=True),
+              paper=bearing * per_nm, uncorrected=True,
+              shares=[
+                  _share("bearing_constant", constant, -per_nm),
+                  _share("bearing_viscous", viscous, -per_nm * w),
+                  _share("bearing_load", load, -per_nm * n),
+              ]),
         _term("rolling resistance", rolling.u, "1", 1.0 / (rho.value * at.mu),
-              "calibration", paper=rolling.value / (rho.value * at.mu), uncorrected=True),
+              "calibration", paper=rolling.value / (rho.value * at.mu), uncorrected=True,
+              shares=[_share("rolling_resistance", rolling, -1.0 / (rho.value * at.mu))]),
         _term("effective radius", rho.u, "1", 1.0 / rho.value, "calibration",
-              paper=float(np.hypot(1.0 - rho.value, rho.u)), uncorrected=True),
+              paper=float(np.hypot(1.0 - rho.value, rho.u)), uncorrected=True,
+              shares=[_share("effective_radius", rho, -1.0 / rho.value)]),
     )  # fmt: skip
 
 
@@ -299,20 +323,28 @@ def _load_terms(
     to_load = (1.0 + by_load * at.normal_force_n / _moment(at, rig)) / at.normal_force_n
     scale = calibration.load.u / calibration.load.value
     cell = calibration.normal_force if sizes.load_cell else None
-    span = scale if cell is None else cell.u / cell.value
+    gauge = calibration.load if cell is None else cell
+    span = gauge.u / gauge.value
     reading = 0.0 if cell else sizes.load_reading_n
     unseen = math.hypot(sizes.load_change, rig.load_rise.u * at.travel_m)
     change = 0.0 if cell else unseen
     return (
         _term("span of the normal force", span * at.normal_force_n, "N", to_load,
               "calibration of the scale, or of the high-rate load cell if it was used",
-              paper=scale),
+              paper=scale,
+              shares=[
+                  _share(
+                      "load_scale" if cell is None else "normal_force_scale", gauge,
+                      -to_load * at.normal_force_n / gauge.value,
+                  )
+              ]),
         _term("reading of the scale", reading, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
               "rise along the rails (calibration) and tilting, setting of the ground (assumed); "
               "seen by the high-rate load cell if it was used",
-              paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True),
+              paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True,
+              shares=() if cell else [_share("load_rise", rig.load_rise, -at.travel_m)]),
         _term("roller vibration of the normal force", sizes.vibration, "1", 1.0,
               "assumed: it averages out over a run", systematic=False),
         _term("surface, and all that varies from run to run", sizes.scatter, "1", 1.0,

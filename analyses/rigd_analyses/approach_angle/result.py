@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.analysis.estimates import Estimate
+from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.plain import plain_object
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.budget import Budget
@@ -71,11 +71,15 @@ class RunResult:
 
 @dataclass(frozen=True)
 class MeasuredCoefficient:
-    """A coefficient with its standard uncertainty ``u`` (k = 1); dimensionless."""
+    """A coefficient with its standard uncertainty ``u`` (k = 1); dimensionless.
+
+    ``shares`` are the parts of ``u`` that come from stated constants.
+    """
 
     value: float
     u: float
     coefficient: Coefficient
+    shares: tuple[Share, ...] = ()
 
     @property
     def expanded(self) -> float:
@@ -207,7 +211,7 @@ class SetResult:
             if found is None
             else Estimate(
                 self.name, name, "1", found.value, found.low, found.high, True, "determined", why,
-                meaning,
+                meaning, shares=found.shares,
             )
             for name, found, meaning in (
                 ("maximum", self.maximum, _MEANING[Coefficient.ROLLING]),

@@ -16,10 +16,12 @@ approach angle (between the wheel's rolling direction and the movement). The res
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from rigd.analysis.estimates import Share
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.budget import Budget, set_budget
 from rigd_analyses.approach_angle.curve import Pooled, pool
@@ -83,7 +85,11 @@ def evaluate_set(
         runs = [b for _, r in sliding if (b := r.better.budget) is not None]
         budget = set_budget(runs, first.calibration, first.rig, scatter)
     shared_u = math.hypot(*(error.effect.get(name, 0.0) for error in shared))
-    maximum = None if pooled is None or budget is None else _maximum(pooled, budget, shared_u)
+    alike = len({(k.calibration, k.rig) for k in known}) == 1
+    maximum = None
+    if pooled is not None and budget is not None:
+        # Of runs with several calibrations nothing is known to be common to another campaign.
+        maximum = _maximum(pooled, budget, shared_u, budget.shares if alike else ())
     if maximum is not None and shared_u > 0.0:
         codes = ", ".join(error.code for error in shared if error.effect.get(name, 0.0) > 0.0)
         warnings.append(
@@ -119,9 +125,16 @@ def _pooled(results: Sequence[RunResult]) -> Pooled:
     )
 
 
-def _maximum(pooled: Pooled, budget: Budget, shared_u: float) -> MeasuredCoefficient:
+def _maximum(
+    pooled: Pooled, budget: Budget, shared_u: float, relative: Sequence[Share]
+) -> MeasuredCoefficient:
     u = math.hypot(pooled.maximum_u, math.hypot(budget.systematic, shared_u) * pooled.maximum)
-    return MeasuredCoefficient(pooled.maximum, u, Coefficient.ROLLING)
+    shares = _times(pooled.maximum, relative)
+    return MeasuredCoefficient(pooled.maximum, u, Coefficient.ROLLING, shares)
+
+
+def _times(factor: float, shares: Iterable[Share]) -> tuple[Share, ...]:
+    return tuple(replace(item, effect=factor * item.effect) for item in shares)
 
 
 def _others(
@@ -138,10 +151,20 @@ def _others(
     )
     resultant = math.hypot(mu, drag.value)
     resultant_u = math.hypot(mu * rolling.u, drag.value * drag.u) / resultant
+
+    def shares(by_mu: float, by_drag: float) -> tuple[Share, ...]:
+        of_drag = Share("roller_drag", drag.value, drag.u, by_drag * drag.u)
+        return (*_times(by_mu, rolling.shares), of_drag) if rolling.shares else ()
+
     return (
-        MeasuredCoefficient(usable, usable_u, Coefficient.USABLE),
-        MeasuredCoefficient(resultant, resultant_u, Coefficient.RESULTANT),
-    )
+        MeasuredCoefficient(
+            usable, usable_u, Coefficient.USABLE, shares(math.cos(alpha), -math.sin(alpha))
+        ),
+        MeasuredCoefficient(
+            resultant, resultant_u, Coefficient.RESULTANT,
+            shares(mu / resultant, drag.value / resultant),
+        ),
+    )  # fmt: skip
 
 
 def _paper_maximum(results: Sequence[RunResult]) -> PaperMaximum:

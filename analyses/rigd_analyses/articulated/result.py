@@ -194,7 +194,8 @@ def _estimate(found: Judged, gate: Gate, name: str, share: float) -> ParameterEs
             *labels, None, None, None, verdict, sentence, advice=ADVICE.get(name, SLIDING)
         )  # fmt: skip
     return ParameterEstimate(
-        *labels, value / reach, value * reach, value * error, verdict, sentence
+        *labels, value / reach, value * reach, value * error, verdict, sentence,
+        shares=fit.shares(_gradient(name, len(fit.covariance))),
     )  # fmt: skip
 
 

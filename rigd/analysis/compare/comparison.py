@@ -28,6 +28,11 @@ from rigd.model.errors import DataError
 
 #: All parameters together: so often a difference is named where there is none.
 LEVEL: Final = 0.05
+NO_SHARES: Final = (
+    "No interval here states which part of it comes from a constant. If the analysis takes "
+    "constants as exact, their errors are in no interval; if not, nothing cancels, and the "
+    "differences have wider intervals than they need."
+)
 YEAR_S: Final = 365.25 * 86400.0
 
 
@@ -248,22 +253,42 @@ def _reason(row: Compared, missing: Sequence[str]) -> str:
 
 
 def _unshared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:
-    """Return a sentence on each constant that the campaigns state otherwise."""
-    stated: dict[str, dict[str, set[tuple[float, float]]]] = {}
+    """Return a sentence on each constant that the campaigns state otherwise.
+
+    One more if no interval states which part of it comes from a constant.
+    """
+    stated: dict[str, dict[str, set[tuple[float, float | None]]]] = {}
     for campaign in campaigns:
         for item in campaign.estimates:
             for share in item.shares:
                 values = stated.setdefault(share.constant, {}).setdefault(campaign.name, set())
                 values.add((share.stated, share.u))
+    of_intervals = set(stated)
+    for campaign in campaigns:
+        for origin in campaign.origins:
+            for name, (value, u) in origin.constants.items():
+                if name not in of_intervals:
+                    by_name = stated.setdefault(name, {})
+                    by_name.setdefault(campaign.name, set()).add((value, u))
     told = []
     for constant, by_name in stated.items():
-        if len(by_name) > 1 and len({frozenset(values) for values in by_name.values()}) > 1:
-            parts = "; ".join(
-                f"{name}: {', '.join(f'{value:.6g}' for value, _ in sorted(values))}"
-                for name, values in by_name.items()
-            )
+        if len(by_name) < 2 or len({frozenset(values) for values in by_name.values()}) == 1:
+            continue
+        values = {name: sorted({value for value, _ in both}) for name, both in by_name.items()}
+        if len({tuple(item) for item in values.values()}) == 1:
             told.append(
-                f"{constant} is not stated alike ({parts}): its uncertainty does not cancel, and "
-                "another value alone makes a difference. `--set` evaluates all with one value."
+                f"{constant} is stated with several uncertainties: the groups count as having "
+                "measured it each by itself, and nothing of it cancels."
             )
+            continue
+        parts = "; ".join(
+            f"{name}: {', '.join(f'{value:.6g}' for value in item)}"
+            for name, item in values.items()
+        )
+        told.append(
+            f"{constant} is not stated alike ({parts}): its uncertainty does not cancel, and "
+            "another value alone makes a difference. `--set` evaluates all with one value."
+        )
+    if stated and not of_intervals:
+        told.append(NO_SHARES)
     return tuple(told)

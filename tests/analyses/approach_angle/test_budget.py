@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -138,3 +139,16 @@ def test_budget_of_set_has_medians_of_its_runs(
     assert (found.terms[-1].better, found.terms[-1].kind) == (0.021, "A")
     assumed = set_budget(runs, *known, scatter=None).terms[-1]
     assert (assumed.better, assumed.kind) == (0.015, "B")
+
+
+def test_systematic_part_is_constants_and_assumptions(
+    known: tuple[AngleCalibration, AngleRig],
+) -> None:
+    at = conditions(known[1], 0.2475, 58.9)
+    for load_cell in (False, True):
+        found = budget(at, *known, replace(SIZES, load_cell=load_cell))
+        assumed = [0.0 if load_cell else SIZES.load_change]
+        assumed += [t.better for t in found.terms if t.name == "bending crosstalk"]
+        parts = [share.effect for share in found.shares]
+        assert math.hypot(*parts, *assumed) == pytest.approx(found.systematic)
+        assert ("load_scale" in {s.constant for s in found.shares}) != load_cell

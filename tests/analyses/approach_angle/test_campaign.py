@@ -305,3 +305,39 @@ def test_runs_of_two_rigs_in_set_are_reported(played: Played) -> None:
     result = analyse_campaign([replace(runs[0], rig=other), *runs[1:]])
     (told,) = [text for text in result.sets[0].warnings if "of one rig?" in text]
     assert "wheel_radius_m (0.049, 0.05)" in told
+
+
+def test_shares_forecast_what_constants_move(played: Played) -> None:
+    """One set evaluated again with all constants 1 u larger: the maximum moves by their shares."""
+
+    def larger(known: KnownRun, name: str) -> KnownRun:
+        if name == "torque_scale":
+            torque = known.calibration.torque
+            moved = replace(known.calibration, torque=Known(torque.value + torque.u, torque.u))
+            return replace(known, calibration=moved)
+        stated: Known = getattr(known.rig, name)
+        value = Known(stated.value + stated.u, stated.u)
+        return replace(known, rig=replace(known.rig, **{name: value}))
+
+    runs = of(played, "clean_15")
+    (base,) = analyse_campaign(runs).sets
+    assert base.maximum is not None
+    for names in (
+        ["torque_scale", "effective_radius"],
+        ["bearing_constant", "bearing_viscous", "bearing_load", "rolling_resistance"],
+    ):
+        moved = runs
+        for name in names:
+            moved = [larger(known, name) for known in moved]
+        (found,) = analyse_campaign(moved).sets
+        assert found.maximum is not None
+        forecast = math.fsum(s.effect for s in base.maximum.shares if s.constant in names)
+        assert found.maximum.value - base.maximum.value == pytest.approx(forecast, rel=0.25)
+
+
+def test_shares_are_a_part_of_the_interval(played: Played) -> None:
+    for found in played.result.sets:
+        for item in (found.maximum, found.usable, found.resultant):
+            assert item is not None
+            by_constants = math.hypot(*(share.effect for share in item.shares))
+            assert 0.3 * item.u < by_constants < item.u

@@ -252,7 +252,10 @@ def _estimate(found: LateralFound, quantity: _Quantity, ends: Ends) -> Parameter
     source, most = _budget(found, quantity, max(down, up))[0]
     sentence += f" Most of it ({100.0 * Z_95 * most:.2g} %) comes from: {source}."
     sd = 0.5 * (down + up) / Z_95 * value
-    return ParameterEstimate(*labels, low, high, sd, verdict, sentence)
+    gradient = quantity.log_gradient(found.whole.fit.theta, first)
+    return ParameterEstimate(
+        *labels, low, high, sd, verdict, sentence, shares=found.whole.shares(gradient)
+    )  # fmt: skip
 
 
 def _curve(found: LateralFound, low: float, high: float) -> Curve:
