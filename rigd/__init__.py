@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from rigd.analysis.compare.front import Comparison, compare
     from rigd.analysis.estimates import Estimate
     from rigd.analysis.front import Result, identify
     from rigd.daemon.requested import run
@@ -26,12 +27,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Comparison",
     "Estimate",
     "Recording",
     "Result",
     "Table",
     "Trial",
     "Trials",
+    "compare",
     "identify",
     "open",
     "run",
@@ -39,12 +42,14 @@ __all__ = [
 
 #: The module of each name, and its name there.
 _PLACES: Final = {
+    "Comparison": ("rigd.analysis.compare.front", "Comparison"),
     "Estimate": ("rigd.analysis.estimates", "Estimate"),
     "Recording": ("rigd.record", "Recording"),
     "Result": ("rigd.analysis.front", "Result"),
     "Table": ("rigd.record", "Table"),
     "Trial": ("rigd.record", "Trial"),
     "Trials": ("rigd.record", "Trials"),
+    "compare": ("rigd.analysis.compare.front", "compare"),
     "identify": ("rigd.analysis.front", "identify"),
     "open": ("rigd.record.reader", "open_recording"),
     "run": ("rigd.daemon.requested", "run"),

@@ -181,13 +181,7 @@ class Result:
             ConfigError: ``path`` would overwrite a recording.
             RecordingError: the file cannot be written.
         """
-        page = Path(path)
-        refuse_recording("the report", page)
-        try:
-            page.write_text(self.evaluation.report(), encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"cannot write the report {page}: {error.strerror}") from error
-        return page
+        return write_report(self.evaluation, path)
 
     def figures(self, folder: str | os.PathLike[str]) -> int:
         """Write the figures of the report as SVG, PDF and CSV; return how many there are.
@@ -321,6 +315,22 @@ def paths_of(recordings: Recorded | Sequence[Recorded]) -> list[Path]:
     if not given:
         raise DataError("no recording is given", hint="give one or several recordings")
     return [item.path if isinstance(item, Recording) else Path(item) for item in given]
+
+
+def write_report(evaluation: Evaluation, path: str | os.PathLike[str]) -> Path:
+    """Write the report of an evaluation; return its path.
+
+    Raises:
+        ConfigError: ``path`` would overwrite a recording.
+        RecordingError: the file cannot be written.
+    """
+    page = Path(path)
+    refuse_recording("the report", page)
+    try:
+        page.write_text(evaluation.report(), encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"cannot write the report {page}: {error.strerror}") from error
+    return page
 
 
 def refuse_recording(what: str, path: Path) -> None:

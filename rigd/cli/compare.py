@@ -58,10 +58,9 @@ def execute(args: argparse.Namespace) -> int:
     one_thread()
 
     from rigd.analysis.analysis import Options
-    from rigd.analysis.compare.campaign import grouped, named_groups, read_campaigns
-    from rigd.analysis.compare.comparison import compare
-    from rigd.analysis.compare.evaluation import ComparisonEvaluation
-    from rigd.analysis.front import Result, corrections_of, refuse_recording
+    from rigd.analysis.compare.campaign import grouped, named_groups
+    from rigd.analysis.compare.front import compared
+    from rigd.analysis.front import corrections_of, refuse_recording
     from rigd.analysis.side_by_side import cores
     from rigd.cli.evaluation_view import print_evaluation
     from rigd.model.errors import Exit
@@ -71,26 +70,20 @@ def execute(args: argparse.Namespace) -> int:
     groups = named_groups(args.groups)
     if args.by is not None:
         groups = grouped([path for part in groups.values() for path in part], args.by)
-    options = Options(method=args.method, law=args.law, processes=cores())
-    losses: list[str] = []
-    campaigns = read_campaigns(
+    found = compared(
         groups,
-        options,
+        Options(method=args.method, law=args.law, processes=cores()),
         corrections_of(read_assignments(args.set), None),
         notify=lambda line: print(f"comparing {line}", file=sys.stderr),
-        passed_over=losses.append,
     )
-    evaluation = ComparisonEvaluation(compare(campaigns))
-    result = Result(evaluation, tuple(losses))
     if args.report is not None:
-        result.report(args.report)
+        found.report(args.report)
     if args.json:
-        told = {**evaluation.to_json(), "lost": losses}
-        print(json.dumps(told, indent=2, allow_nan=False))
+        print(json.dumps(found.to_json(), indent=2, allow_nan=False))
     else:
-        for loss in losses:
+        for loss in found.losses:
             print(f"warning: {loss}")
-        print_evaluation(evaluation)
+        print_evaluation(found.evaluation)
         if args.report is not None:
             print(f"report: {args.report}")
-    return int(Exit.OK if result.fits else Exit.MISFIT)
+    return int(Exit.OK if found.fits else Exit.MISFIT)

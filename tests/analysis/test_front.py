@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -177,3 +178,13 @@ def test_nothing_to_identify_is_refused(tmp_path: Path) -> None:
 def test_report_never_overwrites_a_recording(result: rigd.Result, pvc: rigd.Recording) -> None:
     with pytest.raises(ConfigError, match="would overwrite a recording"):
         result.report(pvc.path)
+
+
+def test_result_is_compared_without_identifying_again(result: rigd.Result) -> None:
+    (origin,) = result.origins
+    other = replace(result, origins=(replace(origin, recording="other.mcap"),))
+    found = rigd.compare(result, other, names=("before", "after"))
+    assert found.parameters and not found.different
+    assert found["mu_c"].changes["after"][0] == 0.0
+    with pytest.raises(DataError, match="is in both"):
+        rigd.compare(result, result)

@@ -17,7 +17,7 @@ from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.plain import plain_object
 from rigd.cli.main import main
-from rigd.model.errors import ConfigError
+from rigd.model.errors import ConfigError, DataError
 
 Said = tuple[int, str, str]
 Say = Callable[..., Said]
@@ -266,3 +266,38 @@ def test_missing_recording_is_named(say: Say, measured: Path) -> None:
     code, out, err = say(measured / "b1.mcap", measured / "b9.mcap")
     assert (code, out) == (7, "")
     assert "b9.mcap" in err
+
+
+def test_python_gives_the_object_of_the_command(say: Say, measured: Path) -> None:
+    first, second = measured / "b1.mcap", rigd.open(measured / "b2.mcap")
+    found = rigd.compare(first, [second])
+    assert found.campaigns == ("b1", "b2")
+    assert found.to_json() == json.loads(say(first, second.path, "--json")[1])
+    assert rigd.compare(measured, by="meta.batch").campaigns == ("1", "2")
+
+
+def test_python_gives_differences_as_table(tmp_path: Path) -> None:
+    first = result(tmp_path / "a.json", estimate("sigma_0", 50.0, 0.005), UNKNOWN)
+    second = result(tmp_path / "b.json", estimate("sigma_0", 52.5, 0.005), UNKNOWN)
+    found = rigd.compare(first, second, names=("before", "after"))
+    assert [item.name for item in found.different] == ["sigma_0"]
+    value, low, high = found["sigma_0"].changes["after"]
+    assert value == pytest.approx(0.05)
+    assert 0.0 < low < value < high
+    frame = found.to_pandas().set_index("parameter")
+    assert frame.loc["sigma_0", "difference"] == value
+    assert frame.loc["V_s", ["difference", "p_value"]].isna().all()
+    assert frame.loc["V_s", "verdict"] == "not compared"
+    assert "sigma_0 (pvc) differs by +5.0 %" in repr(found)
+    assert "<td>+5.0 %</td>" in found._repr_html_()
+    with pytest.raises(KeyError, match="no parameter 'sigma'"):
+        found["sigma"]
+
+
+def test_python_refuses_names_that_do_not_fit(tmp_path: Path) -> None:
+    files = [result(tmp_path / f"{k}.json", estimate("mu_c", 0.1, 0.01)) for k in "ab"]
+    for names in (("before",), ("same", "same")):
+        with pytest.raises(ConfigError, match="2 groups have the names"):
+            rigd.compare(*files, names=names)
+    with pytest.raises(DataError, match="is given twice"):
+        rigd.compare(files[0], files[0])

@@ -57,11 +57,12 @@ class RandomRobot:
     procedure: Path
     truth: Mapping[str, float]
 
-    def record(self, output: Path) -> RunResult:
-        """Play and record its manoeuvres."""
+    def record(self, output: Path, seed: int | None = None) -> RunResult:
+        """Play and record its manoeuvres with the noise of ``seed`` (default: one of its own)."""
         rig, source = load_rig(self.rig), load_procedure(self.procedure)
         procedure = compile_procedure(source, rig, {})
-        request = RunRequest(procedure, source.file.text, rig, 1 + self.number, output=output)
+        seed = 1 + self.number if seed is None else seed
+        request = RunRequest(procedure, source.file.text, rig, seed, output=output)
         return perform(request, Control()).result
 
 

@@ -87,9 +87,13 @@ def named_groups(given: Sequence[str]) -> dict[str, list[Path]]:
         raise DataError(
             f"{twice} is given twice", hint="give it once: a file does not differ from itself"
         )
+    return dict(zip(short_names(given), map(files_of, given), strict=True))
+
+
+def short_names(given: Sequence[str]) -> list[str]:
+    """Return the last part of each argument, or the arguments if those are not all different."""
     short = [Path(item).stem if Path(item).suffix else Path(item).name for item in given]
-    names = short if len(set(short)) == len(short) and all(short) else given
-    return dict(zip(names, map(files_of, given), strict=True))
+    return short if len(set(short)) == len(short) and all(short) else list(given)
 
 
 def files_of(given: str) -> list[Path]:
@@ -114,7 +118,7 @@ def files_of(given: str) -> list[Path]:
 
 
 def read_campaigns(
-    groups: Mapping[str, Sequence[Path]],
+    groups: Mapping[str, Sequence[Path] | Result],
     options: Options,
     corrections: Corrections,
     notify: Callable[[str], None],
@@ -122,16 +126,17 @@ def read_campaigns(
 ) -> list[Campaign]:
     """Return the campaigns of ``groups``, each identified by itself.
 
-    A group is recordings, or one JSON file of ``rigd identify``. Recordings without a plan to
-    identify are compared by what their procedures measure.
+    A group is recordings, one JSON file of ``rigd identify``, or a result. Recordings without a
+    plan to identify are compared by what their procedures measure.
 
     Raises:
         RecordingError: a file cannot be read.
         ConfigError: an option or correction is wrong, or a JSON file is no result.
         DataError: a file is in two groups, or the data of a group cannot answer: names the group.
     """
-    recordings = {name: paths for name, paths in groups.items() if not _is_result(paths)}
-    every = [path for paths in groups.values() for path in paths]
+    files = {name: group for name, group in groups.items() if not isinstance(group, Result)}
+    recordings = {name: paths for name, paths in files.items() if not _is_result(paths)}
+    every = [path for paths in files.values() for path in paths]
     refuse_same_file(every)
     _refuse_same_bytes(every)
     plain = [path for paths in recordings.values() for path in paths]
@@ -140,6 +145,9 @@ def read_campaigns(
         _refuse_copies_between(recordings)
     found = []
     for name, paths in groups.items():
+        if isinstance(paths, Result):
+            found.append(of_result(name, paths))
+            continue
         notify(f"{name}: {len(paths)} {'file' if len(paths) == 1 else 'files'}")
         try:
             if _is_result(paths):

@@ -70,6 +70,11 @@ class Compared:
             return "not compared"
         return "differs" if self.differs else "none found"
 
+    @property
+    def changes(self) -> dict[str, tuple[float, float, float]]:
+        """The differences by name of campaign, each with its ends, as :meth:`change` has them."""
+        return {name: self.change(found) for name, found in self.differences.items()}
+
     def change(self, found: LevelDifference | Slope) -> tuple[float, float, float]:
         """Return a difference with its ends as a share of the base if ``log``, else in ``unit``.
 
