@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.text import Annotation
 
 import rigd
 from rigd.analysis.compare.campaign import files_of
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.plain import plain_object
+from rigd.analysis.report.plots import compared
 from rigd.cli.main import main
 from rigd.model.errors import ConfigError, DataError
 
@@ -151,6 +155,39 @@ def test_trend_over_months_names_calibrations(say: Say, tmp_path: Path) -> None:
     line = next(line for line in out.splitlines() if "a year" in line)
     assert "mu_c (pvc): +2" in line
     assert "scale-1 of 2026-06-15" in report.read_text("utf-8")
+
+
+def test_open_side_is_drawn_as_arrow(tmp_path: Path) -> None:
+    """Of four months the third leaves its upper end open; the first and last are closed."""
+    files = []
+    for k in range(1, 5):
+        known = estimate("V_s", 0.004, 0.01)
+        given = replace(known, high=None) if k == 3 else known
+        files.append(result(tmp_path / f"m{k}.json", given, day=f"2026-0{k}-15"))
+    found = rigd.compare(*files)
+    campaigns = found.evaluation.comparison.campaigns
+    (trend,) = compared.trend(found["V_s"], campaigns).axes
+    low, high = trend.get_ylim()
+    assert low < 0.004 * (1.0 - 0.0196) < 0.004 * 1.0196 < high
+    (arrow,) = (item for item in trend.texts if isinstance(item, Annotation))
+    assert arrow.xy[1] == pytest.approx(0.004)
+    assert arrow.xyann == (arrow.xy[0], 1.0)
+    (changes,) = compared.changes([("V_s", (0.1, -0.2, math.inf), False)]).axes
+    lines = [np.asarray(item.get_xdata()).tolist() for item in changes.lines]
+    assert [-20.0, 10.0] in [[round(x, 9) for x in line] for line in lines]
+    (arrow,) = (item for item in changes.texts if isinstance(item, Annotation))
+    assert arrow.xyann == (1.0, arrow.xy[1])
+    page = found.report(tmp_path / "months.html").read_text("utf-8")
+    assert "Arrow: the interval has no end on this side." in page
+
+
+def test_open_low_end_is_no_hundred_percent(tmp_path: Path) -> None:
+    known = estimate("V_s", 0.004, 0.01)
+    first = result(tmp_path / "a.json", replace(known, high=None))
+    found = rigd.compare(first, result(tmp_path / "b.json", known))
+    assert found["V_s"].changes["b"][1] == -math.inf
+    (row,) = rows(json.dumps(found.to_json())).values()
+    assert row["differences"]["b"]["low"] is None
 
 
 def test_groups_with_nothing_in_common_are_refused(say: Say, tmp_path: Path) -> None:

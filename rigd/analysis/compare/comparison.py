@@ -83,7 +83,9 @@ class Compared:
         ends = (found.value, found.low, found.high)
         if not self.log:
             return ends
-        value, low, high = (math.expm1(min(end, 700.0)) if end < math.inf else end for end in ends)
+        value, low, high = (
+            math.expm1(min(end, 700.0)) if math.isfinite(end) else end for end in ends
+        )
         return value, low, high
 
 
@@ -279,16 +281,15 @@ def _unshared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:
     for constant, by_name in stated.items():
         if len(by_name) < 2 or len({frozenset(values) for values in by_name.values()}) == 1:
             continue
-        values = {name: sorted({value for value, _ in both}) for name, both in by_name.items()}
-        if len({tuple(item) for item in values.values()}) == 1:
+        alone = {name: sorted({value for value, _ in both}) for name, both in by_name.items()}
+        if len({tuple(item) for item in alone.values()}) == 1:
             told.append(
                 f"{constant} is stated with several uncertainties: the groups count as having "
                 "measured it each by itself, and nothing of it cancels."
             )
             continue
         parts = "; ".join(
-            f"{name}: {', '.join(f'{value:.6g}' for value in item)}"
-            for name, item in values.items()
+            f"{name}: {', '.join(f'{value:.6g}' for value in item)}" for name, item in alone.items()
         )
         told.append(
             f"{constant} is not stated alike ({parts}): its uncertainty does not cancel, and "

@@ -170,8 +170,6 @@ def change_texts(item: Compared, found: LevelDifference | Slope) -> tuple[str, s
     value, low, high = item.change(found)
     scale, unit = (100.0, " %") if item.log else (1.0, "")
     ends = [scale * end if math.isfinite(end) else None for end in (low, high)]
-    if item.log and low <= -1.0:
-        ends[0] = None
     bottom, top = ends
     width = 0.0 if bottom is None or top is None else top - bottom
     places = places_for(0.5 * width) if width else None

@@ -5,14 +5,19 @@ Importing this module imports matplotlib.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from rigd.analysis.compare import evaluation as shown
 from rigd.analysis.compare.comparison import CampaignComparison
 from rigd.analysis.report.plots import compared
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.terminal import TerminalTable
+
+#: Of a figure with arrows.
+OPEN: Final = " Arrow: the interval has no end on this side."
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,9 @@ def _changes(found: CampaignComparison) -> tuple[Drawing, ...]:
     if len(found.campaigns) != 2 or not rows:
         return ()
     alt = "Relative difference of each parameter with its 95 % interval."
-    return (draw(compared.changes(rows), "changes", alt, f"{alt} Filled: it differs."),)
+    is_open = any(not math.isfinite(end) for _, change, _ in rows for end in change)
+    caption = f"{alt} Filled: it differs.{OPEN if is_open else ''}"
+    return (draw(compared.changes(rows), "changes", alt, caption),)
 
 
 def _curves(found: CampaignComparison) -> tuple[Drawing, ...]:
@@ -85,6 +92,8 @@ def _trends(found: CampaignComparison) -> tuple[Drawing, ...]:
             continue
         alt = f"{shown.named(item)} over the time of the recordings."
         figure = compared.trend(item, found.campaigns)
-        caption = f"{alt} Dashed: another calibration begins."
+        ends = [e for e in item.estimates.values() if e is not None and e.value is not None]
+        is_open = any(None in (e.low, e.high) for e in ends)
+        caption = f"{alt} Dashed: another calibration begins.{OPEN if is_open else ''}"
         drawings.append(draw(figure, f"trend-{index}", alt, caption))
     return tuple(drawings)

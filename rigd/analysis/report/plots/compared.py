@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 
@@ -23,8 +24,11 @@ def changes(rows: Sequence[tuple[str, tuple[float, float, float], bool]]) -> Fig
     """Return the relative differences: name, (value, low, high) as shares, whether it differs."""
     figure, (ax,) = grid(1, 1, 7.0, 0.9 + 0.3 * len(rows), margins=Margins(left=1.9))
     for place, (_, (value, low, high), differs) in enumerate(reversed(rows)):
-        ends = [100.0 * end if math.isfinite(end) else np.nan for end in (low, high)]
+        ends = [100.0 * (end if math.isfinite(end) else value) for end in (low, high)]
         ax.plot(ends, [place, place], color=series(0), linewidth=1.8)
+        for end, edge in ((low, 0.0), (high, 1.0)):
+            if not math.isfinite(end):
+                _open_end(ax, (100.0 * value, place), (edge, place))
         ax.plot(
             [100.0 * value], [place], "o", color=series(0),
             markerfacecolor=series(0) if differs else "white",
@@ -33,6 +37,19 @@ def changes(rows: Sequence[tuple[str, tuple[float, float, float], bool]]) -> Fig
     ax.set_yticks(range(len(rows)), [name for name, _, _ in reversed(rows)])
     ax.set_xlabel("difference [%]")
     return figure
+
+
+def _open_end(ax: Axes, at: tuple[float, float], edge: tuple[float, float]) -> None:
+    """Draw an arrow from the estimate ``at`` to the edge where its interval has no end.
+
+    ``edge`` has one coordinate of the data, as ``at``, and one of the axes: 0 or 1.
+    """
+    upright = edge[0] == at[0]
+    ax.annotate(
+        "", xy=at, xytext=edge,
+        textcoords=ax.get_xaxis_transform() if upright else ax.get_yaxis_transform(),
+        arrowprops={"arrowstyle": "<|-", "color": series(0), "shrinkA": 0.0, "shrinkB": 0.0},
+    )  # fmt: skip
 
 
 def curves(found: Mapping[str, Curve]) -> Figure:
@@ -57,17 +74,19 @@ def trend(item: Compared, campaigns: Sequence[Campaign]) -> Figure:
     before: tuple[str, ...] | None = None
     for campaign in sorted(campaigns, key=lambda each: each.dates[0]):
         found = item.estimates[campaign.name]
-        at = campaign.dates[0] + (campaign.dates[-1] - campaign.dates[0]) / 2
+        middle = campaign.dates[0] + (campaign.dates[-1] - campaign.dates[0]) / 2
+        day: float = date2num(middle)  # type: ignore[no-untyped-call]
         if before is not None and campaign.calibrations != before:
             ax.axvline(campaign.dates[0], color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)))  # type: ignore[arg-type]
         before = campaign.calibrations
         if found is None or found.value is None:
             continue
         ends = [found.value if end is None else end for end in (found.low, found.high)]
-        ax.errorbar(
-            [date2num(at)], [found.value], yerr=[[found.value - ends[0]], [ends[1] - found.value]],  # type: ignore[no-untyped-call]
-            color=series(0), marker="o", markersize=4.0, linewidth=1.2,
-        )  # fmt: skip
+        ax.plot([day, day], ends, color=series(0), linewidth=1.2)
+        ax.plot([day], [found.value], "o", color=series(0), markersize=4.0)
+        for end, edge in ((found.low, 0.0), (found.high, 1.0)):
+            if end is None:
+                _open_end(ax, (day, found.value), (day, edge))
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
