@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from rigd.analysis.compare.front import Comparison, compare
+    from rigd.analysis.compare.front import ComparisonResult, compare
     from rigd.analysis.estimates import Estimate
     from rigd.analysis.front import Result, identify
     from rigd.daemon.requested import run
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Comparison",
+    "ComparisonResult",
     "Estimate",
     "Recording",
     "Result",
@@ -42,7 +42,7 @@ __all__ = [
 
 #: The module of each name, and its name there.
 _PLACES: Final = {
-    "Comparison": ("rigd.analysis.compare.front", "Comparison"),
+    "ComparisonResult": ("rigd.analysis.compare.front", "ComparisonResult"),
     "Estimate": ("rigd.analysis.estimates", "Estimate"),
     "Recording": ("rigd.record", "Recording"),
     "Result": ("rigd.analysis.front", "Result"),

@@ -43,7 +43,7 @@ Group = Recorded | Sequence[Recorded] | Result
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class ComparisonResult:
     """What differs between campaigns: ``comparison["sigma_0"]`` is one parameter in all of them.
 
     ``losses`` are sentences on what is damaged or lost in the recordings.
@@ -177,7 +177,7 @@ def compare(
     set: Mapping[str, object] | None = None,
     processes: int = 1,
     notify: Callable[[str], None] = lambda _: None,
-) -> Comparison:
+) -> ComparisonResult:
     """Compare campaigns parameter by parameter: what ``rigd compare`` does.
 
     Args:
@@ -225,11 +225,11 @@ def compared(
     options: Options,
     corrections: Corrections,
     notify: Callable[[str], None],
-) -> Comparison:
+) -> ComparisonResult:
     """Return the comparison of ``groups``, by name; raises as :func:`compare` does."""
     losses: list[str] = []
     campaigns = read_campaigns(groups, options, corrections, notify, losses.append)
-    return Comparison(ComparisonEvaluation(compare_campaigns(campaigns)), tuple(losses))
+    return ComparisonResult(ComparisonEvaluation(compare_campaigns(campaigns)), tuple(losses))
 
 
 def _paths(group: Recorded | Sequence[Recorded]) -> list[Path]:
