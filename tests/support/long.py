@@ -55,6 +55,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analysis/test_front.py": (
             "test_identified_numbers_are_those_of_json",
             "test_report_never_overwrites_a_recording",
+            "test_result_is_compared_without_identifying_again",
             "test_undetermined_parameter_has_reason_and_no_number",
             "test_unknown_parameter_names_those_there_are",
         ),
@@ -170,6 +171,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/approach_angle/test_campaign.py": (
             "test_set_run_twice_leaves_no_repeat_missing_elsewhere",
+            "test_shares_forecast_what_constants_move",
             "test_trend_of_one_wheel_ignores_the_set_names",
         ),
         "analyses/approach_angle/test_conformance.py": (),
