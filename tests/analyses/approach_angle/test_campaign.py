@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -316,8 +317,8 @@ def test_shares_forecast_what_constants_move(played: Played) -> None:
             moved = replace(known.calibration, torque=Known(torque.value + torque.u, torque.u))
             return replace(known, calibration=moved)
         stated: Known = getattr(known.rig, name)
-        value = Known(stated.value + stated.u, stated.u)
-        return replace(known, rig=replace(known.rig, **{name: value}))
+        moved_rig: dict[str, Any] = {name: Known(stated.value + stated.u, stated.u)}
+        return replace(known, rig=replace(known.rig, **moved_rig))
 
     runs = of(played, "clean_15")
     (base,) = analyse_campaign(runs).sets
