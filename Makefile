@@ -5,7 +5,8 @@ BIN  := $(VENV)/bin
 
 #: `make test K=expr`: only the tests that match, as pytest -k has it.
 K :=
-#: `make test-long SLICE=0/4`: a quarter of them, 1/4 to 3/4: the others.
+#: `make test-long SLICE=0/4`: a quarter of the long tests, 1/4 to 3/4: the others. With
+#: `make test` that quarter comes to all that are not long.
 SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
@@ -23,13 +24,14 @@ demo: setup ## the campaigns of three published rigs, simulated: run, record, id
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
 define play
 	scripts/need node npm chromium
-	$(BIN)/pytest -m "side_by_side and $(1)" -n $$((2 * $$(nproc))) --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m "not side_by_side and $(1)" -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "side_by_side$(1)" -n $$((2 * $$(nproc))) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "not side_by_side$(1)" -n 2 --dist loadfile --no-loadscope-reorder
 endef
 
 ifeq ($(strip $(K)),)
+test: export RIGD_TESTS_SLICE := $(SLICE)
 test: setup ## all tests but the long ones
-	$(call play,not long)
+	$(call play,$(if $(SLICE),, and not long))
 else
 test: setup
 	$(BIN)/pytest -k "$(K)"
@@ -37,7 +39,7 @@ endif
 
 test-long: export RIGD_TESTS_SLICE := $(SLICE)
 test-long: setup ## the long tests; tests/support/long.py lists them, with reasons
-	$(call play,long)
+	$(call play, and long)
 
 quick: setup ## what computes only, in less than a minute
 	$(BIN)/pytest -q -m quick -n $$(nproc) --dist loadfile

@@ -310,7 +310,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
 NEVER: dict[str, str] = {
     "make demo": "`.ci/run` does",
     "make test": "this is it",
-    "make test-long": "`.ci/run` does",
+    "make test-long": "`.ci/run` plays a part of them",
     "make check": "`.ci/run` does",
     "make docs": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
