@@ -53,7 +53,9 @@ class Summary:
     ``mean`` and ``std`` are over the trials that could be read. ``low`` and ``high`` bound the mean
     with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
-    ``trend`` is the drift over the trials in their order of play, if there is one.
+    ``runs`` is the number of recordings if there are several with more than one trial: ``mean`` and
+    the interval are then those of their means. ``trend`` is the drift over the trials in their
+    order of play, if there is one.
     """
 
     measure: Measure
@@ -67,6 +69,7 @@ class Summary:
     judgement: Judgement | None  #: None if nothing is demanded
     why: str = ""  #: why there is no interval, or no decision
     trend: Trend | None = None
+    runs: int | None = None
 
     @property
     def count(self) -> int:
@@ -117,11 +120,20 @@ def summary_of(
 
     The interval is that of the mean: mean ± t u, with u^2 = s^2 / n + systematic^2 and the degrees
     of freedom of Welch and Satterthwaite (JCGM 100:2008, 4.2, 5.1 and G.4.1); those of the
-    systematic part count as infinite.
+    systematic part count as infinite. s and n are those of the trials of one run. Trials of one
+    run share what differs from run to run, hence those of several count through the mean of their
+    run: s^2 / n is the variance of the mean of a one-way layout with random effects, for runs of
+    equal length (Scheffe, The Analysis of Variance, 1959, 7.2).
     """
     values = [item.value for item in readings if item.value is not None]
-    n = len(values)
-    mean = math.fsum(values) / n if n else None
+    by_run: dict[Path, list[float]] = {}
+    for item in readings:
+        if item.value is not None:
+            by_run.setdefault(item.recording, []).append(item.value)
+    runs = len(by_run) if 1 < len(by_run) < len(values) else None
+    independent = [math.fsum(run) / len(run) for run in by_run.values()] if runs else values
+    n = len(independent)
+    mean = math.fsum(independent) / n if n else None
     systematic = None
     if measure.systematic is not None and mean is not None:
         systematic = measure.systematic.of(mean)
@@ -129,31 +141,37 @@ def summary_of(
     why = "" if n else "it could be read in no trial"
     if n == 1:
         why = "one trial shows no repeatability: give 'repeats: 2' or more"
+    spread = 0.0
     if n > 1 and mean is not None:
-        std = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (n - 1))
-        if std > _EQUAL * abs(mean) or systematic:
-            half = _half_width(std / math.sqrt(n), n - 1, systematic or 0.0)
+        std, spread = _std(values), _std(independent)
+        if spread > _EQUAL * abs(mean) or systematic:
+            half = _half_width(spread / math.sqrt(n), n - 1, systematic or 0.0)
             low, high = mean - half, mean + half
         else:
-            std = 0.0
-            why = (
-                "all trials gave the same value: a step of the sensor hides their scatter, or "
-                "nothing scatters"
-            )
+            std = std if runs else 0.0
+            which = "runs gave the same mean" if runs else "trials gave the same value"
+            why = f"all {which}: a step of the sensor hides their scatter, or nothing scatters"
     judgement = None
     if measure.is_judged:
         judgement, why = _judge(measure, readings, low, high, why)
         if judgement is Judgement.UNDECIDED and not why and mean is not None and std is not None:
-            why = _advice(measure, mean, std, n, systematic or 0.0)
+            why = _advice(measure, mean, spread, n, systematic or 0.0, "runs" if runs else "trials")
     played = sorted(readings, key=lambda item: item.start_ns)
     trend = trend_of([item.value for item in played if item.value is not None])
     return Summary(
-        measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why, trend
-    )
+        measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
+        trend, runs,
+    )  # fmt: skip
 
 
-def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float) -> str:
-    """Return whether more repeats would decide, and about how many, if mean and s stay."""
+def _std(values: Sequence[float]) -> float:
+    """Return the standard deviation of a sample of two values or more."""
+    mean = math.fsum(values) / len(values)
+    return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+
+
+def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float, what: str) -> str:
+    """Return whether more of ``what`` would decide, and how many, if mean and ``std`` stay."""
     across = "the interval lies across a bound"
     apart = min(abs(mean - measure.low), abs(mean - measure.high))
     if apart <= _half_width(0.0, n - 1, systematic):
@@ -163,10 +181,10 @@ def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float
     enough = n
     while enough <= _MOST_REPEATS:
         if _half_width(std / math.sqrt(enough), enough - 1, systematic) < apart:
-            return f"{across}: about {enough} trials would decide it, if mean and s stay so"
+            return f"{across}: about {enough} {what} would decide it, if mean and s stay so"
         enough = max(enough + 1, round(1.05 * enough))
     return (
-        f"{across}: the mean lies so near to the bound that {_MOST_REPEATS} trials would not "
+        f"{across}: the mean lies so near to the bound that {_MOST_REPEATS} {what} would not "
         "decide it"
     )
 

@@ -192,6 +192,7 @@ def _summary_json(item: Summary) -> dict[str, Any]:
         "accept": accept if measure.is_judged else None,
         "verdict": None if item.judgement is None else item.judgement.value,
         "why": item.why,
+        "runs": item.runs,
         "trend_per_trial": None if item.trend is None else item.trend.per_trial,
     }
 
@@ -218,6 +219,8 @@ def _line(item: Summary) -> ResultLine:
 
 def _why(item: Summary) -> str:
     parts = [item.why] if item.why else []
+    if item.runs is not None:
+        parts.append(f"the interval is that of the means of {item.runs} runs")
     if item.trend is not None:
         word = "rises" if item.trend.per_trial > 0 else "falls"
         step = _difference(item.measure, abs(item.trend.per_trial))

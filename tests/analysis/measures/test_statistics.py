@@ -208,3 +208,49 @@ def test_one_rejected_result_rejects_all() -> None:
     assert outcome_of([accepted, undecided]) is undecided
     assert outcome_of([accepted, None]) is accepted
     assert outcome_of([None, None]) is None
+
+
+def runs_of(*runs: list[float]) -> list[TrialReading]:
+    """Return the readings of several recordings, each with its values."""
+    return [
+        TrialReading(Path(f"run_{run}.mcap"), number, value)
+        for run, values in enumerate(runs)
+        for number, value in enumerate(values, 1)
+    ]
+
+
+def test_several_runs_count_by_their_means() -> None:
+    clusters = ([0.3071, 0.3075, 0.3079], [0.3372, 0.3375, 0.3378])  # two specimens
+    found = summary_of(measure(low=0.2, high=0.4), {}, runs_of(*clusters))
+    mean, half = 0.3225, float(stats.t.ppf(0.975, 1)) * 0.03 / 2
+    assert found.runs == 2
+    assert (found.low, found.high) == pytest.approx((mean - half, mean + half))
+    assert found.judgement is Judgement.UNDECIDED
+    assert "runs would decide" in found.why
+
+
+@pytest.mark.parametrize(("runs", "trials"), [(3, 3), (5, 4), (8, 2)])
+@pytest.mark.parametrize("between", [0.0, 0.5, 1.0, 3.0])
+def test_interval_over_runs_holds_true_mean(runs: int, trials: int, between: float) -> None:
+    rng, tries = np.random.default_rng([runs, trials, round(10 * between)]), 400
+    hit = 0
+    for _ in range(tries):
+        values = between * rng.standard_normal((runs, 1)) + rng.standard_normal((runs, trials))
+        found = summary_of(measure(), {}, runs_of(*values.tolist()))
+        assert found.low is not None
+        assert found.high is not None
+        hit += found.low <= 0.0 <= found.high
+    assert 0.917 < hit / tries < 0.983  # 95 %, with three standard deviations of that count
+
+
+def test_equal_means_of_runs_are_not_decided() -> None:
+    found = summary_of(measure(low=0.0), {}, runs_of([1.0, 2.0], [2.0, 1.0]))
+    assert found.low is None
+    assert found.judgement is Judgement.UNDECIDED
+    assert "all runs gave the same mean" in found.why
+
+
+def test_single_trial_runs_count_as_trials() -> None:
+    found = summary_of(measure(), {}, runs_of([1.0], [2.0], [4.0]))
+    assert found.runs is None
+    assert found.low is not None
