@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 
 from rigd.config.document import Data, Document, KeyPath
 from rigd.config.problems import Problems, suggest
+from rigd.config.source import NAME_RULES
 from rigd.model.units import format_quantity
 from rigd.sdk import In, PlantConfig, WrongEntries
 from rigd.sdk.documented import description
@@ -110,8 +111,9 @@ def _note(
         message = f"{written} is not one of {', '.join(choices)}"
         hint = suggest(str(document.get(where)), choices)
     elif kind == "string_pattern_mismatch":
-        message = f"{written} is not a valid name"
-        hint = spot.doc or f"it must match {context['pattern']}"
+        rule = NAME_RULES.get(context["pattern"], f"it must match {context['pattern']}")
+        message = f"{written} is not a valid name: {rule}"
+        hint = spot.doc
     elif kind in ("too_short", "string_too_short"):
         message = f"at least {context['min_length']} needed, found {written}"
     elif kind in ("too_long", "string_too_long"):

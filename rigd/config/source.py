@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from annotated_types import Ge, Gt, Le
 from pydantic import (
@@ -27,6 +27,13 @@ FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_l
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
 #: ``device.setpoint``, or the name of a controller.
 SetpointName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)?$")]
+#: What the patterns above ask for, in words.
+NAME_RULES: Final = {
+    r"^[a-z][a-z0-9_]*$": "small letters, digits and _, a letter first",
+    r"^[a-z][a-z0-9_-]*$": "small letters, digits, _ and -, a letter first",
+    r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$": "'device.channel'",
+    r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)?$": "'device.setpoint'",
+}
 #: A quantity whose unit follows from another part of the file.
 QuantityText = Annotated[str, Field(json_schema_extra=quantity_schema())]
 #: Path of a file, relative to the file that names it.
