@@ -19,7 +19,7 @@ class Progress:
     trials_done: int
     trials_total: int
     trial: TrialPlan | None
-    run_s: float  #: time of the run so far, in s
+    run_s: float  #: time since the preflight was passed, in s
     trips: tuple[Trip, ...] = ()  #: all trips so far
 
 

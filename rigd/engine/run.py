@@ -66,6 +66,7 @@ class Run:
     identity_check: IdentityCheck = lambda _: ()
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
+    _begun_s: float | None = None  #: time of the host when the preflight was passed
     _trials_done: int = field(init=False)
     _asking: Asking = field(init=False)
     _played_again: bool = False  #: whether the trial before was played again, unrecorded
@@ -84,7 +85,7 @@ class Run:
             self._trials_done,
             len(self.procedure.trials),
             self._trial,
-            self.host.run_s,
+            0.0 if self._begun_s is None else self.host.run_s - self._begun_s,
             tuple(self.host.trips),
         )
 
@@ -157,6 +158,7 @@ class Run:
             stopped = Outcome(self.control.asked, f"{self.control.reason} ({error.message})")
         if stopped is not None:
             return stopped
+        self._begun_s = self.host.run_s
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
         refused = self.host.arm()
         if refused is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import pytest
-from support.bench import Axis, Bench, Stubborn, move, procedure
+from support.bench import PERIOD_NS, Axis, Bench, Stubborn, move, procedure
 
 from rigd.engine.control import Control
 from rigd.engine.result import Progress
@@ -52,6 +52,21 @@ def test_whole_run_plays_every_block_and_ends_safe() -> None:
     assert bench.sink.kinds()[0] == "run_start"
     assert bench.sink.kinds()[-1] == "run_end"
     assert_safe(bench)
+
+
+def test_preflight_is_no_time_of_the_run() -> None:
+    bench, long_s = Bench(), 30.0
+    run = bench.run(procedure([move("one", 0.5)]))
+
+    def opens_slowly() -> Sequence[str]:
+        run.host.settle(round(long_s * 1e9 / PERIOD_NS))
+        return ()
+
+    run.extra_checks = [opens_slowly]
+    result = run.execute()
+    took_s = (bench.sink.events[-1][0] - bench.sink.events[0][0]) * 1e-9
+    assert run.host.run_s > long_s
+    assert result.run_s == pytest.approx(took_s, abs=0.01)
 
 
 class Unconfirmed(Axis):
@@ -337,7 +352,7 @@ def test_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
     spike(bench, 1.03, 1.04)
 
     def press(progress: Progress) -> None:
-        if progress.run_s > 0.99:
+        if progress.run_s > 0.97:
             bench.control.request(Severity.STOP, "button")
 
     run.watch = press
