@@ -7,8 +7,10 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
+from ruamel.yaml import YAML
 from support.command import rigd
 
 from rigd.cli.main import build_parser
@@ -85,6 +87,37 @@ def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
     assert "`rigd measure first.mcap`" in done.err
     done = rigd("info", "first.mcap", cwd=lab)
     assert "temperature [degC]" in done.out
+
+
+def test_job_of_new_rig_is_green_in_clean_environment(tmp_path: Path) -> None:
+    home, programs = tmp_path / "home", tmp_path / "bin"
+    home.mkdir()
+    programs.mkdir()
+    command = programs / "rigd"
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m rigd "$@"\n')
+    command.chmod(0o755)
+    environment = {"HOME": str(home), "PATH": f"{programs}:/usr/bin:/bin"}
+
+    def run(line: str, folder: Path) -> None:
+        done = subprocess.run(
+            ["sh", "-c", line], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    run("rigd new rig pin-on-disk", tmp_path)
+    lab = tmp_path / "pin-on-disk"
+    load = YAML(typ="safe").load
+    of_gitlab = load((lab / ".gitlab-ci.yml").read_text("utf-8"))["try"]["script"]
+    job = load((lab / ".github/workflows/try.yml").read_text("utf-8"))["jobs"]["try"]
+    assert [step["run"] for step in job["steps"] if "run" in step] == of_gitlab
+    install, *rest = of_gitlab
+    assert install.startswith("pip install --find-links wheels 'rigd[analysis]==")
+    for line in rest:
+        run(line, lab)
+    found = ElementTree.parse(lab / "results" / "first.xml").getroot()
+    assert len(list(found.iter("testcase"))) > 1
+    assert not [*found.iter("failure"), *found.iter("error"), *found.iter("skipped")]
 
 
 def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> None:
