@@ -28,6 +28,8 @@ import numpy as np
 from rigd.analysis.estimates import Share
 from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient, Known
 
+#: Share of N by which it changes in a run, at most: what the span of a load cell can be wrong by.
+CELL_SHARE = 0.1
 FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
 
 
@@ -323,22 +325,19 @@ def _load_terms(
     to_load = (1.0 + by_load * at.normal_force_n / _moment(at, rig)) / at.normal_force_n
     scale = calibration.load.u / calibration.load.value
     cell = calibration.normal_force if sizes.load_cell else None
-    gauge = calibration.load if cell is None else cell
-    span = gauge.u / gauge.value
-    reading = 0.0 if cell else sizes.load_reading_n
+    # The cell shows what changes from the start on, which the scale has given.
+    span = scale if cell is None else math.hypot(scale, CELL_SHARE * cell.u / cell.value)
+    by_span = -to_load * at.normal_force_n
+    shares = [_share("load_scale", calibration.load, by_span / calibration.load.value)]
+    if cell is not None:
+        shares.append(_share("normal_force_scale", cell, CELL_SHARE * by_span / cell.value))
     unseen = math.hypot(sizes.load_change, rig.load_rise.u * at.travel_m)
     change = 0.0 if cell else unseen
     return (
         _term("span of the normal force", span * at.normal_force_n, "N", to_load,
-              "calibration of the scale, or of the high-rate load cell if it was used",
-              paper=scale,
-              shares=[
-                  _share(
-                      "load_scale" if cell is None else "normal_force_scale", gauge,
-                      -to_load * at.normal_force_n / gauge.value,
-                  )
-              ]),
-        _term("reading of the scale", reading, "N", to_load, "resolution and noise",
+              "calibration of the scale, and of the high-rate load cell if it was used",
+              paper=scale, shares=shares),
+        _term("reading of the scale", sizes.load_reading_n, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
               "rise along the rails (calibration) and tilting, setting of the ground (assumed); "

@@ -239,6 +239,24 @@ def test_load_cell_if_present_gives_normal_force(
     assert found.mu_u < plain.mu_u
 
 
+@pytest.mark.parametrize("zero_v", [-0.09, 0.09])
+def test_zero_of_load_cell_drops_out(
+    zero_v: float, golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    """90 mV are 1.8 N of 39 N; the scale shows the load before the start."""
+    run = golden("r0").whole
+    loaded = replace(
+        calibration, normal_force=Known(20.0, 0.06), normal_force_zero=Known(0.0, 0.05)
+    )
+    still = cell(run, run.load_n)
+    assert still.normal_force_v is not None
+    off = replace(still, normal_force_v=still.normal_force_v + zero_v)
+    right, found = (analyse_better(item, loaded, rig) for item in (still, off))
+    assert not found.excluded
+    assert found.mu == pytest.approx(right.mu, rel=1e-9)
+    assert found.normal_force_n == pytest.approx(run.load_n, rel=1e-9)
+
+
 def test_block_lost_after_the_stop_changes_nothing() -> None:
     known = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
     whole, stop = known.run, known.run.stop_s

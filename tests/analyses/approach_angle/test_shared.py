@@ -174,6 +174,13 @@ def test_scale_against_announced_loads_is_named(
     assert found.effect["clean_0"] == pytest.approx(abs(size) / (1 if wrong.span else 5.5), rel=0.3)
 
 
+def test_wrong_calibration_of_scale_is_named(rig: AngleRig) -> None:
+    known, results = campaign(rig)
+    wrong = replace(CALIBRATION, load=Known(1.04, 0.002))
+    (found,) = load_errors([replace(k, calibration=wrong) for k in known], results)
+    assert (found.code, found.size > 0.03) == ("load_span", True)
+
+
 def test_two_loads_show_no_tare(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(tare_kg=0.5))
     few = [k for k in range(len(known)) if known[k].run.announced_load_kg == 4.0]

@@ -15,6 +15,7 @@ what the paper's method leaves out).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,8 @@ from rigd_analyses.approach_angle.better.smoother import Track, smooth
 from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
 from rigd_analyses.approach_angle.samples import readable
 
+#: Until this time after the command all is at rest: the relay takes 8 ms to pick up.
+REST_S = 0.005
 #: Times further apart than this, of the usual, are a gap.
 GAP = 1.5
 
@@ -153,13 +156,19 @@ def _readable(run: AngleRun) -> AngleRun:
 def normal_force(known: KnownRun, travel_m: FloatArray) -> FloatArray:
     """Return N in newtons at each sample, (n,), where the platform has gone ``travel_m`` (n,).
 
-    By the high-rate load cell; without one the scale's reading before the start, and its known
-    rise along the travel.
+    By the scale's reading before the start, and from there on by the high-rate load cell, whose own
+    zero drops out: it is known to some newtons only. Without a load cell, by the scale and the
+    known rise along the travel.
     """
     run, calibration = known.run, known.calibration
     if run.normal_force_v is not None and calibration.normal_force is not None:
-        volts = run.normal_force_v - calibration.normal_force_zero.value
-        return np.asarray(calibration.normal_force.value * volts, dtype=np.float64)
+        before = run.normal_force_v[run.t_s <= REST_S]
+        scale = calibration.normal_force.value
+        if before.size and math.isfinite(run.load_n):
+            start_n, zero_v = calibration.load.value * run.load_n, float(np.mean(before))
+        else:
+            start_n, zero_v = 0.0, calibration.normal_force_zero.value
+        return np.asarray(start_n + scale * (run.normal_force_v - zero_v), dtype=np.float64)
     rise = 1.0 + known.rig.load_rise.value * travel_m
     return np.asarray(calibration.load.value * run.load_n * rise, dtype=np.float64)
 

@@ -1,6 +1,7 @@
 """Finds a missed tare, or a wrong span, from what the scale shows of the announced loads.
 
-Each setting of the bolts (one set under one load) gives one point y = shown - announced. Bolts
+Each setting of the bolts (one set under one load) gives one point y = shown - announced, with what
+is shown as the calibration corrects it: a wrong calibration of the scale shows as well. Bolts
 scatter from setting to setting by a share s of the load, which the points show; a part of that,
 and of the scale's zero, is the same in all of them. With x the announced load:
 
@@ -42,7 +43,7 @@ def load_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list
         run = k.run
         if result.excluded or not math.isfinite(run.load_n):
             continue
-        mass = run.load_n / k.rig.gravity
+        mass = k.calibration.load.value * run.load_n / k.rig.gravity
         shown_kg.setdefault((run.set_name, run.announced_load_kg), []).append(mass)
         names.append(run.set_name)
         normals.append(mass)
@@ -80,8 +81,8 @@ def _sentence(
         "something lies on it"
     )
     as_span = (
-        f"{span[0]:+.1%} (± {2 * span[1]:.1%}) of the load: its span or the announced loads are "
-        "wrong"
+        f"{span[0]:+.1%} (± {2 * span[1]:.1%}) of the load: its span, its calibration or the "
+        "announced loads are wrong"
     )
     first, second = (as_tare, as_span) if tared else (as_span, as_tare)
     also = f". As well possible: by {second}" if either else ""
