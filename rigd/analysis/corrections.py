@@ -128,7 +128,12 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
             if all(scope[name] == scopes[0][name] for scope in scopes)}  # fmt: skip
     hidden = {name for name in everywhere if "." not in name}
     reader = Reader(document, problems, {**units, **own}, frozenset(hidden - set(same)))
-    plan = read_plan(reader, choices_of(source), source.identify, of_rig, (same, scopes[0]), hidden)
+    streams = sweep.recording.streams
+    there = {f"{name}.{item.name}" for name, found in streams.items() for item in found.channels}
+    plan = read_plan(
+        reader, choices_of(source), source.identify, of_rig, (same, scopes[0]), hidden,
+        has=there.__contains__,
+    )  # fmt: skip
     problems.raise_any()
     plan = replace(plan, group_by=sweep.plan.group_by)
     analysis = find_analysis(plan.model)

@@ -341,12 +341,13 @@ class _MapReader:
         if by in words and identify.reference is not None:
             choices[by] = tuple(identify.reference.values)
         nothing: Mapping[str, Constant] = {}
-        plan = read_plan(reader, choices, identify, nothing, (base, {**base, **trial}), set(trial))
+        there = [f"{s}.{c.name}" for s, item in sources.items() for c in item.channels]
+        plan = read_plan(
+            reader, choices, identify, nothing, (base, {**base, **trial}), set(trial),
+            has=there.__contains__,
+        )  # fmt: skip
         for signal, channel in identify.signals.items():
-            stream, _, name = channel.partition(".")
-            channels = [c.name for c in sources[stream].channels] if stream in sources else []
-            if name not in channels:
-                there = [f"{s}.{c.name}" for s, item in sources.items() for c in item.channels]
+            if channel not in there:
                 self._note(("identify", "signals", signal), f"there is no channel {channel!r}",
                            suggest(channel, there))  # fmt: skip
         for index, name in enumerate(plan.group_by):

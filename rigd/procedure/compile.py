@@ -232,8 +232,14 @@ def _identify(
             place = reader.document.place(("identify", "signals", signal))
             known = channel_names(rig)
             reader.problems.add_lacking(place, rig.name, "channel", channel, known)
+    for signal in plan.signals.keys() & plan.optional_signals.keys():
+        reader.note_key(("identify", "optional_signals", signal),
+                        f"{signal!r} stands in 'signals' as well", "give it once")  # fmt: skip
     for index, name in enumerate(plan.group_by):
         if name not in source.parameters:
             reader.note(("identify", "group_by", index), f"unknown parameter {name!r}",
                         suggest(name, source.parameters))  # fmt: skip
-    return read_plan(reader, choices_of(source), plan, rig.constants, scopes, hidden)
+    return read_plan(
+        reader, choices_of(source), plan, rig.constants, scopes, hidden,
+        has=lambda channel: rig.recorded(channel) is not None,
+    )  # fmt: skip

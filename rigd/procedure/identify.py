@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 
 from rigd.config.document import KeyPath
@@ -32,8 +32,11 @@ def read_plan(
     of_rig: Mapping[str, Constant],
     scopes: tuple[Scope, Scope],
     hidden: Collection[str],
+    has: Callable[[str], bool],
 ) -> IdentifyPlan:
     """Return ``plan`` with its constants and published values; problems are noted in ``reader``.
+
+    An optional signal is left out unless ``has`` finds its channel.
 
     ``choices`` are the words that each parameter may take. ``scopes`` are those of the whole run
     and of one trial; ``hidden`` are the names with a value of their own in each trial. ``of_rig``
@@ -46,7 +49,7 @@ def read_plan(
         published = _read_reference(reader, choices, plan.reference, scopes[0], hidden)
     return IdentifyPlan(
         plan.model,
-        plan.signals,
+        {**{name: at for name, at in plan.optional_signals.items() if has(at)}, **plan.signals},
         known.values,
         tuple(plan.group_by),
         published,

@@ -90,12 +90,17 @@ def _capture(
 
 def _check_identify(reader: Reader, source: ProcedureSource, record: dict[str, Recorded]) -> None:
     """Note a signal of the analysis that is not recorded whole."""
-    signals = {} if source.identify is None else source.identify.signals
-    for signal, channel in signals.items():
+    plan = source.identify
+    signals = {} if plan is None else {
+        ("identify", key, name): channel
+        for key, named in (("signals", plan.signals), ("optional_signals", plan.optional_signals))
+        for name, channel in named.items()
+    }  # fmt: skip
+    for path, channel in signals.items():
         recorded = record.get(channel.partition(".")[0])
         if recorded is not None and recorded.capture is not None:
             reader.note(
-                ("identify", "signals", signal),
+                path,
                 f"{channel} is recorded only around what its stream waits for: trials would lack "
                 "rows",
                 "record it always, or during the steps that are evaluated",

@@ -318,6 +318,8 @@ class IdentifySource(Source):
     """Name of the model."""
     signals: dict[Name, ChannelName]
     """The channel of each signal of the model."""
+    optional_signals: dict[Name, ChannelName] = Field(default_factory=dict)
+    """Further signals of the model, used on a rig that has the channel and left out on others."""
     constants: dict[Name, GivenConstant] = Field(default_factory=dict)
     """Known quantities of the model: `50 mm`, `${rig.wheel_radius}`, or with an uncertainty
     `{value: "${mass}", u: 1 g}`; a constant of the rig brings its own uncertainty.

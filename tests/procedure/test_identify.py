@@ -123,3 +123,13 @@ def test_reference_of_both_kinds_is_refused(
         compile_text(with_reference(small, reference))
     assert part in str(caught.value)
     assert caught.value.place is not None
+
+
+def test_optional_signal_is_that_of_rigs_that_have_it(compile_text: Compile, small: str) -> None:
+    old = f"  constants: {GIVEN}\n"
+    assert small.count(old) == 1
+    named = "{angle: wheel_encoder.angle, heat: oven.temperature}"
+    plan = compile_text(small.replace(old, f"  optional_signals: {named}\n{old}")).identify
+    assert plan is not None
+    assert plan.signals["angle"] == "wheel_encoder.angle"
+    assert "heat" not in plan.signals

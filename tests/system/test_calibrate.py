@@ -62,6 +62,13 @@ def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, ben
 
 
 @pytest.mark.dates
+def test_the_shipped_load_cell_is_what_its_procedure_gives(bench: Path) -> None:
+    text = (CONFIGS / "sim_approach_angle_cell.yaml").read_text()
+    (bench / "bench.yaml").write_text(text)
+    made_as_shipped(bench, "calibrate_load_cell")
+
+
+@pytest.mark.dates
 def test_the_shipped_scale_is_what_its_procedure_gives(bench: Path) -> None:
     made_as_shipped(bench, "calibrate_scale")
 
@@ -69,6 +76,23 @@ def test_the_shipped_scale_is_what_its_procedure_gives(bench: Path) -> None:
 @pytest.mark.dates
 def test_the_shipped_torque_is_what_its_recording_gives(torque: Path, bench: Path) -> None:
     made_as_shipped(bench, "--from", torque)
+
+
+def test_campaign_with_load_cell_takes_its_normal_force(tmp_path: Path) -> None:
+    chosen = ("--set", "set=clean_45", "--set", "load=6 kg", "--set", "voltage=10 V")
+    found = {}
+    for rig in ("angle-1", "angle-cell-1"):
+        done = rigd(
+            "run", "approach_angles", *chosen, "--rig", rig, "--output", f"{rig}.mcap", cwd=tmp_path
+        )
+        assert done.code == 0, done.err
+        found[rig] = rigd("identify", f"{rig}.mcap", "--no-report", "--json", cwd=tmp_path).json
+    assert any(
+        "what the fast load cell shows" in text for text in found["angle-cell-1"]["statements"]
+    )
+    assert any("what it rises by" in text for text in found["angle-1"]["statements"])
+    plain, celled = (found[rig]["runs"][0]["better"]["mu_u_k1"] for rig in found)
+    assert celled < 0.9 * plain
 
 
 def made_as_shipped(bench: Path, *measured_by: str | Path) -> None:
@@ -264,7 +288,10 @@ def test_instrument_is_checked_with_devices_in_own_processes(
 
 def test_calibration_of_another_rig_blocks_the_run(bench: Path) -> None:
     edit(bench / "bench.yaml", "rig: angle-1", "rig: my-bench")
-    assert "is the calibration of angle-1, angle-wire-1, not of my-bench" in campaign(bench).err
+    assert (
+        "is the calibration of angle-1, angle-wire-1, angle-cell-1, not of my-bench"
+        in campaign(bench).err
+    )
     done = rigd(
         "calibrate", "calibrate_scale", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
     )

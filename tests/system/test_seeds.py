@@ -19,6 +19,7 @@ WHOLE = {
     "lateral_sweep": "procedure/test_on_plant.py",
     "validation_masses": "procedure/test_on_plant.py",
     "calibrate_friction": "system/test_calibrate.py",
+    "calibrate_load_cell": "system/test_calibrate.py",
     "calibrate_rise": "system/test_calibrate.py",
     "calibrate_scale": "system/test_calibrate.py",
     "calibrate_torque": "system/test_calibrate.py",
@@ -33,8 +34,9 @@ def shipped() -> list[Pair]:
 
 
 def test_each_rig_and_procedure_is_in_some_pair(shipped: list[Pair]) -> None:
-    assert {pair.rig.name for pair in shipped} == {"lugre-1", "angle-1", "articulated-1"}
-    assert len({pair.procedure for pair in shipped}) == 14
+    rigs = {"lugre-1", "angle-1", "angle-cell-1", "articulated-1"}
+    assert {pair.rig.name for pair in shipped} == rigs
+    assert len({pair.procedure for pair in shipped}) == 15
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
@@ -51,6 +53,7 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
     }
     assert ended == {
         "approach_angles on angle-1": "",
+        "approach_angles on angle-cell-1": "",
         "breakaway on lugre-1": "",
         "robot_manoeuvres on articulated-1": "",
         "straight_speeds on articulated-1": "",

@@ -72,7 +72,7 @@ def analyse_campaign(
         sets=sets,
         trends=trends,
         reference="" if reference is None else reference.label,
-        statements=_statements(bending, better),
+        statements=_statements(runs, bending, better),
         warnings=(
             *(error.sentence for error in shared),
             *_warnings(sets, trends),
@@ -170,7 +170,9 @@ def _trends(sets: Sequence[SetResult]) -> dict[str, Trend]:
     return found
 
 
-def _statements(bending: Bending | None, settings: BetterSettings) -> tuple[str, ...]:
+def _statements(
+    runs: Sequence[KnownRun], bending: Bending | None, settings: BetterSettings
+) -> tuple[str, ...]:
     zero = (
         "Too few runs slide steadily to learn the gauges' crosstalk; the zero before the trigger "
         "holds it and is not taken off."
@@ -179,6 +181,12 @@ def _statements(bending: Bending | None, settings: BetterSettings) -> tuple[str,
         f"per turn (±{2e3 * bending.u:.2f}, k = 2; learnt from {bending.runs} sliding runs); it "
         "and the zero before the trigger are taken off every run."
     )
+    cells = sum(k.run.normal_force_v is not None for k in runs)
+    load = "N is what the scale shows before the start, and then " + (
+        "what the fast load cell shows more."
+        if cells
+        else "what it rises by along the travel, as the calibration has it."
+    )
     return (
         f"Speeds and accelerations come from a Rauch-Tung-Striebel smoother "
         f"({settings.wheel_cutoff_hz:g} Hz wheel, {settings.platform_cutoff_hz:g} Hz platform) "
@@ -186,6 +194,7 @@ def _statements(bending: Bending | None, settings: BetterSettings) -> tuple[str,
         zero,
         "F_r is the torque at the gauges less wheel inertia, bearing friction, and rolling "
         "resistance, over the effective radius; all by the calibration.",
+        load,
         f"Friction is quoted while the wheel slides, in means over {1e3 * settings.block_s:.0f} "
         "ms; elsewhere F_r/N is what the motion asked for.",
         "The maximum of a set is that of one robust curve through the sliding blocks of all its "

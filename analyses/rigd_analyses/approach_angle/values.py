@@ -25,9 +25,11 @@ CALIBRATABLE: Final = {
         "1", "true load per load that the scale shows", "calibrate_scale", "positive"
     ),
     "normal_force_scale": Calibratable(
-        "N/V", "normal force per volt of the load cell", sign="positive"
+        "N/V", "normal force per volt of the load cell", "calibrate_load_cell", "positive"
     ),
-    "normal_force_zero": Calibratable("V", "voltage of the load cell at 0 N", sign="any"),
+    "normal_force_zero": Calibratable(
+        "V", "voltage of the load cell at 0 N", "calibrate_load_cell", "any"
+    ),
     "effective_radius": Calibratable(
         "1", "effective over nominal radius of the wheel", sign="positive"
     ),
@@ -57,4 +59,5 @@ SIGNALS: Final = {
     "wheel_angle": "V",
     "platform_position": "V",
     "load": "kg",
+    "normal_force": "V",
 }

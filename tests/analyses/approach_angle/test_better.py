@@ -267,6 +267,21 @@ def test_block_lost_after_the_stop_changes_nothing() -> None:
     assert (found.mu, found.slip, found.flags) == (expected.mu, expected.slip, expected.flags)
 
 
+@pytest.mark.parametrize(("gain", "named"), [(0.96, False), (1.04, False), (0.9, True), (-1, True)])
+def test_wrong_gain_of_load_cell_is_harmless_or_named(
+    gain: float, named: bool, golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    """N rises by 5 %; only that part of it is by the load cell."""
+    run = golden("r0").whole
+    loaded = replace(calibration, normal_force=Known(20.0, 0.06))
+    rising = run.load_n * (1.0 + 0.05 * np.clip(run.t_s, 0.0, None) / run.stop_s)
+    right = analyse_better(cell(run, rising), loaded, rig)
+    found = analyse_better(cell(run, gain * rising), loaded, rig)
+    assert ("load_cell_disagrees" in codes(found)) is named
+    if not named:
+        assert abs(found.mu - right.mu) < 0.15 * right.mu_u
+
+
 @pytest.mark.parametrize("newton", [0.0, 1.3, math.nan])
 def test_load_cell_contradicting_scale_excludes_run(
     newton: float, golden: Golden, calibration: AngleCalibration, rig: AngleRig

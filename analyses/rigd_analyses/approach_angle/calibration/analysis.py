@@ -1,4 +1,4 @@
-"""Declares the four calibrations of the approach-angle rig to rigd: what they need and measure."""
+"""Declares the five calibrations of the approach-angle rig to rigd: what they need and measure."""
 
 from __future__ import annotations
 
@@ -81,6 +81,24 @@ class ScaleCalibration(_Calibration):
         from rigd_analyses.approach_angle.calibration.reading import scale_result
 
         return scale_result(steps)
+
+
+class LoadCellCalibration(_Calibration):
+    """Normal force per volt of the fast load cell: loads of the wheel, as the scale shows them."""
+
+    needs = Needs(
+        signals=_signals("normal_force", "load"),
+        constants=("division", "gravity"),
+        trial_parameters=("load",),
+        calibrated=("load_scale",),
+    )
+    measures = ("normal_force_scale", "normal_force_zero")
+
+    def result(self, steps: Steps) -> CalibrationResult:
+        """Return the scale and the zero of the load cell."""
+        from rigd_analyses.approach_angle.calibration.reading import cell_result
+
+        return cell_result(steps)
 
 
 class FrictionCalibration(_Calibration):

@@ -1,10 +1,11 @@
 """Reads calibration recordings by the names of their steps and passes the arrays to estimators.
 
 A step is one named piece of the recorded procedure, such as ``measure``. An estimator is the
-function that computes the calibrated values. There are four calibrations of the approach-angle rig:
+function that computes the calibrated values. There are five calibrations of the approach-angle rig:
 
 - torque: the operator puts weights on the arm of the clamped shaft;
 - scale: the operator puts known weights on the scale;
+- load cell: the operator loads the wheel, and the scale shows by how much;
 - friction: the lifted wheel spins (friction of the bearings), the platform coasts after a push
   (friction of the rails);
 - rise (the change of the wheel's load along the travel): the operator pushes the loaded platform to
@@ -27,6 +28,7 @@ from rigd_analyses.approach_angle.calibration.bearings import (
     calibrate_bearings,
     steady_turning,
 )
+from rigd_analyses.approach_angle.calibration.cell import CellBench, calibrate_cell
 from rigd_analyses.approach_angle.calibration.scale import calibrate_scale
 from rigd_analyses.approach_angle.calibration.torque import ArmBench, calibrate_torque
 
@@ -85,6 +87,28 @@ def scale_result(steps: Steps) -> CalibrationResult:
         ),
         u_weight=steps.constant("weight_uncertainty"),
         division_kg=steps.constant("division"),
+    )
+
+
+def cell_result(steps: Steps) -> CalibrationResult:
+    """Return the scale and the zero of the load cell that the recording gives.
+
+    Raises:
+        DataError: a step, signal, constant or the calibrated scale is missing.
+    """
+    trials = sorted(steps.sweep.trials, key=lambda trial: trial.start_ns)
+    spans = [steps.span(trial, MEASURE) for trial in trials]
+    scale = steps.known("load_scale")
+    return calibrate_cell(
+        np.array([steps.announced(trial, LOAD, "load") for trial in trials]),
+        np.array([float(np.mean(steps.signal("load", span)[1])) for span in spans]),
+        np.array([steps.mean("normal_force", span) for span in spans]),
+        CellBench(
+            load_scale=scale.value,
+            u_load_scale=scale.u,
+            division_kg=steps.constant("division"),
+            gravity=steps.constant("gravity"),
+        ),
     )
 
 

@@ -11,6 +11,7 @@ from support.angle_recording import calibration_text
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.approach_angle.calibration.analysis import (
     FrictionCalibration,
+    LoadCellCalibration,
     RiseCalibration,
     ScaleCalibration,
     TorqueCalibration,
@@ -56,6 +57,23 @@ def test_scale_calibration_conforms(tmp_path: Path) -> None:
     constants = {"weight_uncertainty": 3e-4, "division": division}
     case = Case(trials, constants, {"load_scale": LOAD_SCALE})
     check_analysis(ScaleCalibration, [case], tmp_path)
+
+
+def test_load_cell_calibration_conforms(tmp_path: Path) -> None:
+    division, newton_per_volt, zero_v = 0.01, 20.0, 0.09
+    random = np.random.default_rng(3)
+    trials = []
+    for load in (2.0, 4.0, 6.0, 8.0, 8.0, 6.0, 4.0, 2.0):
+        volts = load * GRAVITY / newton_per_volt + zero_v + 0.03 * random.standard_normal(len(T_S))
+        shown = np.full(len(T_S), np.round(load / LOAD_SCALE / division) * division)
+        signals = {"normal_force": volts, "load": shown}
+        trials.append(SimulatedTrial(T_S, signals, {"load": load}, {"measure": 0.0}))
+    case = Case(
+        trials, {"division": division, "gravity": GRAVITY},
+        {"normal_force_scale": newton_per_volt, "normal_force_zero": zero_v},
+        calibration=calibration_text({"load_scale": (f"{LOAD_SCALE}", "0.0006")}),
+    )  # fmt: skip
+    check_analysis(LoadCellCalibration, [case], tmp_path)
 
 
 def test_rise_calibration_conforms(tmp_path: Path) -> None:
