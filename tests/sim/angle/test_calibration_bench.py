@@ -116,6 +116,19 @@ def test_platform_pushed_to_end_rests_and_turns_wheel(set_name: str, lift: str) 
     assert (truth(plant, "wheel_speed") > 1.0) and not plant.resting
 
 
+def test_lifted_platform_is_brought_where_asked() -> None:
+    plant = on_the_bench()
+    pass_time(plant, 0.1)
+    plant.change("platform_at", 0.047)
+    pass_time(plant, 0.1)
+    assert plant.resting
+    assert truth(plant, "platform_position") == pytest.approx(0.047)
+    assert truth(plant, "wheel_angle") == 0.0
+    plant.change("push", 0.3)
+    pass_time(plant, 0.3)
+    assert truth(plant, "platform_position") > 0.1
+
+
 def test_known_weights_show_the_gain_of_the_scale() -> None:
     plant = on_the_bench()
     shown = []

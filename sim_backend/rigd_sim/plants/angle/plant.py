@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not
 LIGHTEST_KG: Final = 1.0
 HEAVIEST_KG: Final = 12.0
 HIGHEST_V: Final = 12.0
+#: How far a hand brings the platform: no farther than where runs stop by the shipped parameters.
+FARTHEST_M: Final = 0.3
 #: What people can change at the bench.
 SETTINGS: Final = {
     "angle": Setting("approach angle, bearings mounted again", layout.MOUNTED_DEG, "deg"),
@@ -31,6 +33,7 @@ SETTINGS: Final = {
     "load": Setting("load that the bolts set", (), "kg", LIGHTEST_KG, HEAVIEST_KG),
     "voltage": Setting("voltage of the motor's regulator", (), "V", 0.0, HIGHEST_V),
     "platform": Setting("the platform, pushed to where runs start or stop", ("start", "end")),
+    "platform_at": Setting("travel that the platform is pushed to", (), "m", 0.0, FARTHEST_M),
     "push": Setting("speed that a hand gives to the platform", (), "m/s", -2.0, 2.0),
     "wheel_lift": Setting("the wheel, off the platform or on it", ("lifted", "down")),
     "shaft": Setting("the shaft, for a calibration of torque", ("free", "clamped")),
@@ -270,6 +273,7 @@ class AnglePlant(Plant):
             "angle": self._set_angle,
             "load": self._set_load,
             "voltage": lambda voltage: self._set(voltage=voltage),
+            "platform_at": self._bring_platform,
             "push": self._push,
             "arm_mass": self._load_arm,
             "scale_weight": lambda mass: self._set(known_mass=mass),
@@ -299,24 +303,28 @@ class AnglePlant(Plant):
         self._set(load_n=mass * self.parameters.gravity * scatter)
 
     def _push_platform(self, place: str) -> None:
+        if place == "end":
+            self._bring_platform(float(self._constants["stop"][0]))
+            return
+        self._check_can_be_pushed()
+        self._limit_known()
+        self._begin_run()
+
+    def _check_can_be_pushed(self) -> None:
         if self._state["command"][0] > 0.5:
             raise ValueError("the relay is closed: the platform cannot be pushed now")
         if self._bench.clamped:
             raise ValueError("the shaft is clamped: the wheel cannot turn along; free it first")
-        if place == "end":
-            self._push_to_end()
-        else:
-            self._limit_known()
-            self._begin_run()
 
-    def _push_to_end(self) -> None:
-        """Bring the platform to where runs stop; the wheel, and the motor with it, rolls along."""
+    def _bring_platform(self, travel_m: float) -> None:
+        """Bring the platform to rest there; the wheel, and the motor with it, rolls along."""
+        self._check_can_be_pushed()
         state, c = self._state, self._constants
         if not self._bench.lifted:
-            turned = (c["stop"] - state["x"]) * c["cosine"] / c["effective_radius"]
+            turned = (travel_m - state["x"]) * c["cosine"] / c["effective_radius"]
             state["wheel"] += turned
             state["rotor"] += turned
-        state["x"] = c["stop"]
+        state["x"] = travel_m
         for name in ("i", "rotor_speed", "w", "v", "awake"):
             state[name] = 0.0
         self._touch_anew()
