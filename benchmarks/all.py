@@ -43,6 +43,7 @@ BENCHES = (
     "catalogue",
     "recorder",
     "importing",
+    "foreign_recording",
     "live_feed",
     "remote_commands",
     "remote_load",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -30,6 +30,7 @@ MAX_UNCOMPRESSED: Final = 1 << 30
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")  #: start, end, size, CRC, length of compression name
 MESSAGE_INDEX_HEAD: Final = struct.Struct("<BQHI")
 _SIZE: Final = struct.Struct("<Q")
+_LENGTH: Final = struct.Struct("<xQ")  #: of a record, behind its opcode
 _PREFIX: Final = [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2")]
 _TIMES: Final = [("sequence", "<u4"), ("log_time", "<u8"), ("publish_time", "<u8")]
 MESSAGE_HEAD: Final = np.dtype([*_PREFIX, *_TIMES])  #: what every Message record begins with
@@ -243,6 +244,49 @@ def uniform_messages(data: bytes | memoryview) -> NDArray[np.void] | None:
     return array if same else None
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """The messages of a chunk: channel, first byte and size in bytes of each record, (n,)."""
+
+    channels: NDArray[np.uint16]
+    offsets: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+
+def message_places(data: bytes | memoryview) -> Places:
+    """Return the places of the messages of a chunk, of any channels and sizes.
+
+    Raises:
+        Malformed: the data ends within a record, or a message is too short.
+
+    """
+    begins: list[int] = []
+    at, end, length_at = 0, len(data), _LENGTH.unpack_from
+    while at + FRAME.size <= end:  # once for each message: nothing but this
+        begins.append(at)
+        at += FRAME.size + length_at(data, at)[0]
+    if at != end:
+        raise Malformed(f"the file ends within a record at byte {begins[-1] if begins else 0}")
+    octets = np.frombuffer(data, np.uint8)
+    offsets = np.array(begins, np.int64)
+    sizes = np.diff(offsets, append=end)
+    is_message = octets[offsets] == Opcode.MESSAGE
+    offsets, sizes = offsets[is_message], sizes[is_message]
+    if (sizes < MESSAGE_HEAD.itemsize).any():
+        raise Malformed("a message that is too short")
+    return Places(numbers_at(octets, offsets + FRAME.size, np.dtype("<u2")), offsets, sizes)
+
+
+def numbers_at(
+    octets: NDArray[np.uint8], offsets: NDArray[np.int64], kind: np.dtype[Any]
+) -> NDArray[Any]:
+    """Return the numbers of a ``kind`` that begin at ``offsets`` (n,) of the bytes, (n,)."""
+    if not len(offsets):
+        return np.empty(0, kind)
+    taken = np.lib.stride_tricks.sliding_window_view(octets, kind.itemsize)[offsets]
+    return np.asarray(taken.view(kind)[:, 0])
+
+
 def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
     """Return the times and offsets of every message of a chunk, by channel.
 
@@ -254,17 +298,13 @@ def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
     if array is not None:
         offsets = np.arange(len(array), dtype=np.uint64) * np.uint64(array.dtype.itemsize)
         return {int(array["channel"][0]): (array["log_time"].copy(), offsets)}
-    found: dict[int, list[tuple[int, int]]] = {}
-    for record in records(memoryview(data)):
-        if record.opcode != Opcode.MESSAGE:
-            continue
-        if record.end - record.start < MESSAGE_HEAD.itemsize:
-            raise Malformed("a message that is too short")
-        head = np.frombuffer(data, MESSAGE_HEAD, count=1, offset=record.start)[0]
-        entry = (int(head["log_time"]), record.start)
-        found.setdefault(int(head["channel"]), []).append(entry)
-    columns = {channel: np.array(entries, np.uint64) for channel, entries in found.items()}
-    return {channel: (entry[:, 0], entry[:, 1]) for channel, entry in columns.items()}
+    places, octets = message_places(data), np.frombuffer(data, np.uint8)
+    times = numbers_at(octets, places.offsets + LOG_TIME_AT, np.dtype("<u8"))
+    found: dict[int, tuple[Times, Times]] = {}
+    for channel in dict.fromkeys(places.channels.tolist()):
+        mine = places.channels == channel
+        found[channel] = (times[mine], places.offsets[mine].astype(np.uint64))
+    return found
 
 
 def first_number(data: bytes | memoryview, channel: int) -> int | None:

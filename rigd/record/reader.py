@@ -25,7 +25,7 @@ from rigd.record.access import how_to_recover, read_at, require_regular, share
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
-from rigd.record.decode import message_payloads, rows_of_chunk
+from rigd.record.decode import KeptMessages, Messages
 from rigd.record.events import Event, parse_event
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gaps_from_json, with_losses
@@ -279,9 +279,9 @@ class Recording:
         channel, blob = self._channel(stream), self._blob(stream)
         with _opened(self.path) as fd:
             for index in self._chunks(channel, low, high):
-                data = self._unpack(fd, index, check_crc=check_crc)
+                messages = self._unpack(fd, index, check_crc=check_crc)
                 try:
-                    rows = rows_of_chunk(data, channel, blob)
+                    rows = messages.rows(channel, blob)
                 except Malformed as error:
                     raise damaged(self.path, error) from error
                 if index.message_start_time < low or index.message_end_time >= high:
@@ -306,9 +306,9 @@ class Recording:
             return events
         with _opened(self.path) as fd:
             for index in self._chunks(channel, 0, _LAST_NS):
-                data = self._unpack(fd, index, check_crc=True)
+                messages = self._unpack(fd, index, check_crc=True)
                 try:
-                    found = message_payloads(data, channel)
+                    found = messages.payloads(channel)
                     events += [parse_event(t_ns, payload) for t_ns, payload in found]
                 except Malformed as error:
                     raise damaged(self.path, error) from error
@@ -434,12 +434,23 @@ class Recording:
             and chunk.message_start_time < high
         ]
 
-    def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> bytes | memoryview:
+    @cached_property
+    def _kept(self) -> KeptMessages:
+        return KeptMessages()
+
+    def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> Messages:
         try:
             record = _record(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
-            return unpack_chunk(parse_chunk(record.content), check_crc=check_crc)
+            head = parse_chunk(record.content)
+            key = index.chunk_start_offset, head.size, head.crc or crc32(head.packed)
+            if (kept := self._kept.get(key)) is not None:
+                return kept
+            messages = Messages.of(unpack_chunk(head, check_crc=check_crc))
         except Malformed as error:
             raise damaged(self.path, error) from error
+        if check_crc and messages.places is not None:
+            self._kept.keep(key, messages)
+        return messages
 
 
 def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recording:

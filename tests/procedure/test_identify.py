@@ -125,7 +125,7 @@ def test_reference_of_both_kinds_is_refused(
     assert caught.value.place is not None
 
 
-def test_optional_signal_is_that_of_rigs_that_have_it(compile_text: Compile, small: str) -> None:
+def test_optional_signal_needs_rig_that_has_it(compile_text: Compile, small: str) -> None:
     old = f"  constants: {GIVEN}\n"
     assert small.count(old) == 1
     named = "{angle: wheel_encoder.angle, heat: oven.temperature}"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover
+from rigd.record.chunks import ChunkHead, unpack_chunk
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -65,6 +66,52 @@ def test_a_repacked_recording_reads_the_same(
         assert recording.read(name).tobytes() == expected.read(name).tobytes()
     assert recording.events() == expected.events()
     assert not recording.written_by_rigd
+
+
+@pytest.mark.parametrize("chunk_size", [200, 100_000, 1 << 30])
+def test_window_of_mixed_chunks_has_its_rows(ours: Path, tmp_path: Path, chunk_size: int) -> None:
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, chunk_size=chunk_size)
+    expected, recording = Recording.open(ours), Recording.open(theirs)
+    first, last = expected.start_ns, expected.end_ns
+    low, high = (first + share * (last - first) // 4 for share in (1, 3))
+    for name in expected.streams:
+        rows = recording.read(name, low, high)
+        assert len(rows)
+        assert rows.tobytes() == expected.read(name, low, high).tobytes()
+
+
+def test_mixed_chunk_is_unpacked_once(
+    ours: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each stream and each trial reads the same chunks: unpacking them costs the most."""
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, chunk_size=1 << 30)
+    unpacked = []
+
+    def counted(head: ChunkHead, *, check_crc: bool = True) -> bytes | memoryview:
+        unpacked.append(head.size)
+        return unpack_chunk(head, check_crc=check_crc)
+
+    monkeypatch.setattr("rigd.record.reader.unpack_chunk", counted)
+    recording = Recording.open(theirs)
+    for name in (*recording.streams, *recording.streams):
+        recording.read(name)
+    recording.events()
+    assert len(unpacked) == 1
+
+
+def test_changed_chunk_is_not_served_from_memory(ours: Path, tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, compression=CompressionType.NONE)
+    recording = Recording.open(theirs)
+    recording.read("force")
+    content = bytearray(theirs.read_bytes())
+    chunk = recording.contents.chunks[0]
+    content[chunk.chunk_start_offset + 9 + 24] ^= 1  # the CRC of the chunk
+    theirs.write_bytes(content)
+    with pytest.raises(RecordingError, match="CRC"):
+        recording.read("force")
 
 
 def test_cut_foreign_file_is_read_but_never_cut(ours: Path, tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_missing_file_blocks_only_runs_that_need_it",
             "test_optional_value_that_has_expired_blocks_the_run",
             "test_the_shipped_calibration_is_what_its_procedures_give",
-            "test_the_shipped_load_cell_is_what_its_procedure_gives",
+            "test_shipped_load_cell_is_what_procedure_gives",
             "test_the_shipped_scale_is_what_its_procedure_gives",
         ),
         "sim/wire/test_mechanism.py": ("test_real_drivers_turn_the_described_disk",),

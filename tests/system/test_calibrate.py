@@ -62,7 +62,7 @@ def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, ben
 
 
 @pytest.mark.dates
-def test_the_shipped_load_cell_is_what_its_procedure_gives(bench: Path) -> None:
+def test_shipped_load_cell_is_what_procedure_gives(bench: Path) -> None:
     text = (CONFIGS / "sim_approach_angle_cell.yaml").read_text()
     (bench / "bench.yaml").write_text(text)
     made_as_shipped(bench, "calibrate_load_cell")

@@ -268,7 +268,7 @@ def test_block_lost_after_the_stop_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(("gain", "named"), [(0.96, False), (1.04, False), (0.9, True), (-1, True)])
-def test_wrong_gain_of_load_cell_is_harmless_or_named(
+def test_wrong_gain_of_cell_is_harmless_or_named(
     gain: float, named: bool, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     """N rises by 5 %; only that part of it is by the load cell."""

@@ -1,0 +1,138 @@
+"""A campaign of the approach-angle rig in MCAP of another program, against rigd's own file.
+
+    python benchmarks/foreign_recording.py             ten runs; about a minute on one core
+    python benchmarks/foreign_recording.py --trials 80
+
+The same messages are written again with the `mcap` package: in order of time, so that channels mix
+within each chunk, other numbers of schemas and channels, other chunk sizes and compressions. Every
+trial of every stream is read, and `rigd identify` evaluates both. Times are CPU seconds, the best
+of three interleaved rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from figures import at_most, noted
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.shipped_runs import Pair, play
+
+from rigd.config.loader import load_rig
+from rigd.record import Recording
+from rigd.sdk.shipped import shipped_folder
+
+ROUNDS = 3
+RIGD = Path(sys.executable).with_name("rigd")
+#: How another program may write.
+VARIANTS: dict[str, dict[str, Any]] = {
+    "chunks of 1 MiB, zstd": {"compression": CompressionType.ZSTD},
+    "chunks of 1 MiB, lz4": {"compression": CompressionType.LZ4},
+    "chunks of 1 MiB, plain, no CRC": {
+        "compression": CompressionType.NONE, "enable_crcs": False,
+    },
+    "chunks of 16 KiB, zstd": {"chunk_size": 1 << 14},
+    "one chunk, zstd": {"chunk_size": 1 << 30},
+}  # fmt: skip
+
+
+def write_again(source: Path, target: Path, **options: Any) -> None:
+    """Write all of a recording with the mcap package, messages in order of time."""
+    with source.open("rb") as file, target.open("wb") as out:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        if summary is None:
+            raise ValueError(f"{source} has no summary")
+        writer = Writer(out, **{"chunk_size": 1 << 20, **options})
+        writer.start("", "another program")
+        numbers = {}
+        for channel in reversed(summary.channels.values()):
+            schema = summary.schemas[channel.schema_id]
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            numbers[channel.id] = writer.register_channel(
+                channel.topic, channel.message_encoding, number, dict(channel.metadata)
+            )
+        for item in reader.iter_attachments():
+            writer.add_attachment(
+                item.create_time, item.log_time, item.name, item.media_type, item.data
+            )
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, dict(record.metadata))
+        for _, channel, message in reader.iter_messages(log_time_order=True):
+            writer.add_message(
+                numbers[channel.id], message.log_time, message.data, message.publish_time,
+                message.sequence,
+            )  # fmt: skip
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+
+
+def read(path: Path) -> list[np.ndarray[Any, Any]]:
+    """Return all rows of all streams, trial by trial."""
+    recording = Recording.open(path)
+    return [
+        recording.read(stream, trial.info.start_ns, trial.info.end_ns)
+        for trial in recording.trials
+        for stream in sorted(recording.streams)
+    ]
+
+
+def read_s(path: Path) -> float:
+    """Return the CPU time of :func:`read`."""
+    start = time.process_time()
+    read(path)
+    return time.process_time() - start
+
+
+def identify_s(path: Path) -> float:
+    """Return the CPU time of `rigd identify`."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [RIGD, "identify", path, "--no-report", "--json"]
+    subprocess.run(command, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> int:
+    """Record, write again, time both."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--trials", type=int, default=10, help="runs of the campaign (default 10)")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        ours = Path(folder) / "ours.mcap"
+        rig = load_rig(shipped_folder("configs") / "sim_approach_angle.yaml")
+        pair = Pair(shipped_folder("procedures") / "approach_angles.yaml", rig)
+        play(pair, 1, ours, trials=arguments.trials)
+        theirs = {}
+        for number, (name, options) in enumerate(VARIANTS.items()):
+            theirs[name] = Path(folder) / f"theirs_{number}.mcap"
+            write_again(ours, theirs[name], **options)
+            same = zip(read(ours), read(theirs[name]), strict=True)
+            if not all(np.array_equal(a, b) for a, b in same):
+                raise SystemExit(f"{name}: not the same rows")
+        files = {"": ours, **theirs}
+        reading = {name: [] for name in files}
+        whole = {name: [] for name in files}
+        for _ in range(ROUNDS):
+            for name, path in files.items():
+                reading[name].append(read_s(path))
+                whole[name].append(identify_s(path))
+        noted("ours, read, s CPU", min(reading[""]), "s")
+        noted("ours, identify, s CPU", min(whole[""]), "s")
+        for name in theirs:
+            noted(f"read, {name}", min(reading[name]) / min(reading[""]), "x of ours")
+            at_most(f"identify, {name}", min(whole[name]) / min(whole[""]), 1.2, "x of ours")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
