@@ -4,6 +4,8 @@
                         continues the table: stop it and start it as you like
     python benchmarks/angle_lies.py --rigs 2 --only gain
                         fewer rigs, kinds whose name holds the word
+    python benchmarks/angle_lies.py --world foreign --table foreign.jsonl
+                        of another simulator (angle_world.py), with a table of its own
 
 Each rig is another individual with hidden parameters (drags, contact, rise of the load, noise, all
 drawn), calibrated to what a calibration knows of it. A campaign is three sets under four loads at
@@ -12,7 +14,9 @@ maximum from the truth by more than the U that the good campaign has; it is then
 interval that is reported holds the truth, or if something is named that the good campaign has
 not: a shared error, a warning, a run that is left out or marked, a maximum that is refused.
 
-The plant is rigd's own; the analysis shares no code with it.
+The plant is rigd's own, or with `--world foreign` one written from the physics text alone, with
+another integration scheme, friction law, normal force, noise and sensors; there the kinds go round
+the rigs, so that each rig has some of them. The analysis shares no code with either.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from typing import Any
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # one core, set before numpy counts them
 
+import angle_world
 import numpy as np
 from figures import at_least, at_most, noted
 
@@ -79,8 +84,10 @@ def hidden(number: int) -> AngleParameters:
     )
 
 
-def campaign(number: int, profile_m: float | None = None) -> Runs:
+def campaign(world: str, number: int, profile_m: float | None = None) -> Runs:
     """Return the runs of one rig."""
+    if world == "foreign":
+        return angle_world.campaign(number, LOADS_KG, VOLTAGES_V, profile_m)
     parameters = hidden(number)
     if profile_m is not None:
         normal = parameters.normal_force.model_copy(update={"profile_rollers": profile_m})
@@ -300,6 +307,61 @@ def shifted(item: KnownRun, size: float, _: int) -> KnownRun:
                    gauge_b_v=np.roll(run.gauge_b_v, round(size)))  # fmt: skip
 
 
+def in_share(change: Callable[[KnownRun], KnownRun]) -> Fault:
+    """Return the fault of ``change`` in that share of the runs."""
+    return each(lambda item, size, place: change(item) if place % 10 < 10 * size else item)
+
+
+def reversed_gauge(item: KnownRun) -> KnownRun:
+    return signals(item, gauge_a_v=-item.run.gauge_a_v)
+
+
+def dead_gauge(item: KnownRun) -> KnownRun:
+    noise = 1e-3 * np.random.default_rng(item.run.number).standard_normal(item.run.t_s.size)
+    return signals(item, gauge_a_v=noise)
+
+
+def swapped_potentiometers(item: KnownRun) -> KnownRun:
+    return signals(item, wheel_v=item.run.platform_v, platform_v=item.run.wheel_v)
+
+
+def exchanged_angles(item: KnownRun) -> KnownRun:
+    """Take 15 degrees for 45 and the other way round."""
+    other = {15.0: 45.0, 45.0: 15.0}.get(round(math.degrees(item.run.alpha_rad), 3))
+    return item if other is None else signals(item, alpha_rad=math.radians(other))
+
+
+def wheel_stops(item: KnownRun, size: float, _: int) -> KnownRun:
+    """Let the potentiometer of the wheel stand still from that time on."""
+    volts = item.run.wheel_v.copy()
+    first = int(np.searchsorted(item.run.t_s, size))
+    volts[first:] = volts[min(first, volts.size - 1)]
+    return signals(item, wheel_v=volts)
+
+
+def slack_thread(item: KnownRun, size: float, _: int) -> KnownRun:
+    """Let the platform go by that way before its thread pulls the potentiometer."""
+    volts = item.run.platform_v
+    start = float(np.mean(volts[item.run.t_s < 0.0]))
+    return signals(
+        item,
+        platform_v=start + np.maximum(volts - start - size / item.calibration.platform.value, 0),
+    )
+
+
+def zero_step(item: KnownRun, size: float, place: int) -> KnownRun:
+    later = item.run.t_s > 0.1 + 0.01 * (place % 10)
+    return added(item, np.where(later, size * VOLTS_PER_USTRAIN, 0.0))
+
+
+def load_drift(item: KnownRun, size: float, place: int) -> KnownRun:
+    return signals(
+        item,
+        load_n=item.run.load_n
+        * (1.0 + size * place / (len(SETS) * len(LOADS_KG) * len(VOLTAGES_V))),
+    )
+
+
 #: Each kind of fault, and its three sizes.
 KINDS: dict[str, tuple[Fault, tuple[float, float, float]]] = {
     "gain of gauge a low": (gauges(-1.0, 0.0), (0.03, 0.06, 0.10)),
@@ -349,6 +411,18 @@ KINDS: dict[str, tuple[Fault, tuple[float, float, float]]] = {
     "effective radius": (rig_value("effective_radius"), (0.02, 0.04, 0.08)),
     "drag of the rollers": (rig_value("roller_drag"), (0.5, 1.0, 2.0)),
     "rise of the load": (rig_value("load_rise"), (1.0, 2.0, 4.0)),
+    "a gauge reversed in a share": (in_share(reversed_gauge), (0.1, 0.5, 1.0)),
+    "a gauge dead in a share": (in_share(dead_gauge), (0.1, 0.5, 1.0)),
+    "potentiometers swapped in a share": (in_share(swapped_potentiometers), (0.1, 0.5, 1.0)),
+    "15 for 45 degrees in a share": (in_share(exchanged_angles), (0.1, 0.5, 1.0)),
+    "excitation low": (
+        scaled(gauge_a_v=-1.0, gauge_b_v=-1.0, wheel_v=-1.0, platform_v=-1.0),
+        (0.02, 0.05, 0.10),
+    ),
+    "wheel's potentiometer stops, s": (each(wheel_stops), (0.3, 0.2, 0.1)),
+    "slack thread, m": (each(slack_thread), (0.001, 0.003, 0.010)),
+    "zero steps in each run": (each(zero_step), (1.0, 3.0, 6.0)),
+    "scale drifts over the campaign": (each(load_drift), (0.03, 0.06, 0.10)),
 }
 HOPPING = ("rollers stand out, m", (3e-4, 6e-4, 1.2e-3))
 
@@ -360,6 +434,12 @@ def judged(result: CampaignResult) -> Row:
             s.name: None if s.maximum is None else [s.maximum.value, s.maximum.expanded]
             for s in result.sets
         },
+        "terms": {
+            s.name: {term.name: term.better for term in s.budget.terms if term.systematic}
+            for s in result.sets
+            if s.budget is not None
+        },
+        "statistical": {s.name: s.statistical_u for s in result.sets},
         "shared": [error.code for error in result.shared],
         "left_out": sum(run.excluded for run in result.runs),
         "runs": len(result.runs),
@@ -368,23 +448,36 @@ def judged(result: CampaignResult) -> Row:
     }
 
 
-def true_mu(number: int) -> dict[str, float]:
-    """Return the limits that the plant has."""
+def true_mu(row: Row) -> dict[str, float]:
+    """Return the limits that the rig of ``row`` has."""
+    number = int(row["rig"])
+    if row.get("world") == "foreign":
+        return angle_world.drawn(number).limits
     limits = hidden(number).limits
     return {name: float(getattr(limits, name)) for name in SETS}
 
 
-def plan(rigs: int, only: str) -> list[tuple[int, str, float]]:
-    """Return the cases: rig, kind and size; each rig without a fault first."""
-    cases = [(k, "good", 0.0) for k in range(1, GOOD_RIGS + 1)] if not only else []
+def plan(world: str, rigs: int, only: str) -> list[tuple[int, str, float]]:
+    """Return the cases: rig, kind and size; each rig without a fault first.
+
+    Of the foreign world each kind has one rig, in turn; of rigd's own each rig has all kinds.
+    """
+    kinds = {**{name: sizes for name, (_, sizes) in KINDS.items()}, HOPPING[0]: HOPPING[1]}
+    cases: list[tuple[int, str, float]] = []
     for rig in range(1, rigs + 1):
-        cases += [] if not only else [(rig, "good", 0.0)]
-        kinds = {**{name: sizes for name, (_, sizes) in KINDS.items()}, HOPPING[0]: HOPPING[1]}
-        cases += [(rig, name, size) for name, s in kinds.items() if only in name for size in s]
-    return cases
+        cases.append((rig, "good", 0.0))
+        cases += [
+            (rig, name, size)
+            for place, (name, sizes) in enumerate(kinds.items())
+            if only in name and (world != "foreign" or place % rigs == rig - 1)
+            for size in sizes
+        ]
+    return cases + [(k, "good", 0.0) for k in range(rigs + 1, GOOD_RIGS + 1) if not only]
 
 
-def play(cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path | None) -> None:
+def play(
+    world: str, cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path | None
+) -> None:
     """Play what ``rows`` lack, and append it to them and to the table."""
     done = {(row["rig"], row["kind"], row["size"]) for row in rows}
     runs: dict[int, Runs] = {}
@@ -393,12 +486,13 @@ def play(cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path |
             continue
         begun = time.process_time()
         if kind == HOPPING[0]:
-            spoilt = campaign(rig, profile_m=size)
+            spoilt = campaign(world, rig, profile_m=size)
         else:
             if rig not in runs:
-                runs = {rig: campaign(rig)}
+                runs = {rig: campaign(world, rig)}
             spoilt = runs[rig] if kind == "good" else KINDS[kind][0](runs[rig], size)
-        row = {"rig": rig, "kind": kind, "size": size, **judged(analyse_campaign(spoilt))}
+        row = {"world": world, "rig": rig, "kind": kind, "size": size}
+        row |= judged(analyse_campaign(spoilt))
         row["cpu_s"] = time.process_time() - begun
         rows.append(row)
         if table is not None:
@@ -424,7 +518,7 @@ def report(rows: Sequence[Row]) -> None:
     for row in rows:
         if row["kind"] == "good" or row["rig"] not in good:
             continue
-        true, base = true_mu(row["rig"]), good[row["rig"]]
+        true, base = true_mu(row), good[row["rig"]]
         errors = {
             name: abs(found[0] - true[name])
             for name, found in row["sets"].items()
@@ -447,7 +541,7 @@ def report(rows: Sequence[Row]) -> None:
         print(f"{total} cases move a maximum by more than its U, or lose it: {counts}")
         at_least("faults that matter and are seen", 100 * (1 - counts[""] / total), 95, "%")
     inside = [
-        abs(found[0] - true_mu(row["rig"])[name]) <= found[1]
+        abs(found[0] - true_mu(row)[name]) <= found[1]
         for row in good.values()
         for name, found in row["sets"].items()
         if found
@@ -456,7 +550,7 @@ def report(rows: Sequence[Row]) -> None:
         noted("good campaigns: maxima within U (92 to 98 % wanted)",
               100 * float(np.mean(inside)), "%")  # fmt: skip
         ratios = [
-            (found[0] - true_mu(row["rig"])[name]) / found[1]
+            (found[0] - true_mu(row)[name]) / found[1]
             for row in good.values()
             for name, found in row["sets"].items()
             if found
@@ -474,6 +568,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rigs", type=int, default=2, help="rigs with all faults (default 2)")
     parser.add_argument("--only", default="", help="kinds whose name holds this", metavar="WORD")
+    parser.add_argument(
+        "--world", choices=("rigd", "foreign"), default="rigd", help="the simulator"
+    )
     parser.add_argument("--table", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--report", action="store_true", help="of the table alone")
     arguments = parser.parse_args()
@@ -481,7 +578,8 @@ def main() -> int:
     known = table.read_text().splitlines() if table is not None and table.exists() else []
     rows: list[Row] = [json.loads(line) for line in known]
     if not arguments.report:
-        play(plan(arguments.rigs, arguments.only), rows, table)
+        cases = plan(arguments.world, arguments.rigs, arguments.only)
+        play(arguments.world, cases, rows, table)
     report(rows)
     return 0
 

@@ -96,7 +96,7 @@ def read_s(path: Path) -> float:
 def identify_s(path: Path) -> float:
     """Return the CPU time of `rigd identify`."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [RIGD, "identify", path, "--no-report", "--json"]
+    command = [str(RIGD), "identify", str(path), "--no-report", "--json"]
     subprocess.run(command, check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -120,8 +120,8 @@ def main() -> int:
             if not all(np.array_equal(a, b) for a, b in same):
                 raise SystemExit(f"{name}: not the same rows")
         files = {"": ours, **theirs}
-        reading = {name: [] for name in files}
-        whole = {name: [] for name in files}
+        reading: dict[str, list[float]] = {name: [] for name in files}
+        whole: dict[str, list[float]] = {name: [] for name in files}
         for _ in range(ROUNDS):
             for name, path in files.items():
                 reading[name].append(read_s(path))
