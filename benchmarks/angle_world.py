@@ -237,7 +237,7 @@ def _simulated(
 ) -> AngleRun:
     load_n = load_kg * GRAVITY * (1.0 + world.load_spread * rng.standard_normal())
     alpha = math.radians(ANGLES_DEG[name])
-    one = _Run(
+    drive = _Run(
         world, alpha + math.radians(0.15) * rng.standard_normal(),
         world.limits[name] * (1.0 + world.scatter * rng.standard_normal()), load_n,
         world.rise + world.rise_spread * rng.standard_normal(), voltage_v,
@@ -249,9 +249,9 @@ def _simulated(
     at_stop.terminal = True  # type: ignore[attr-defined]  # as solve_ivp asks
     start = np.zeros(9)
     start[1] = 0.005 * rng.uniform(-1.0, 1.0)
-    driven = _solved(one, (0.0, TIMEOUT_S), start, at_stop)
+    driven = _solved(drive, (0.0, TIMEOUT_S), start, at_stop)
     stop_s = float(driven.t[-1]) + rng.uniform(0.004, 0.020)
-    whole = replace(one, stop_s=stop_s)
+    whole = replace(drive, stop_s=stop_s)
     end_s = stop_s + AFTER_S
     rest = _solved(whole, (float(driven.t[-1]), end_s), driven.y[:, -1], None)
     t_s = np.arange(-round(BEFORE_S * RATE_HZ), math.floor(end_s * RATE_HZ)) / RATE_HZ
