@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -125,22 +125,14 @@ def _json(folder: Path, line: Listing) -> dict[str, object]:
 
 
 def _print(folder: Path, lines: Sequence[Listing]) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    from rigd.cli.screen import open_console, print_rows
+    from rigd.cli.plain_table import plain_table
     from rigd.model.about import plain
 
-    table = Table(box=None, pad_edge=False)
-    for name in ("recording", "recorded (UTC)", "procedure", "rig", "state"):
-        table.add_column(name, overflow="fold")
-    for name in ("trials", "s", "MB"):
-        table.add_column(name, justify="right")
     stated = [name for name in _STATED if any(getattr(line, name) for line in lines)]
-    for name in stated:
-        table.add_column(name, overflow="fold")
-    for line in lines:
-        texts = (
+    heads = ("recording", "recorded (UTC)", "procedure", "rig", "state", "trials", "s", "MB")
+    numbers = range(5, 8)
+    rows = [
+        (
             str(folder / line.file),
             _date(line),
             line.procedure,
@@ -151,7 +143,33 @@ def _print(folder: Path, lines: Sequence[Listing]) -> None:
             f"{line.size / 1e6:.1f}",
             *(shorten(plain(getattr(line, name)), _MOST_LETTERS) for name in stated),
         )
-        table.add_row(*(escape(plain(text)) for text in texts))
+        for line in lines
+    ]
+    rows = [tuple(map(plain, row)) for row in rows]
+    text = plain_table((*heads, *stated), rows, numbers)
+    if text is None:
+        _print_folded((*heads, *stated), rows, numbers)
+    else:
+        print(text)
+
+
+def _print_folded(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[int]
+) -> None:
+    """Print a table that is too wide for the terminal, or has letters of several columns."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rigd.cli.screen import open_console, print_rows
+
+    table = Table(box=None, pad_edge=False)
+    for number, name in enumerate(heads):
+        if number in numbers:
+            table.add_column(name, justify="right")
+        else:
+            table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*map(escape, row))
     print_rows(open_console(), table)
 
 

@@ -7,9 +7,11 @@ repair noted as lost, the layout of another program) is left to
 
 from __future__ import annotations
 
+import json
 import os
 import struct
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -41,6 +43,12 @@ _PLACE: Final = struct.Struct("<QQ")
 #: :func:`~rigd.record.info.run_state` read; the kind stands behind the header and its length.
 _KINDS: Final = (b"run_", b"trial_", b"answer")
 _KIND_END: Final = 14
+#: Records that follow one another are read together up to this size, in bytes.
+_AT_ONCE: Final = 64 * 1024
+
+
+#: Longer texts are not kept: an event may have megabytes.
+_KEPT_LETTERS: Final = 1000
 
 
 class _Unusual(Exception):
@@ -78,8 +86,8 @@ def _read(fd: int, path: Path) -> RunInfo:
         raise _Unusual
     found = _parse(summary[:-ending])
     metadata: dict[str, dict[str, str]] = {}
-    for at, length in found.metadata:
-        name, values = _metadata(_content(fd, at, length, Opcode.METADATA))
+    for content in _contents(fd, found.metadata, Opcode.METADATA):
+        name, values = _metadata(content)
         metadata.setdefault(name, {}).update(values)
     started = metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
     if not started.isdecimal() or RECOVERY_METADATA in metadata:
@@ -103,7 +111,7 @@ def _events(data: memoryview, channel: int) -> Iterator[Event]:
             number, _, t_ns, _ = MESSAGE_FIELDS.unpack_from(data, at)
             payload = data[at + MESSAGE_FIELDS.size : at + length]
             if number == channel and bytes(payload[8:_KIND_END]).startswith(_KINDS):
-                yield parse_event(t_ns, payload)
+                yield parse_event(t_ns, payload, _loads)
         at += length
 
 
@@ -151,6 +159,33 @@ def _records(buffer: memoryview) -> Iterator[tuple[int, int]]:
         at += FRAME.size
         yield opcode, at
         at += length
+
+
+@lru_cache(maxsize=4096)
+def _kept(text: str) -> object:
+    """Return what a JSON text means; trials of one procedure have the same data again and again."""
+    return json.loads(text)
+
+
+def _loads(text: str) -> object:
+    return _kept(text) if len(text) <= _KEPT_LETTERS else json.loads(text)
+
+
+def _contents(fd: int, places: Sequence[tuple[int, int]], opcode: int) -> Iterator[memoryview]:
+    """Yield the contents of records; those that follow one another are read at once."""
+    held, begin = memoryview(b""), 0
+    for number, (at, length) in enumerate(places):
+        if not begin <= at <= at + length <= begin + len(held):
+            end = at + length
+            for following, size in places[number + 1 :]:
+                if following != end or following + size - at > _AT_ONCE:
+                    break
+                end = following + size
+            held, begin = memoryview(read_at(fd, end - at, at)), at
+        record = record_at(held[: at - begin + length], at - begin)
+        if record.opcode != opcode:
+            raise _Unusual
+        yield record.content
 
 
 def _content(fd: int, at: int, length: int, opcode: int) -> memoryview:

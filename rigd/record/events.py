@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ NO_TRIAL: Final = -1
 CDR_HEADER: Final = b"\x00\x01\x00\x00"  #: plain CDR, little-endian, no options
 MESSAGE_FIELDS: Final = struct.Struct("<HIQQ")  #: channel, sequence, log time, publish time
 _LENGTH: Final = struct.Struct("<I")
+_TRIAL: Final = struct.Struct("<i")
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ def data_to_json(data: Mapping[str, Any]) -> str:
     return json.dumps(_plain(data), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
-def parse_event(t_ns: int, payload: memoryview) -> Event:
-    """Return the event in a message's payload.
+def parse_event(t_ns: int, payload: memoryview, loads: Callable[[str], Any] = json.loads) -> Event:
+    """Return the event in a message's payload; ``loads`` reads the JSON of its data.
 
     Raises:
         Malformed: the payload is not an event as :func:`event_payload` writes it.
@@ -80,15 +81,15 @@ def parse_event(t_ns: int, payload: memoryview) -> Event:
     """
     if bytes(payload[:4]) != CDR_HEADER:
         raise Malformed("an event that is not little-endian CDR")
-    body = payload[4:]
+    body = bytes(payload[4:])
     try:
         kind, at = _read_string(body, 0)
         at += -at % 4
-        (trial,) = struct.unpack_from("<i", body, at)
+        (trial,) = _TRIAL.unpack_from(body, at)
         at += 4
         at += -at % 8 + 8  # the time repeats t_ns
         text, _ = _read_string(body, at)
-        data = json.loads(text)
+        data = loads(text)
     except (struct.error, ValueError) as error:
         raise Malformed(f"a damaged event ({error})") from error
     if not isinstance(data, dict):
@@ -96,12 +97,12 @@ def parse_event(t_ns: int, payload: memoryview) -> Event:
     return Event(t_ns, kind, trial, data)
 
 
-def _read_string(body: memoryview, at: int) -> tuple[str, int]:
+def _read_string(body: bytes, at: int) -> tuple[str, int]:
     (length,) = _LENGTH.unpack_from(body, at)
-    start = at + _LENGTH.size
-    if length < 1 or start + length > len(body):
+    end = at + 4 + length
+    if length < 1 or end > len(body):
         raise Malformed("a text that is longer than its event")
-    return str(body[start : start + length - 1], "utf-8"), start + length
+    return body[at + 4 : end - 1].decode(), end
 
 
 def _plain(value: object) -> object:

@@ -126,9 +126,15 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
 
 
 def _ended(trial: TrialInfo, end_ns: int, data: Mapping[str, Any]) -> TrialInfo:
-    return replace(
-        trial,
-        end_ns=end_ns,
-        complete=bool(data.get("complete", False)),
-        reason=str(data.get("reason") or ""),
+    # Not `replace`: the index of many recordings needs this for each of their trials.
+    return TrialInfo(
+        trial.number,
+        trial.start_ns,
+        end_ns,
+        trial.repeat,
+        trial.parameters,
+        trial.units,
+        bool(data.get("complete", False)),
+        str(data.get("reason") or ""),
+        trial.answers,
     )
