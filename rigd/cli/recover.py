@@ -34,9 +34,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Repair every file; a file that cannot be repaired does not stop the others."""
     from rigd.model.errors import Exit
-    from rigd.record.access import require_writing
+    from rigd.model.system import require_linux
 
-    require_writing()
+    require_linux("`rigd recover`")
     went_well = [_recover(path) for path in args.files] if args.files else _recover_killed()
     return int(Exit.OK if all(went_well) else Exit.BAD_DATA)
 

@@ -21,6 +21,7 @@ from rigd.config.calibratable import calibratable
 from rigd.config.calibration import CalibratedValue, Calibration, parse_calibration
 from rigd.config.document import parse_document
 from rigd.model.errors import ConfigError
+from rigd.model.system import copy_mode, sync_folder
 from rigd.model.units import parse_unit
 
 #: A value is written with this number of digits more than its uncertainty, which has two.
@@ -104,18 +105,14 @@ def _replace(path: Path, text: str) -> None:
         with os.fdopen(number, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
-            os.fchmod(number, path.stat().st_mode & 0o777 if path.exists() else 0o644)
+            copy_mode(number, path.stat().st_mode if path.exists() else 0o644)
             os.fsync(number)
         Path(temporary).replace(path)
     except BaseException:
         with suppress(FileNotFoundError):
             Path(temporary).unlink()
         raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # the new name also survives a loss of power
-    finally:
-        os.close(folder)
+    sync_folder(path.parent)  # the new name also survives a loss of power
 
 
 def _head(text: str) -> str:

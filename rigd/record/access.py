@@ -1,12 +1,7 @@
-"""Reads files at a given position on every operating system, also while another process writes.
-
-rigd writes recordings on Linux only. It reads, exports and identifies from recordings on Windows
-and macOS too, although these systems lack some functions of Linux.
-"""
+"""Locks the files of recordings between processes, and checks that they are files."""
 
 from __future__ import annotations
 
-import os
 import stat
 from importlib import import_module
 from pathlib import Path
@@ -22,17 +17,13 @@ except ImportError:  # Windows
     fcntl = None
 
 
-def require_writing() -> None:
-    """Raise unless this system has the functions for writing recordings.
+def has_locks() -> bool:
+    """Return whether this system locks files for a process; Windows does not lock them like that.
 
-    Raises:
-        RecordingError: it lacks one.
+    There nobody stops two processes that write one recording; the first one finds at its next
+    flush that its file has changed, and ends.
     """
-    if fcntl is None or not hasattr(os, "pwritev"):
-        raise RecordingError(
-            "recordings are made and repaired on Linux only",
-            hint="Here they can be read: `rigd info`, `verify`, `identify`, `report`, `export`.",
-        )
+    return fcntl is not None
 
 
 def how_to_recover(path: Path) -> str:
@@ -59,22 +50,10 @@ def require_regular(path: Path) -> None:
         raise RecordingError(f"{path} is {kind}, not a file", hint=hint)
 
 
-def read_at(fd: int, length: int, offset: int) -> bytes:
-    """Return up to ``length`` bytes from byte ``offset`` of a file that no other thread reads."""
-    if hasattr(os, "pread"):
-        return os.pread(fd, length, offset)
-    os.lseek(fd, offset, os.SEEK_SET)
-    parts: list[bytes] = []
-    while length > 0 and (part := os.read(fd, length)):
-        parts.append(part)
-        length -= len(part)
-    return b"".join(parts)
-
-
 def share(fd: int) -> bool:
     """Lock a file against writers until it is closed; return False if a writer has it open.
 
-    On systems without such locks, rigd does not write.
+    Systems without such locks always grant it.
     """
     if fcntl is None:
         return True
@@ -88,13 +67,14 @@ def share(fd: int) -> bool:
 def take(fd: int) -> bool:
     """Take a file for writing until it is closed; return False if another process has it.
 
+    Systems without such locks always grant it.
+
     Raises:
-        OSError: files cannot be locked on this system or file system.
+        OSError: files cannot be locked on this file system.
 
     """
-    require_writing()
     if fcntl is None:
-        return False
+        return True
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

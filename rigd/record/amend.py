@@ -10,15 +10,16 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from rigd.model import RecordingError
 from rigd.model.about import MOST_LETTERS, MOST_NOTE_LETTERS, check_text
-from rigd.record.access import how_to_recover, require_regular, require_writing
-from rigd.record.file import open_locked, sync_folder, write_error
+from rigd.model.system import copy_mode, sync_folder
+from rigd.record.access import has_locks, how_to_recover, require_regular
+from rigd.record.file import open_locked, write_error
 from rigd.record.info import run_info
 from rigd.record.moment import DATE_KEY, recorded_at
 from rigd.record.notes import NOTES_METADATA, Note, note_content
@@ -63,7 +64,6 @@ def add_metadata(path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
         RecordingError: missing, damaged, not made by rigd, being written, or the disk refuses; the
             recording is as it was.
     """
-    require_writing()
     if path.is_symlink():
         path = path.resolve()
     try:
@@ -71,30 +71,38 @@ def add_metadata(path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
         fd = open_locked(path)
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
-    try:
-        _replace(fd, path, metadata)
-    except OSError as error:
-        raise write_error(path, error) from error
-    finally:
-        os.close(fd)
+    with ExitStack() as opened:
+        opened.callback(os.close, fd)
+        try:
+            _replace(fd, path, metadata, opened)
+        except OSError as error:
+            raise write_error(path, error) from error
 
 
-def _replace(fd: int, path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
-    recording = Recording.open(path)
-    if not recording.written_by_rigd:
-        raise RecordingError(f"{path} was not written by rigd, which therefore does not add to it")
+def _data_end(fd: int, path: Path) -> int:
+    """Return at which byte the data of an intact recording end; nothing stays mapped."""
     found = scan(map_file(fd))
     if not found.intact:
         raise RecordingError(f"{path} is damaged: {found.problem}", hint=how_to_recover(path))
+    return found.data_end
+
+
+def _replace(
+    fd: int, path: Path, metadata: Mapping[str, Mapping[str, str]], opened: ExitStack
+) -> None:
+    recording = Recording.open(path)
+    if not recording.written_by_rigd:
+        raise RecordingError(f"{path} was not written by rigd, which therefore does not add to it")
+    data_end = _data_end(fd, path)
     draft = path.with_name(f"{path.name}{_DRAFT}")
     try:
         with open(fd, "rb", closefd=False) as source, draft.open("wb") as target:
-            os.fchmod(target.fileno(), os.fstat(fd).st_mode & 0o777)
+            copy_mode(target.fileno(), os.fstat(fd).st_mode)
             shutil.copyfileobj(source, target, 1 << 20)
         streams = tuple(recording.streams.values())
-        RecordingWriter.append(
-            draft, streams=streams, metadata=metadata, trusted=found.data_end
-        ).close()
+        RecordingWriter.append(draft, streams=streams, metadata=metadata, trusted=data_end).close()
+        if not has_locks():
+            opened.close()  # Windows replaces no file that is open
         draft.replace(path)
     except BaseException:
         with suppress(OSError):  # the first error is the one to report

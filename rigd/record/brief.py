@@ -18,7 +18,8 @@ from typing import Final, NamedTuple
 from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
-from rigd.record.access import read_at, require_regular
+from rigd.model.system import read_at
+from rigd.record.access import require_regular
 from rigd.record.chunks import parse_chunk, unpack_chunk
 from rigd.record.contents import parse_footer
 from rigd.record.crc import crc32

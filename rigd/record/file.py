@@ -10,6 +10,7 @@ from shlex import quote
 from typing import Final, Self
 
 from rigd.model import RecordingError
+from rigd.model.system import BINARY, read_at, sync_data
 from rigd.record.access import take
 from rigd.record.chunks import Chunk
 from rigd.record.contents import Contents, SummaryWriter
@@ -57,7 +58,7 @@ class RecordingFile:
             RecordingError: it exists, or cannot be written.
 
         """
-        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | BINARY
         try:
             fd = os.open(path, flags, 0o644)
         except FileExistsError as error:
@@ -87,8 +88,8 @@ class RecordingFile:
         """
         file = cls(fd, path, summary, sealed, crc)
         try:
-            file._tail = os.pread(fd, os.fstat(fd).st_size - sealed, sealed)
-            begin = os.pread(fd, min(sealed, IDENTITY_BYTES), 0)
+            file._tail = read_at(fd, os.fstat(fd).st_size - sealed, sealed)
+            begin = read_at(fd, min(sealed, IDENTITY_BYTES), 0)
             file._identity = Identity(len(begin), crc32(begin))
         except OSError as error:
             raise write_error(path, error) from error
@@ -152,7 +153,7 @@ class RecordingFile:
             RecordingError: the disk fails.
         """
         try:
-            os.fdatasync(self._fd)
+            sync_data(self._fd)
         except OSError as error:
             raise write_error(self.path, error) from error
 
@@ -244,7 +245,7 @@ def open_locked(path: Path) -> int:
         OSError: it cannot be opened.
     """
     while True:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = os.open(path, os.O_RDWR | BINARY)
         try:
             lock(fd, path)
             if os.path.samestat(os.fstat(fd), path.stat()):
@@ -252,13 +253,4 @@ def open_locked(path: Path) -> int:
         except BaseException:
             os.close(fd)
             raise
-        os.close(fd)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the disk has the new names in a folder."""
-    fd = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(fd)
-    finally:
         os.close(fd)

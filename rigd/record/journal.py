@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from rigd.model.system import BINARY, write_at
 from rigd.record.crc import crc32
 
 _MAGIC: Final = b"rigdjrn2"
@@ -72,7 +73,7 @@ class Journal:
 
         """
         if self._fd is None:
-            flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+            flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY
             self._fd = os.open(self._path, flags, 0o644)
         write_all(self._fd, (_head(saved), saved.data), 0)
 
@@ -110,12 +111,12 @@ def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None
     for start in range(0, len(parts), _MAX_PARTS):
         some = parts[start : start + _MAX_PARTS]
         size = sum(map(len, some))
-        written = os.pwritev(fd, some, offset)
+        written = write_at(fd, some, offset)
         if written < size:
             # Cut short: writing the rest raises the system's error.
             view = memoryview(b"".join(some))
             while written < size:
-                written += os.pwrite(fd, view[written:], offset + written)
+                written += write_at(fd, (view[written:],), offset + written)
         offset += size
 
 

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.access import how_to_recover, read_at, require_regular, share
+from rigd.model.system import read_at
+from rigd.record.access import how_to_recover, require_regular, share
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32

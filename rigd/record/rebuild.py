@@ -11,6 +11,7 @@ from mcap.opcode import Opcode
 from mcap.well_known import Profile
 
 from rigd import __version__
+from rigd.model.system import sync_data
 from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.crc import crc32
 from rigd.record.journal import write_all
@@ -47,7 +48,7 @@ def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) 
     # Copied first: they are in the file that is being written.
     parts = [bytes(part) for part in _behind(found, cut, mark, contents)]
     _write(fd, iter(parts), contents, cut, crc)
-    os.fdatasync(fd)
+    sync_data(fd)
 
 
 def _write(

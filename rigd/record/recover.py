@@ -15,10 +15,11 @@ from itertools import count
 from pathlib import Path
 
 from rigd.model import RecordingError
+from rigd.model.system import BINARY, copy_mode, require_linux, sync_folder
 from rigd.record.access import require_regular
 from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
-from rigd.record.file import open_locked, sync_folder, write_error
+from rigd.record.file import open_locked, write_error
 from rigd.record.gaps import Gap, gaps_to_json
 from rigd.record.journal import Saved, journal_path, read_journal
 from rigd.record.prefix import GAPS_KEY
@@ -64,6 +65,7 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
         InUse: being written.
         RecordingError: missing, no regular file, damaged but not written by rigd, or the disk
             refuses; the file is as it was.
+        NeedsLinux: it is damaged, and this is another system.
 
     """
     if path.is_symlink():
@@ -87,6 +89,7 @@ def _recover(fd: int, path: Path, trusted: int, own: bool) -> RecoveryReport:
     if found.intact:
         journal_path(path).unlink(missing_ok=True)
         return _report(path, found, False, 0, None)
+    require_linux("the repair of a damaged recording")
     _refuse_foreign(path, found)
     saved = read_journal(path)
     if saved is not None and not saved.identity.is_of(map_file(fd)):
@@ -183,11 +186,11 @@ def _replace(fd: int, path: Path, found: Scan) -> Path:
     """Replace the damaged file by a repaired file; return the path of the damaged file."""
     draft = path.with_name(f"{path.name}.recovering")
     mark = {"problem": found.problem, GAPS_KEY: gaps_to_json(found.gaps())}
-    target = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    target = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY, 0o600)
     try:
         try:
             rebuild(target, found, mark)
-            os.fchmod(target, os.fstat(fd).st_mode & 0o777)
+            copy_mode(target, os.fstat(fd).st_mode)
         finally:
             os.close(target)
         original = _kept(fd, path)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.model import RecordingError, Stream
+from rigd.model.system import BINARY
 from rigd.record.access import how_to_recover
 from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.file import RecordingFile, lock, write_error
@@ -42,7 +43,7 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
     recording = Recording.open(path)
     _check_same(path, recording, streams)
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = os.open(path, os.O_RDWR | BINARY)
     except OSError as error:
         raise write_error(path, error) from error
     try:
