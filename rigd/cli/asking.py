@@ -6,10 +6,11 @@ import os
 import select
 import shutil
 import sys
-import termios
 import textwrap
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from typing import Final, TextIO
 
 from rigd.engine.answers import read_answer
@@ -38,6 +39,10 @@ def ask(
     text if the terminal closes, or if ``is_withdrawn`` returns true.
     """
     screen.flush()
+    if sys.platform == "win32":
+        return _ask_console(question, terminal, screen, is_withdrawn)
+    import termios
+
     with suppress(termios.error):  # a closed terminal: reading from it raises this
         termios.tcflush(terminal.fileno(), termios.TCIFLUSH)
     screen.write(question)
@@ -46,6 +51,25 @@ def ask(
         if is_withdrawn():
             return ""
     return "" if is_withdrawn() else _typed_line(terminal)
+
+
+def _ask_console(
+    question: str, terminal: TextIO, screen: TextIO, is_withdrawn: Callable[[], bool]
+) -> str:
+    """Do as :func:`ask` at a console of Windows, which waits for keys and not for lines.
+
+    A question can be withdrawn until the first key of its answer.
+    """
+    console = import_module("msvcrt")  # which Windows alone has
+    while console.kbhit():
+        console.getwch()
+    screen.write(question)
+    screen.flush()
+    while not console.kbhit():
+        if is_withdrawn():
+            return ""
+        time.sleep(_LOOK_S)
+    return "" if is_withdrawn() else terminal.readline()
 
 
 def _typed_line(terminal: TextIO) -> str:

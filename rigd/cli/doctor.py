@@ -38,6 +38,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Examine the machine and the rig; print every check when it is made."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd doctor`")
     from rich.console import Console
 
     from rigd.cli.checkup_view import CheckupView, as_json

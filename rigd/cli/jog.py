@@ -42,6 +42,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Compile the movement as a procedure, and play it."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd jog`")
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest

@@ -48,6 +48,7 @@ from rigd.cli import (
     validate,
     verify,
 )
+from rigd.cli.options import expanded
 from rigd.cli.shown import screened
 from rigd.model import compiling
 from rigd.model.errors import Exit, RigdError
@@ -177,6 +178,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
+    if isinstance(getattr(args, "files", None), list):
+        args.files = expanded(args.files)
     if sys.stderr.isatty():
         compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from rigd.model.about import About
+
+#: A file as the parser of its command gives it.
+File = TypeVar("File", str, Path)
 
 
 def add_rig(
@@ -105,3 +108,18 @@ def read_about(operator: str | None, note: str, meta: Sequence[str], specimen: s
             str(error),
             hint="--operator, --specimen, --note and --meta are written into the recording as text",
         ) from error
+
+
+def expanded(files: Sequence[File]) -> list[File]:
+    """Return the files, and in place of each pattern those that it fits, as a Unix shell does it.
+
+    Shells of Windows leave ``runs/*.mcap`` to the program. A pattern that fits no file stays.
+    """
+    found: list[File] = []
+    for file in files:
+        path = Path(file)
+        fitting: list[Path] = []
+        if not path.exists() and any(mark in str(path) for mark in "*?["):
+            fitting = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+        found += [type(file)(each) for each in fitting] or [file]
+    return found

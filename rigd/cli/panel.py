@@ -61,6 +61,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd panel`")
     from rigd.model.extras import require
 
     require("panel", "rigd panel")

@@ -49,6 +49,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Open the requested devices, show them, and leave them safe."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd read`")
     from rigd.cli.readings_view import view_for
     from rigd.config.loader import load_rig
     from rigd.daemon.manual import Newest, chosen_channels, only, open_unarmed

@@ -72,6 +72,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd serve`")
     # A service manager ends a hanging daemon by SIGABRT: each thread then prints its stack.
     faulthandler.enable()
     from rigd.config.loader import load_rig

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import Any, Final, TextIO, cast
 
 from rigd.model.about import visible
@@ -47,6 +48,10 @@ class Screen:
 def screened() -> Iterator[None]:
     """Replace both standard streams by screens while the context is active."""
     before = sys.stdout, sys.stderr
+    for stream in before:
+        # A pipe on Windows has 256 characters, without most Greek letters.
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
     sys.stdout, sys.stderr = (cast(TextIO, Screen(stream)) for stream in before)
     try:
         yield

@@ -41,6 +41,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal; print a line per device when all are reachable."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd sim`")
     from rigd.config.loader import load_rig
     from rigd.engine.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit

@@ -29,6 +29,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Open the device, perform the action, print the device's reply and its new reading."""
+    from rigd.model.system import require_linux
+
+    require_linux("`rigd tare`")
     from rigd.cli.readings_view import in_words
     from rigd.config.loader import load_rig
     from rigd.daemon.manual import Newest, check_action, only, open_unarmed

@@ -11,6 +11,7 @@ from datetime import UTC, date, datetime
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
+from typing import TYPE_CHECKING
 
 from rigd.config.calibration import ATTACHMENT
 from rigd.config.lab import SPECIMEN_FILE, Specimen, stated_specimen
@@ -29,13 +30,16 @@ from rigd.engine.control import Control
 from rigd.engine.draws import trial_seeds
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
-from rigd.engine.shared import RunFolder
 from rigd.model.about import About
 from rigd.model.errors import Blocked, RecordingError
+from rigd.model.system import require_linux
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
 from rigd.record.compression import Compression
 from rigd.record.info import stated_metadata
+
+if TYPE_CHECKING:  # of runs in real time alone
+    from rigd.engine.shared import RunFolder
 
 #: Virtual time begins here, one day later for each seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
@@ -79,6 +83,11 @@ class RunRequest:
     def virtual(self) -> bool:
         """Whether the run plays in virtual time."""
         return self.pace is None and self.rig.plant is not None
+
+    @property
+    def apart(self) -> bool:
+        """Whether the run plays in real time, in processes of its own."""
+        return self.rig.plant is None or self.pace == 1
 
     @property
     def title(self) -> str:
@@ -139,7 +148,10 @@ def perform(
         RecordingError: the recording cannot be written; the rig is safe.
         ConfigError: the recording to resume was made with another procedure or rig file, or what is
             stated is not what the lab demands; nothing moved.
+        NeedsLinux: it plays in real time, and this is another system.
     """
+    if request.apart:
+        require_linux("a run in real time")
     request = replace(request, rig=request.procedure.on(request.rig))
     if request.specimen is None and request.resume is None:
         request = replace(request, specimen=stated_specimen(request.about, request.rig.lab))
@@ -214,8 +226,7 @@ def _form(
 ) -> RunSetup:
     """Return the host that the request asks for, recording to ``path``."""
     rig = request.rig
-    apart = rig.plant is None or request.pace == 1
-    start_ns = _start_ns(request, on_the_wall=request.pace is not None or apart)
+    start_ns = _start_ns(request, on_the_wall=request.pace is not None or request.apart)
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
@@ -232,7 +243,7 @@ def _form(
         request.compression,
         request.resume is not None,
     )
-    if apart:
+    if request.apart:
         command = f"rigd run {request.procedure.name}"
         return processes(
             rig,
@@ -357,7 +368,7 @@ def attached_texts(request: RunRequest) -> dict[str, str]:
     for path, text in files.items():
         whole = path.resolve()
         beside = whole.is_relative_to(folder)
-        texts[str(whole.relative_to(folder)) if beside else path.name] = text
+        texts[whole.relative_to(folder).as_posix() if beside else path.name] = text
     return texts
 
 

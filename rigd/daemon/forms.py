@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rigd.config.rig import RigConfig
 from rigd.engine.asking import ChangePlant
@@ -20,14 +20,15 @@ from rigd.engine.control import Control
 from rigd.engine.faults import Ask, ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.in_process import InProcessHost
-from rigd.engine.launch import launch, prepare
-from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
-from rigd.engine.shared import Job, RunFolder
 from rigd.engine.wiring import streams_of, wire
 from rigd.model.errors import LinkError
 from rigd.procedure.program import Recorded
 from rigd.record import Attachment, RecordingWriter
 from rigd.record.compression import Compression
+
+if TYPE_CHECKING:  # of runs in real time alone, on Linux
+    from rigd.engine.recorder import RecorderProcess
+    from rigd.engine.shared import RunFolder
 
 #: The rings hold the rows of this time while the recorder is being restarted, in s.
 RING_S = 60.0
@@ -107,6 +108,10 @@ def processes(
         Blocked: the rig is in use.
         RecordingError: the recording cannot be written.
     """
+    from rigd.engine.launch import launch, prepare
+    from rigd.engine.recorder import RecorderProcess, drain_leftovers
+    from rigd.engine.shared import Job, RunFolder
+
     folder = held or RunFolder.take(rig.name, command=command, recording=kept.path)
     release = ExitStack()
     if held is None:
@@ -178,6 +183,8 @@ class _KeptAlive:
         Raises:
             RecordingError: the recording cannot be written; the message is the recorder's.
         """
+        from rigd.engine.recorder import Health
+
         health = self._recorder.poll()
         if health is Health.FAILED:
             self._recorder.wait_until_recording()  # raises the reason

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rigd.config.rig import RigConfig
 from rigd.engine.answers import Given
-from rigd.engine.recorder import drain_into
 from rigd.model.errors import ConfigError, RecordingError
+from rigd.model.system import on_linux
 from rigd.record import Recording, recover
 from rigd.record.info import SPECIMEN_METADATA
 
@@ -69,8 +69,12 @@ def read_resume_point(path: Path) -> ResumePoint:
     Raises:
         Blocked: that run is still in progress.
         RecordingError: no recording, or not a recording of ``rigd run``.
+        NeedsLinux: it is damaged, and this is another system.
     """
-    drain_into(path, command="rigd run --resume")
+    if on_linux():  # elsewhere no run leaves samples in memory
+        from rigd.engine.recorder import drain_into
+
+        drain_into(path, command="rigd run --resume")
     recover(path)
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})

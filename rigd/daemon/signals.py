@@ -11,10 +11,16 @@ from typing import Final
 from rigd.engine.control import Control
 from rigd.model.severity import Severity
 
+
+def present(*names: str) -> list[signal.Signals]:
+    """Return the signals of these names that this system has: Windows has only some."""
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
+
+
 #: The signals in words for the user.
 _NAMES: Final[dict[int, str]] = {
     signal.SIGINT: "Ctrl-C",
-    signal.SIGHUP: "SIGHUP (the terminal is gone)",
+    **dict.fromkeys(present("SIGHUP"), "SIGHUP (the terminal is gone)"),
 }
 #: The line for the user at each press of Ctrl-C.
 ESCALATION: Final[Mapping[Severity, str]] = {
@@ -44,8 +50,8 @@ def handle_signals(control: Control) -> Iterator[None]:
         line = "pausing; Ctrl-Z resumes" if wanted else "resuming"
         control.notices.append(line)
 
-    handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), end)
-    handlers |= dict.fromkeys((signal.SIGTSTP, signal.SIGUSR1), pause)
+    handlers = dict.fromkeys(present("SIGINT", "SIGTERM", "SIGHUP"), end)
+    handlers |= dict.fromkeys(present("SIGTSTP", "SIGUSR1"), pause)
     before = {
         number: signal.signal(number, handler)
         for number, handler in handlers.items()

@@ -24,6 +24,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
+from rigd.model.system import BINARY
 from rigd.remote.protocol import check_name
 
 #: How long the authority and the certificates are valid.
@@ -222,7 +223,7 @@ def _write(
         serialization.NoEncryption(),
     )
     # Created with its mode, so that no other user can read the key even for a moment.
-    file = os.open(folder / f"{name}.key", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    file = os.open(folder / f"{name}.key", os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, 0o600)
     with os.fdopen(file, "wb") as out:
         out.write(secret)
     (folder / f"{name}.crt").write_bytes(certificate.public_bytes(serialization.Encoding.PEM))

@@ -8,7 +8,6 @@ exactly one access. ctypes reads before it writes, and struct with ``<`` goes by
 
 from __future__ import annotations
 
-import fcntl
 import mmap
 import os
 import socket
@@ -102,6 +101,8 @@ class MappedRegisters:
             LinkError: see :func:`open_registers`.
 
         """
+        import fcntl  # Windows has none
+
         facts = sysfs / device.name
         offsets = _identified(device, facts)
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-import termios
 from typing import Final, Protocol
 
 import serial
@@ -168,6 +167,8 @@ class SerialTransport:
 
     def _set_parity(self, port: serial.Serial) -> None:
         """Set the parity by itself, so that a port without one is reported every time."""
+        import termios  # Windows has none
+
         try:
             port.parity = self._parity
         except termios.error as error:

@@ -9,14 +9,14 @@ import signal
 import sys
 import threading
 from collections.abc import AsyncGenerator, Awaitable, Callable
-from contextlib import aclosing, suppress
+from contextlib import ExitStack, aclosing, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rigd.cli.asking import ask, ask_prompt, is_terminal
 from rigd.cli.remote.command import again
 from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
-from rigd.daemon.signals import ESCALATION
+from rigd.daemon.signals import ESCALATION, present
 from rigd.engine.control import Control
 from rigd.model.errors import Exit, LinkError, RigdError
 from rigd.procedure.program import AnswerKind, Prompt
@@ -149,18 +149,18 @@ class Watch:
         loop = asyncio.get_running_loop()
         keys = {signal.SIGINT: self._press}
         if self._steers:
-            keys |= dict.fromkeys((signal.SIGTSTP, signal.SIGUSR1), self._toggle_pause)
+            keys |= dict.fromkeys(present("SIGTSTP", "SIGUSR1"), self._toggle_pause)
+        release = ExitStack()
         for key, handler in keys.items():
-            loop.add_signal_handler(key, handler)
+            release.callback(_handle(loop, key, handler))
         self._display.announce(f"{self._rig.rig} records {self._run}")
         if is_terminal():
-            pauses = ", Ctrl-Z pauses" if self._steers else ""
+            pauses = ", Ctrl-Z pauses" if len(keys) > 1 else ""
             self._display.announce(f"Ctrl-C asks what to do{pauses}")
         try:
             return await self._follow()
         finally:
-            for key in keys:
-                loop.remove_signal_handler(key)
+            release.close()
             await self._withdraw()
             await asyncio.gather(*self._requests)
 
@@ -343,6 +343,18 @@ class Watch:
     @property
     def _how_to_answer(self) -> str:
         return f"rigd remote answer VALUE{self._target_options}"
+
+
+def _handle(
+    loop: asyncio.AbstractEventLoop, key: signal.Signals, handler: Callable[[], None]
+) -> Callable[[], object]:
+    """Call ``handler`` in ``loop`` at each signal ``key``; return what ends that."""
+    try:
+        loop.add_signal_handler(key, handler)
+    except NotImplementedError:  # Windows
+        before = signal.signal(key, lambda *_: loop.call_soon_threadsafe(handler))
+        return lambda: signal.signal(key, before)
+    return lambda: loop.remove_signal_handler(key)
 
 
 async def _next(statuses: AsyncGenerator[Status, None]) -> Status:

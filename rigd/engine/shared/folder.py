@@ -8,7 +8,6 @@ hold two different files.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import stat
@@ -90,6 +89,8 @@ class RunFolder:
         except OSError as error:
             raise RecordingError(f"cannot make {path}: {error.strerror}") from error
         try:
+            import fcntl  # Linux and macOS alone have it
+
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             in_use = _in_use(rig, fd)

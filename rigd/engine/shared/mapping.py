@@ -36,8 +36,10 @@ class SharedFile:
         """Use :meth:`create`, :meth:`attach` or :meth:`unshared`."""
         self.path = path
         # Populated: a page touched for the first time within a cycle costs up to 38 ms.
-        flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
-        memory = memoryview(mmap.mmap(fd, size, flags=flags))
+        kept: dict[str, int] = {}
+        if hasattr(mmap, "MAP_SHARED"):  # Windows has no choice of flags
+            kept["flags"] = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
+        memory = memoryview(mmap.mmap(fd, size, **kept))
         self.words = memory[:HEAD_BYTES].cast("Q")
         self.payload = memory[HEAD_BYTES:]
 

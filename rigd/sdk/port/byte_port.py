@@ -8,7 +8,6 @@ import errno
 import os
 import select
 import socket
-import termios
 from pathlib import Path
 from typing import Final
 
@@ -161,6 +160,8 @@ class BytePort:
         port.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def _serial(self) -> serial.Serial:
+        import termios  # Windows has none
+
         config = self._config
         try:
             return serial.Serial(

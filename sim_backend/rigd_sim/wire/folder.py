@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from pathlib import Path
 from typing import Final, Self
@@ -28,6 +27,8 @@ class Folder:
             LinkError: another simulation has it, or it cannot be used.
 
         """
+        import fcntl  # Windows has none
+
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
             lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

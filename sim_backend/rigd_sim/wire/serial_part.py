@@ -9,8 +9,6 @@ import asyncio
 import contextlib
 import os
 import random
-import termios
-import tty
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -51,7 +49,7 @@ class SerialPart(Part):
     def __init__(self, name: str, path: Path, *, baud: int, seed: int, end: bytes) -> None:
         self.name = name
         self.path = path
-        self._baud = getattr(termios, f"B{baud}")
+        self._baud = baud
         self._end = end
         self._random = random.Random(seed)
         self._active: dict[str, dict[str, Any]] = {}
@@ -129,6 +127,8 @@ class SerialPart(Part):
         # alive, another simulation holds it.
         if self.path.is_symlink() and not self.path.exists():
             self.path.unlink()
+        import tty  # Windows has none
+
         ours, theirs = os.openpty()
         try:
             self.path.symlink_to(os.ttyname(theirs))
@@ -181,7 +181,9 @@ class SerialPart(Part):
         if self._fds is None or "silent" in self._active:
             return
         ours, theirs = self._fds
-        if termios.tcgetattr(theirs)[5] != self._baud:
+        import termios
+
+        if termios.tcgetattr(theirs)[5] != getattr(termios, f"B{self._baud}"):
             data = self._random.randbytes(len(data))  # bits sampled at the wrong moments
         with contextlib.suppress(BlockingIOError):  # no reader: bytes are lost, as on a wire
             os.write(ours, data)

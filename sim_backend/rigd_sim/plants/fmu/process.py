@@ -17,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rigd.model.errors import DeviceError
+from rigd.model.system import require_linux
 from rigd_sim.plants.fmu.description import FmuFile
 from rigd_sim.plants.fmu.messages import FAILED, LARGEST, REQUEST, STEP, Setup, Wires
 
@@ -39,6 +40,7 @@ class FmuProcess:
     Raises:
         DeviceError: set-up failed, crashed, or did not return in time; the process has ended. Every
             later request raises the same error again.
+        NeedsLinux: this is another system.
 
     """
 
@@ -53,6 +55,7 @@ class FmuProcess:
         logging: bool = False,
         priority: int = 0,
     ) -> None:
+        require_linux("an FMU in a process of its own")
         self._name = fmu.path.name
         self._step_ns = step_ns
         self._deadline_s = deadline_s

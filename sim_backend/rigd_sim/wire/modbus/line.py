@@ -7,8 +7,6 @@ import errno
 import os
 import socket
 import struct
-import termios
-import tty
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -199,6 +197,8 @@ class SerialLine(Line):
 
     async def start(self, handle: Handler) -> str:
         """See :class:`Line`."""
+        import tty  # Windows has none
+
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -268,6 +268,8 @@ class SerialLine(Line):
 
     def _same_baud(self) -> bool:
         """Return whether the other side has set its end to our baud rate."""
+        import termios
+
         return bool(
             termios.tcgetattr(self._master)[4] == getattr(termios, f"B{self.baud}", self.baud)
         )
