@@ -7,12 +7,14 @@ import io
 import os
 import pty
 import re
+import sys
 import termios
 import threading
 import tty
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import TextIO
 
 import pytest
@@ -111,3 +113,38 @@ def test_only_this_module_reads_what_a_person_types() -> None:
             if READS.match(called):
                 read.append(f"{file.relative_to(SOURCES)}: {called}")
     assert read == NOT_TYPED, "ask by rigd.cli.asking"
+
+
+class Console(ModuleType):
+    """The keys of a console of Windows; what was typed too early stands in ``early``."""
+
+    def __init__(self, early: str) -> None:
+        super().__init__("msvcrt")
+        self.early = list(early)
+        self.asked = False
+
+    def kbhit(self) -> bool:
+        return self.asked or bool(self.early)
+
+    def getwch(self) -> str:
+        return self.early.pop(0)
+
+
+def test_windows_console_drops_what_came_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console("yes")
+    monkeypatch.setitem(sys.modules, "msvcrt", console)
+    monkeypatch.setattr("sys.platform", "win32")
+
+    class Shown(io.StringIO):
+        def write(self, text: str) -> int:
+            console.asked = True
+            return super().write(text)
+
+    assert ask("done? ", io.StringIO("no\n"), Shown()) == "no\n"
+    assert console.early == []
+
+
+def test_question_at_windows_console_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "msvcrt", Console(""))
+    monkeypatch.setattr("sys.platform", "win32")
+    assert ask("done? ", io.StringIO("no\n"), io.StringIO(), lambda: True) == ""

@@ -14,6 +14,7 @@ from support.command import rigd
 
 from rigd import __version__
 from rigd.cli import main as cli
+from rigd.cli.options import expanded
 from rigd.model.errors import Exit
 
 COMMANDS = [cli.command_name(command) for command in cli.COMMANDS]
@@ -151,3 +152,11 @@ def test_without_a_command_the_help_is_shown(
         cli.main(given)
     assert ended.value.code == Exit.OK
     assert "examples:" in capsys.readouterr().out
+
+
+def test_pattern_names_the_files_that_fit(tmp_path: Path) -> None:
+    for name in ("b.mcap", "a.mcap", "a[1].mcap", "c.csv"):
+        (tmp_path / name).touch()
+    given = [tmp_path / "[ab].mcap", tmp_path / "a[1].mcap", tmp_path / "*.mat"]
+    names = ["a.mcap", "b.mcap", "a[1].mcap", "*.mat"]
+    assert [path.name for path in expanded(given)] == names

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import io
+import sys
 from pathlib import Path
 
 import pytest
 
 from rigd.cli.main import main
-from rigd.cli.shown import Screen
+from rigd.cli.shown import Screen, screened
 from rigd.record import RecordingWriter
 
 #: Turns what follows it.
 TURNED = "wheel\u202ecleaned"
 STEERS = "cleaned\x1b[2J\x9b2J"
+
+
+def test_letters_that_a_pipe_lacks_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(pipe, encoding="cp1252"))
+    with screened():
+        sys.stdout.write("σ of 2 µm\n")
+        sys.stdout.flush()
+    assert pipe.getvalue().decode("cp1252").strip() == r"\u03c3 of 2 µm"
 
 
 @pytest.fixture

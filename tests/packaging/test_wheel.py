@@ -50,6 +50,16 @@ def test_wheel_contains_exactly_the_needed_files(wheel: Path) -> None:
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
+def test_wheel_is_for_every_system(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (about,) = (name for name in archive.namelist() if name.endswith(".dist-info/WHEEL"))
+    lines = archive.read(about).decode().splitlines()
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert "Root-Is-Purelib: true" in lines
+    assert [line for line in lines if line.startswith("Tag")] == ["Tag: py3-none-any"]
+    assert not [name for name in archive.namelist() if name.endswith((".so", ".pyd", ".dylib"))]
+
+
 def test_the_installed_wheel_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)

@@ -37,6 +37,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
+        "cli/test_other_systems.py": ("test_campaign_without_linux_works",),
         "docs/test_site.py": ("test_search_from_the_disk_finds_a_key",),
         "docs/test_notebook.py": ("test_cells_give_what_the_page_shows",),
         "analyses/articulated/test_analysis.py": (
@@ -308,7 +309,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "packaging/test_names.py": ("test_no_variable_has_the_name_one",),
         "packaging/test_wheel.py": ("test_the_installed_wheel_runs_from_any_folder",),
-        "record/test_other_systems.py": (),
     },
     "the page in a browser, beyond stops, control and a run": {
         "panel/test_call.py": (),
