@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
+from codecs import register_error
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
@@ -17,6 +18,20 @@ from rigd.model.about import visible
 #: Control sequences that the progress bars and colours of rich write: colours, a line up, a line
 #: erased, the cursor.
 _OWN: Final = re.compile(r"(\x1b\[[0-9;]*[mAK]|\x1b\[\?25[hl]|\r)")
+
+#: The name of :func:`_replaced`.
+_LACKING: Final = "rigd.lacking"
+
+
+def _replaced(error: UnicodeError) -> tuple[str, int]:
+    """Return what stands for letters that an encoding lacks: a hyphen for a minus, or escapes."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end].replace("−", "-")
+    return text.encode(error.encoding, "backslashreplace").decode(error.encoding), error.end
+
+
+register_error(_LACKING, _replaced)
 
 
 class Screen:
@@ -51,7 +66,7 @@ def screened() -> Iterator[None]:
     for stream in before:
         # A pipe on Windows has 256 characters, without most Greek letters.
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")
+            stream.reconfigure(errors=_LACKING)
     sys.stdout, sys.stderr = (cast(TextIO, Screen(stream)) for stream in before)
     try:
         yield

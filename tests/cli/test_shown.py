@@ -21,9 +21,9 @@ def test_letters_that_a_pipe_lacks_are_escaped(monkeypatch: pytest.MonkeyPatch) 
     pipe = io.BytesIO()
     monkeypatch.setattr("sys.stdout", io.TextIOWrapper(pipe, encoding="cp1252"))
     with screened():
-        sys.stdout.write("σ of 2 µm\n")
+        sys.stdout.write("σ of −2 µm\n")
         sys.stdout.flush()
-    assert pipe.getvalue().decode("cp1252").strip() == r"\u03c3 of 2 µm"
+    assert pipe.getvalue().decode("cp1252").strip() == r"\u03c3 of -2 µm"
 
 
 @pytest.fixture
