@@ -96,7 +96,7 @@ def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Sui
 
 
 def cases_of_measures(result: MeasureResult) -> list[JunitCase]:
-    """Return a case for each result of which something is demanded.
+    """Return a case for each result of which something is demanded, or which has no value at all.
 
     One that is not decided fails as well: it does not show that the result is right.
     """
@@ -109,7 +109,7 @@ def cases_of_measures(result: MeasureResult) -> list[JunitCase]:
             failure="" if item.judgement is Judgement.ACCEPTED else verdict_text(item),
         )
         for item in result.summaries
-        if item.judgement is not None
+        if item.judgement is not None or item.measure.name in result.unread
     ]
 
 

@@ -112,7 +112,7 @@ exit codes:
   2  bad arguments or a bad file  6  a step did not end as the procedure demands
   3  blocked: preflight refused   7  a recording cannot be written, read or used
                                   8  a model does not fit the data, or is rejected
-                                  9  a measured result is rejected, or not decided
+                                  9  a result is rejected, not decided or not read
 """
 
 

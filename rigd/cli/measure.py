@@ -20,7 +20,8 @@ examples:
   rigd measure FILE --junit result.xml              a test case for each result
 
 A result is judged by its interval: accepted if all of it lies within `accept`, rejected if all of
-it lies outside, else not decided. Exit code 9 if a result is rejected or not decided.
+it lies outside, else not decided. Exit code 9 if a result is rejected or not decided, or a
+measure could be read in no trial.
 """
 
 

@@ -24,6 +24,8 @@ def print_measures(result: MeasureResult) -> None:
         console.print(escape(wrapped(remark, max(console.width, 60))), soft_wrap=True)
     if view.verdict:
         console.print(f"[{_COLOURS[view.verdict]}]{view.verdict}[/]")
+    if view.unread:
+        console.print(f"[red]{escape(view.unread)}[/]")
 
 
 def _print_trials(console: Console, view: MeasuresView) -> None:

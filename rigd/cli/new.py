@@ -150,7 +150,7 @@ def _new_rig(name: str, source: Path | None, target: Path) -> int:
     print(
         f"wrote {target}{git}:\n  cd {target}\n  rigd run procedures/first.yaml --rig sim.yaml\n"
         "  rigd run procedures/first.yaml --rig real.yaml --dry-run\n"
-        f"before the real rig moves, read {target / 'README.md'}"
+        f"before the real rig moves, and for CI, read {target / 'README.md'}"
     )
     return 0
 

@@ -32,7 +32,7 @@ class Exit(IntEnum):
     FAILED = 6  #: a step of the procedure did not end as demanded
     BAD_DATA = 7  #: a recording cannot be written, read, or used for the request
     MISFIT = 8  #: the model does not fit the data: no number is given, or the model is rejected
-    REJECTED = 9  #: a measured result is not what the procedure demands, or that is not decided
+    REJECTED = 9  #: a result is not what the procedure demands, not decided, or read in no trial
 
 
 @dataclass(frozen=True)

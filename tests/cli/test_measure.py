@@ -33,7 +33,7 @@ finish:
 measure:
   current: {mean: wheel_servo.current, during: steady, unit: mA}
   reached: {duration: {to: wheel_servo.current > 50 mA}, during: rise, unit: ms}
-  never: {channel: wheel_servo.current, when: carriage.position > 1 m}
+  late: {channel: wheel_servo.current, when: wheel_servo.current > 0.15 A, during: rise}
 accept:
   current: ["${current} - 20 mA", "${current} + 20 mA"]
 """
@@ -47,7 +47,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "strict.yaml").write_text(
         PROCEDURE.replace('["${current} - 20 mA", "${current} + 20 mA"]', "{min: 150 mA}")
     )
-    (folder / "unread.yaml").write_text(PROCEDURE + "  never: {min: 0 A}\n")
+    never = "  never: {channel: wheel_servo.current, when: carriage.position > 1 m}\naccept:"
+    (folder / "never.yaml").write_text(PROCEDURE.replace("accept:", never))
+    unread = (folder / "never.yaml").read_text() + "  never: {min: 0 A}\n"
+    (folder / "unread.yaml").write_text(unread)
     ended = rigd("run", "hold.yaml", "--rig", "lugre-1", "--output", "a.mcap",
                  "--junit", "a.xml", cwd=folder)  # fmt: skip
     assert ended.code == 0, ended.err
@@ -67,7 +70,7 @@ def test_run_prints_measures_and_verdict(folder: Path) -> None:
     out = (folder / "out.txt").read_text()
     assert "current 100 mA" in out
     assert "repeatability only (type A)" in out
-    assert "never: carriage.position > 1 m never came (trial 1, 2, 3, 4, 5, 6)" in out
+    assert "late: wheel_servo.current > 0.15 A never came (trial 1, 2, 3)" in out
     assert "accepted" in out
 
 
@@ -91,7 +94,16 @@ def test_recorded_measures_are_read_again(folder: Path) -> None:
     assert [item["mean"] for item in current] == pytest.approx([0.1, 0.2], abs=0.01)
     assert current[0]["low"] < current[0]["mean"] < current[0]["high"]
     assert current[0]["accept"] == pytest.approx([0.08, 0.12])
-    never = next(item for item in results if item["measure"] == "never")
+
+
+def test_measure_read_in_no_trial_fails(folder: Path) -> None:
+    ended = rigd("measure", "a.mcap", "--plan", "never.yaml", "--junit", "n.xml", cwd=folder)
+    assert ended.code == 9
+    assert "never: carriage.position > 1 m never came (trial 1, 2, 3, 4, 5, 6)" in ended.out
+    assert ended.out.endswith("accepted\nread in no trial: never\n")
+    assert cases(folder / "n.xml")["measure never, current 100 mA"].startswith("not read: mean –")
+    results = rigd("measure", "a.mcap", "--plan", "never.yaml", "--json", cwd=folder).json
+    never = next(item for item in results["results"] if item["measure"] == "never")
     assert (never["mean"], never["verdict"], never["count"]) == (None, None, 0)
     assert never["trials"][0]["reason"] == "carriage.position > 1 m never came"
 
@@ -140,7 +152,7 @@ def test_table_of_trials_has_measures(folder: Path) -> None:
         rows = list(csv.DictReader(file))
     values = [float(row["measure_current [A]"]) for row in rows]
     assert values == pytest.approx([0.1] * 3 + [0.2] * 3, abs=0.01)
-    assert {row["measure_never [A]"] for row in rows} <= {"", "nan", "NaN"}
+    assert {row["measure_late [A]"] for row in rows[:3]} <= {"", "nan", "NaN"}
 
 
 def test_page_of_run_shows_measures(folder: Path) -> None:
@@ -149,7 +161,7 @@ def test_page_of_run_shows_measures(folder: Path) -> None:
     page = (folder / "a.html").read_text()
     assert 'id="measures"' in page
     assert "accepted" in page
-    assert "carriage.position &gt; 1 m never came" in page
+    assert "wheel_servo.current &gt; 0.15 A never came" in page
 
 
 def test_recording_without_measures_is_refused(folder: Path) -> None:

@@ -2,7 +2,8 @@
 
 The info string of a fenced block decides what becomes of it:
 
-- ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` if it must end with N;
+- ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` if it must end with N; of a
+  document in ``ONE_TERMINAL`` in the folder in which the block before it ended;
 - ``python``: run in that folder, warnings are errors;
 - ``python file=NAME``: a module, written to that folder for the commands behind it;
 - ``yaml file=NAME``: a whole file, written to that folder and checked (``rig=NAME``: on that rig);
@@ -126,6 +127,10 @@ UNCHECKED = {
 }
 #: Documents whose commands and Python are processes of their own from the start, as a reader's.
 COLD = frozenset({"drivers.md", "plants.md", "simulation.md", "faults.md"})
+#: Documents whose commands are typed in one terminal: `cd` holds for all that follow.
+ONE_TERMINAL = frozenset({"tutorial.md"})
+#: Commands of the tutorial that play the rig or read a recording of it: they take most of its time.
+PLAYS = re.compile(r"^(rigd (run|measure|report|info)|\./try)\b", re.M)
 TIMEOUT_S = 240
 
 _FENCE = re.compile(
@@ -263,12 +268,33 @@ def test_every_block_gives_its_printed_result(
         check_blocks(name, folder)
 
 
-def check_blocks(name: str, folder: Path) -> None:
-    """Check the blocks of a document in ``folder``."""
+def test_files_in_tutorial_are_those_that_rigd_writes(tmp_path: Path) -> None:
+    check_blocks("tutorial.md", folder_of_checkout(tmp_path), without=PLAYS)
+
+
+def check_blocks(name: str, folder: Path, without: re.Pattern[str] | None = None) -> None:
+    """Check the blocks of a document in ``folder``; commands ``without`` and what they print not.
+
+    Of a document in ``ONE_TERMINAL`` each block begins where the one before it ended.
+    """
     unchecked, printed = 0, ""
+    here, left = folder, folder / ".left"
+    left_out = False
     for block in blocks(name):
         where = f"{name}:{block.line}"
+        if block.kind == "sh":
+            left_out = without is not None and without.search(block.body) is not None
+        if left_out and block.kind in ("sh", "text output"):
+            continue
         match block.kind:
+            case "sh" if name in ONE_TERMINAL:
+                expected = int(block.options.get("exit", "0"))
+                script = f"trap 'pwd > {left}' EXIT\n{block.body}"
+                try:
+                    printed = ended_in_shell(script, here, expected)
+                except AssertionError as error:
+                    raise AssertionError(f"{where}\n{error}") from error
+                here = Path(left.read_text("utf-8").strip())
             case "sh":
                 expected = int(block.options.get("exit", "0"))
                 try:

@@ -162,3 +162,8 @@ def test_installed_extra_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "scipy", None)
     with pytest.raises(MissingExtra, match="analysis"):
         require("analysis", "this test")
+
+
+def test_page_of_installation_lists_every_extra() -> None:
+    page = (ROOT / "docs" / "install.md").read_text("utf-8")
+    assert [extra for extra in MODULES if f"| `{extra}` |" not in page] == []

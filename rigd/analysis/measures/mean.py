@@ -58,7 +58,10 @@ def mean_of(values: NDArray[np.float64]) -> Mean:
     inflation = 1.0 + (2 * lag + 1) / n
     independent = n / (2 * used * inflation)
     if not enough.size or independent < LEAST_INDEPENDENT:
-        reason = "its samples go together for too long: fewer than 30 are independent"
+        reason = (
+            "its samples go together for too long: fewer than 30 are independent; a longer "
+            "'during' has more"
+        )
         return Mean(value, None, independent, reason)
     u = float(np.sqrt(2 * used * inflation * covariance[0] * n / (n - 1) / n))
     return Mean(value, u, min(independent, float(n)))

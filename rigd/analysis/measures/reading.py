@@ -31,10 +31,14 @@ Rows = Sequence[Sequence[Condition]]
 
 @dataclass(frozen=True)
 class PlayedSteps:
-    """The steps of a recording that may be measured, by trial, and the events of pauses."""
+    """The steps of a recording that may be measured, by trial, and the events of pauses.
+
+    ``stepped`` are the trials with any step: an imported trial has none.
+    """
 
     steps: Mapping[int, Sequence[Step]]
     pauses: Sequence[Event]
+    stepped: Collection[int]
 
     @classmethod
     def of(cls, recording: Recording, names: Collection[str]) -> Self:
@@ -43,7 +47,8 @@ class PlayedSteps:
         for step in recording.steps:
             if step.name in names:
                 steps.setdefault(step.trial, []).append(step)
-        return cls(steps, [event for event in recording.all_events if event.kind == "hold"])
+        pauses = [event for event in recording.all_events if event.kind == "hold"]
+        return cls(steps, pauses, {step.trial for step in recording.steps})
 
 
 @dataclass(eq=False)
@@ -98,8 +103,10 @@ class TrialReader:
             Unread: its step was not played, or not for so long.
         """
         played = [step for step in self._played() if window.step in (None, step.name)]
+        if not played and window.step is None and self.trial.number not in self.played.stepped:
+            return self.trial.start_ns, self.trial.end_ns or self.recording.end_ns
         if not played:
-            raise Unread(f"step {window.step!r} was not played")
+            raise Unread(self._not_played(window))
         begin_ns = played[0].start_ns
         end_ns = max(step.end_ns or begin_ns for step in played)
         lasted_s = (end_ns - begin_ns) * 1e-9
@@ -111,6 +118,14 @@ class TrialReader:
         if np.isfinite(window.end_s):
             end_ns = begin_ns + round(window.end_s * 1e9)
         return begin_ns + round(window.begin_s * 1e9), end_ns
+
+    def _not_played(self, window: Window) -> str:
+        if self.trial.number not in self.played.stepped:
+            return (
+                f"the trial has no steps, so no {window.step!r}: without 'during' all of it counts"
+            )
+        words = "no step of the procedure was played"
+        return words if window.step is None else f"step {window.step!r} was not played"
 
     def _played(self) -> list[Step]:
         end_ns = self.trial.end_ns or self.recording.end_ns

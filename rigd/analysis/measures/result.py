@@ -99,9 +99,17 @@ class MeasureResult:
         return outcome_of([item.judgement for item in self.summaries])
 
     @property
+    def unread(self) -> tuple[str, ...]:
+        """The measures that could be read in no trial at all."""
+        read = {item.measure.name for item in self.summaries if item.count}
+        return tuple(dict.fromkeys(
+            item.measure.name for item in self.summaries if item.measure.name not in read
+        ))  # fmt: skip
+
+    @property
     def is_right(self) -> bool:
-        """Whether no result is rejected or left undecided."""
-        return self.judgement in (None, Judgement.ACCEPTED)
+        """Whether every measure was read, and no result is rejected or left undecided."""
+        return not self.unread and self.judgement in (None, Judgement.ACCEPTED)
 
 
 def outcome_of(judgements: Sequence[Judgement | None]) -> Judgement | None:

@@ -71,6 +71,7 @@ class MeasuresView:
     lines: tuple[ResultLine, ...]
     remarks: tuple[str, ...]
     verdict: str  #: on all together; "" if nothing is demanded
+    unread: str  #: names the measures that have no value at all; "" if there are none
 
 
 def view_of(result: MeasureResult) -> MeasuresView:
@@ -95,11 +96,7 @@ def view_of(result: MeasureResult) -> MeasuresView:
         )
         for key, cells in sorted(rows.items(), key=lambda row: row[0][1:])
     )
-    kinds = {item.systematic is not None for item in result.summaries}
-    notes = [SYSTEMATIC] if kinds == {True} else [REPEATABILITY]
-    if len(kinds) > 1:
-        known = [name for name, item in measures.items() if item.systematic is not None]
-        notes.append(f"'u' is stated for {', '.join(known)}, and is in its interval.")
+    notes = _of_intervals(measures)
     notes += [_of_constants(item, measures[item.measure]) for item in result.constants]
     if any(item.trend for item in result.summaries):
         notes.append(TREND)
@@ -110,6 +107,7 @@ def view_of(result: MeasureResult) -> MeasuresView:
         lines=tuple(map(_line, result.summaries)),
         remarks=(*(f"{text} (trial {_few(at)})" for text, at in remarks.items()), *notes),
         verdict="" if result.judgement is None else result.judgement.value,
+        unread=f"read in no trial: {', '.join(result.unread)}" if result.unread else "",
     )
 
 
@@ -148,7 +146,7 @@ def trial_columns(result: MeasureResult) -> dict[str, tuple[str, dict[int, float
 def verdict_text(item: Summary) -> str:
     """Return a result and its verdict in one line, for a test case or a log."""
     line = _line(item)
-    parts = [f"{line.verdict}: mean {line.mean}"]
+    parts = [f"{line.verdict or 'not read'}: mean {line.mean}"]
     parts += [f"95 % interval {line.interval}"] if line.interval != _NONE else []
     parts += [f"must be {line.accept}"] if line.accept else []
     return ", ".join(parts) + (f" ({line.why})" if line.why else "")
@@ -227,6 +225,20 @@ def _why(item: Summary) -> str:
         unit = parse_unit(item.measure.unit).difference().symbol
         parts.append(f"{word} by {step} {unit}".removesuffix(" 1") + " with each trial")
     return "; ".join(parts)
+
+
+def _of_intervals(measures: Mapping[str, Measure]) -> list[str]:
+    """Return what the intervals hold: of all measures, or of each kind by name."""
+    stated = [name for name, item in measures.items() if item.systematic is not None]
+    others = [name for name in measures if name not in stated]
+    if not stated:
+        return [REPEATABILITY]
+    if not others:
+        return [SYSTEMATIC]
+    return [
+        text.replace("of the mean:", f"of the mean of {', '.join(names)}:", 1)
+        for text, names in ((SYSTEMATIC, stated), (REPEATABILITY, others))
+    ]
 
 
 def _of_constants(used: UsedConstants, measure: Measure) -> str:

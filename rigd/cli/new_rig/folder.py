@@ -96,7 +96,7 @@ def _put(folder: Path, name: str, text: str) -> None:
 
 
 def _headed(file: str, name: str, data: Mapping[str, object]) -> str:
-    return _HEADS[file].format(name=name) + "\n" + yaml_text(data)
+    return _HEADS[file].format(name=name) + "\n" + yaml_text(data).lstrip("\n")
 
 
 def _filled(text: str, words: Mapping[str, str]) -> str:

@@ -26,6 +26,7 @@ class BenchQuestion:
     default: str
     low: float
     high: float
+    note: str = ""  #: what becomes of the answer; stands in the question only
 
     @property
     def usual(self) -> str:
@@ -53,9 +54,17 @@ QUESTIONS: Final = (
     BenchQuestion(
         "inertia", "Inertia of the disk with its drive", "kg m^2", "6e-3 kg m^2", 1e-5, 10.0
     ),
-    BenchQuestion("speed", "Largest speed of the disk", "rad/s", "60 rad/s", 1.0, 1e4),
+    BenchQuestion(
+        "speed",
+        "Largest speed of the disk",
+        "rad/s",
+        "60 rad/s",
+        1.0,
+        1e4,
+        "; its limit becomes 80 % of that, reached within 1 s at the least",
+    ),
     BenchQuestion("torque", "Largest torque of the drive at the disk", "N m", "4 N m", 1e-2, 1e4),
-    BenchQuestion("load", "Dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
+    BenchQuestion("load", "Mass of the dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
     BenchQuestion("force", "Range of the load cell", "N", "50 N", 1e-2, 1e5),
     BenchQuestion(
         "stiffness", "Stiffness of the load cell with its arm", "N/m", "200 kN/m", 1e3, 1e7
@@ -93,7 +102,7 @@ class Asker:
         at_terminal = sys.stdin is not None and sys.stdin.isatty()
         while True:
             if at_terminal:
-                shown = f"{question.text} [{question.default}]: "
+                shown = f"{question.text}{question.note} [{question.default}]: "
                 print(shown, end="", file=sys.stderr, flush=True)
             line = _next_line()
             if not line:

@@ -63,6 +63,7 @@ measure:
 """
 #: A trial lasts 1.5 s: 0.2 s of rest, 0.8 s of pull, 0.5 s of the way back.
 PERIOD_NS, ROWS = 1_000_000, 1500
+STEPS = ((0.0, "rest"), (0.2, "pull"), (1.0, "back"))
 
 
 def trial_rows(number: int, force: float) -> np.ndarray:
@@ -82,6 +83,7 @@ def record(
     trials: Sequence[tuple[int, float, bool]] = ((1, 1.0, True),),
     change: Mapping[int, Any] | None = None,
     extra: Sequence[tuple[float, str, int, Mapping[str, Any]]] = (),
+    steps: Sequence[tuple[float, str]] = STEPS,
 ) -> Recording:
     """Write trials (number, force, whether complete); ``change`` edits the rows of one."""
     text = PROCEDURE.format(measure=measure)
@@ -98,7 +100,7 @@ def record(
             data = {"number": number, "repeat": 1, "parameters": {"force": force},
                     "units": {"force": "N"}}  # fmt: skip
             writer.event(begin, "trial_start", number, data)
-            for at_s, step in ((0.0, "rest"), (0.2, "pull"), (1.0, "back")):
+            for at_s, step in steps:
                 writer.event(begin + round(at_s * 1e9), "step", number, {"name": step})
             rows = trial_rows(place, force)
             if change and place in change:
@@ -222,6 +224,34 @@ def test_sensor_that_rests_at_zero_is_measured(tmp_path: Path) -> None:
 )
 def test_measure_that_cannot_be_read_has_reason(tmp_path: Path, measure: str, words: str) -> None:
     assert words in reason(tmp_path, measure)
+
+
+def test_trial_without_steps_is_measured_whole(tmp_path: Path) -> None:
+    assert value(tmp_path, "{final: axis.heat}", steps=()) == pytest.approx(293.15 + 20 * 1.499)
+
+
+@pytest.mark.parametrize(
+    ("measure", "steps", "words"),
+    [
+        ("{mean: axis.force, during: pull}", (), "no steps, so no 'pull': without 'during' all"),
+        ("{mean: axis.force}", ((0.0, "other"),), "no step of the procedure was played"),
+        ("{mean: axis.force, during: pull}", ((0.0, "other"),), "step 'pull' was not played"),
+    ],
+)
+def test_steps_of_another_procedure_are_not_measured(
+    tmp_path: Path, measure: str, steps: Sequence[tuple[float, str]], words: str
+) -> None:
+    assert words in reason(tmp_path, measure, steps=steps)
+
+
+def test_each_measure_has_one_sentence_of_its_interval(tmp_path: Path) -> None:
+    trials = [(1, 1.0, True), (2, 1.0, True)]
+    both = "  a: {mean: axis.force, u: 1 %}\n  b: {mean: axis.heat}"
+    remarks = view_of(measured([record(tmp_path / "a.mcap", both, trials)])).remarks
+    about = [text for text in remarks if "95 %" in text]
+    assert len(about) == 2
+    assert about[0].startswith("95 % interval of the mean of a: repeatability (type A) and the")
+    assert about[1].startswith("95 % interval of the mean of b: repeatability only (type A)")
 
 
 def test_incomplete_trial_is_not_measured(tmp_path: Path) -> None:
