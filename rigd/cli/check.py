@@ -9,13 +9,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rigd.cli.options import add_json, add_rig
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
+    from rigd.sdk.shipped import Kind
+
+#: Folders of shipped files that a name or path may mean, and what they hold.
+_SHIPPED: Final[tuple[tuple[Kind, str], ...]] = (("procedures", "procedure"), ("configs", "rig"))
 
 HELP = "check rig, procedure, calibration, lab and specimen files without running anything"
 EXAMPLES = """\
@@ -239,13 +243,20 @@ def _kind(given: str) -> str:
             f"{given} is a folder", hint=(f"check the files in this folder: {path / '*.yaml'}")
         )
     if not path.is_file():
-        try:
-            find_file(given, "procedures")
-        except ConfigError as error:
-            if path.suffix:
-                raise ConfigError(f"file {given!r} does not exist", hint=error.hint) from error
+        refused = []
+        for folder, kind in _SHIPPED:
+            try:
+                find_file(given, folder)
+            except ConfigError as error:
+                refused.append(error.hint)
+            else:
+                return kind
+        if not path.suffix:
             return "rig"
-        return "procedure"
+        as_procedure, as_rig = refused
+        shipped = as_rig.startswith("to use") and not as_procedure.startswith("to use")
+        hint = as_rig if shipped or path.parent.name == "configs" else as_procedure
+        raise ConfigError(f"file {given!r} does not exist", hint=hint)
     with path.open("rb") as stream:
         lines = stream.read(4096).decode("utf-8", errors="replace").splitlines()
     # A rig file names its calibration and its lab too.

@@ -173,3 +173,14 @@ def test_setpoint_that_interlock_cannot_see_is_named(capsys: pytest.CaptureFixtu
                          capsys=capsys)  # fmt: skip
     assert code == 0
     assert "wheel_servo.current is 0.15 A there, within its band of 0.2 A" in out
+
+
+def test_shipped_rig_is_found_by_its_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert check("configs/wire_lugre.yaml", capsys=capsys)[0] == 0
+    code, _, err = check("wire_lugre.yaml", capsys=capsys)
+    assert code == 2
+    assert "to use the shipped rig, give its name: wire_lugre" in err
+    assert "calibrate_rise" not in check("configs/wire_lugr.yaml", capsys=capsys)[2]
