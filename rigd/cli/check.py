@@ -248,7 +248,7 @@ def _kind(given: str) -> str:
             try:
                 find_file(given, folder)
             except ConfigError as error:
-                refused.append(error.hint)
+                refused.append(error.hint or "")
             else:
                 return kind
         if not path.suffix:
