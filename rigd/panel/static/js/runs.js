@@ -19,10 +19,10 @@ export function mountRuns(root) {
   const wrong = el("p", { class: "problem", role: "alert", hidden: true });
   const search = el("form", { class: "run-search", role: "search", onsubmit: (/** @type {Event} */ event) => {
     event.preventDefault();
-    refresh();
+    refresh(wanted.value.trim());
   } }, el("label", { for: "run-where" }, "Find"), wanted, el("button", { type: "submit" }, "Search"));
   // The cross of the field empties it: all runs again.
-  wanted.addEventListener("search", () => wanted.value === "" && refresh());
+  wanted.addEventListener("search", () => wanted.value === "" && refresh(""));
   const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a run."));
   root.append(
     el("section", { class: "panel run-list", "aria-label": "Recordings" },
@@ -39,11 +39,13 @@ export function mountRuns(root) {
   let open = /** @type {string | null} */ (null);
   let lastRun = /** @type {string | null | undefined} */ (undefined);
 
-  /** @param {boolean} fresh */
-  async function load(fresh) {
-    // Older ones are those of the condition that the list shows.
-    if (fresh) where = wanted.value.trim();
-    const { runs, more: isMore } = await ask("runs", { limit: PAGE, where, before: fresh ? null : oldest });
+  /**
+   * Without a condition, that of the list counts: a new run must not ask for one that is half typed.
+   * @param {boolean} fresh
+   */
+  async function load(fresh, asked = where) {
+    const { runs, more: isMore } = await ask("runs", { limit: PAGE, where: asked, before: fresh ? null : oldest });
+    where = asked;
     wrong.hidden = true;
     if (fresh) fill(body);
     body.append(...runs.map(line));
@@ -52,9 +54,9 @@ export function mountRuns(root) {
     if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 5, class: "empty" }, where ? "No recordings match." : "No recordings yet.")));
   }
 
-  async function refresh() {
+  async function refresh(asked = where) {
     try {
-      await load(true);
+      await load(true, asked);
     } catch (error) {
       const refused = asRefused(error);
       if (refused.code !== "bad_request") complain(refused);
@@ -65,7 +67,7 @@ export function mountRuns(root) {
     }
   }
 
-  onShow("runs", refresh);
+  onShow("runs", () => refresh());
   // A run that has ended adds a recording.
   watch("status", () => {
     const { run } = read("status");
