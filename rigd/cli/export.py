@@ -162,7 +162,7 @@ def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:
     """
     from rigd.model.errors import ConfigError
     from rigd.record import Recording
-    from rigd.record.export.rocrate import Source, export_rocrate
+    from rigd.record.export.rocrate import Published, export_rocrate
 
     for name in ("stream", "rate", "on", "between"):
         if getattr(args, name) is not None:
@@ -171,7 +171,7 @@ def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:
     publication = _publication(args, recordings)
     name = files[0].stem if len(files) == 1 else "recordings"
     target: Path = args.output or files[0].with_name(f"{name}.crate.zip")
-    sources = [Source(recording, _measures(recording)) for recording in recordings]
+    sources = [Published(recording, _measures(recording)) for recording in recordings]
     written = export_rocrate(
         sources, target, publication, tables=args.tables or "csv", overwrite=args.overwrite
     )

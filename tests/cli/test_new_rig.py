@@ -89,7 +89,7 @@ def test_folder_runs_and_checks_as_made(tmp_path: Path) -> None:
     assert "temperature [degC]" in done.out
 
 
-def test_job_of_new_rig_is_green_in_clean_environment(tmp_path: Path) -> None:
+def test_clean_environment_plays_new_job_green(tmp_path: Path) -> None:
     home, programs = tmp_path / "home", tmp_path / "bin"
     home.mkdir()
     programs.mkdir()

@@ -21,7 +21,7 @@ from rigd.model import Channel, RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Attachment, Recording, RecordingWriter, add_note
 from rigd.record.export import rocrate
-from rigd.record.export.rocrate import Source, export_rocrate
+from rigd.record.export.rocrate import Published, export_rocrate
 
 ADA = "0000-0002-1825-0097"
 CARRIAGE = Stream("carriage", (Channel("position", "m", "of the wheel"),), doc="linear encoder")
@@ -76,7 +76,7 @@ def record(tmp_path: Path) -> Record:
 def publish(path: Path, target: Path, **options: Any) -> ROCrate:
     """Export a recording; return the crate as its reader finds it."""
     given = {"published": date(2026, 11, 27), **options}
-    return ROCrate(export_rocrate([Source(Recording.open(path))], target, PUBLICATION, **given))
+    return ROCrate(export_rocrate([Published(Recording.open(path))], target, PUBLICATION, **given))
 
 
 def one(crate: ROCrate, kind: str) -> Any:
@@ -166,7 +166,7 @@ def test_simulated_run_states_no_time_of_a_clock(tmp_path: Path, record: Record)
 def test_every_reference_in_a_crate_is_described(tmp_path: Path, record: Record) -> None:
     paths = [record(), record("monday/wear.mcap")]
     target = export_rocrate(
-        [Source(Recording.open(path)) for path in paths], tmp_path / "both", PUBLICATION
+        [Published(Recording.open(path)) for path in paths], tmp_path / "both", PUBLICATION
     )
     graph = json.loads((target / "ro-crate-metadata.json").read_text())["@graph"]
     known = [item["@id"] for item in graph]
@@ -202,7 +202,7 @@ def test_failed_export_leaves_nothing(
 def test_damaged_recording_is_not_published(tmp_path: Path, record: Record) -> None:
     path = record()
     path.write_bytes(path.read_bytes()[:-50])
-    source = Source(Recording.open(path, partial=True))
+    source = Published(Recording.open(path, partial=True))
     with pytest.raises(RecordingError, match="is damaged"):
         export_rocrate([source], tmp_path / "crate", PUBLICATION)
     assert not (tmp_path / "crate").exists()

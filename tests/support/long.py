@@ -63,7 +63,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),
         "cli/test_measure.py": ("test_page_of_run_shows_measures",),
-        "cli/test_new_rig.py": ("test_job_of_new_rig_is_green_in_clean_environment",),
+        "cli/test_new_rig.py": ("test_clean_environment_plays_new_job_green",),
         "cli/test_doctor.py": (
             "test_doctor_output_fits_80_columns",
             "test_rig_simulated_in_process_is_watched_at_rest",

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from rigd.cli.asking import ask
 from rigd.model.errors import ConfigError
 from rigd.model.units import format_quantity, parse_quantity
 from rigd.sdk import In
@@ -103,8 +104,9 @@ class Asker:
         while True:
             if at_terminal:
                 shown = f"{question.text}{question.note} [{question.default}]: "
-                print(shown, end="", file=sys.stderr, flush=True)
-            line = _next_line()
+                line = ask(shown, sys.stdin, sys.stderr)
+            else:
+                line = _piped_line()
             if not line:
                 self.missing.append(question)
             try:
@@ -128,12 +130,9 @@ class Asker:
         return f"standard input had {none}: taken were {taken}"
 
 
-def _next_line() -> str:
+def _piped_line() -> str:
     """Return the next line of standard input, "" if there is none, or no standard input."""
-    try:
-        return "" if sys.stdin is None else sys.stdin.readline()
-    except OSError:  # a closed terminal: reading from it raises this
-        return ""
+    return "" if sys.stdin is None else sys.stdin.readline()
 
 
 def _derived(answers: Mapping[str, str]) -> dict[str, str]:

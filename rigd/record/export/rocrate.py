@@ -55,7 +55,7 @@ Entity = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Source:
+class Published:
     """A recording to publish, and what its procedure measures of each trial."""
 
     recording: Recording
@@ -73,14 +73,14 @@ class _Crate:
         """Add an entity, or what is new of it; return the reference to it."""
         known = self.entities.setdefault(at, {"@id": at, "@type": type})
         for name, value in properties.items():
-            one = isinstance(value, list) and len(value) == 1  # JSON-LD is compacted
+            is_single = isinstance(value, list) and len(value) == 1  # JSON-LD is compacted
             if value:
-                known[name] = value[0] if one else value
+                known[name] = value[0] if is_single else value
         return {"@id": at}
 
 
 def export_rocrate(
-    sources: Sequence[Source],
+    sources: Sequence[Published],
     target: Path,
     publication: Publication,
     *,
@@ -117,7 +117,7 @@ def export_rocrate(
 
 
 def _write(
-    sources: Sequence[Source],
+    sources: Sequence[Published],
     folder: Path,
     target: Path,
     publication: Publication,
@@ -164,7 +164,7 @@ def _write(
     stage.replace(target)
 
 
-def _names(sources: Sequence[Source]) -> list[str]:
+def _names(sources: Sequence[Published]) -> list[str]:
     """Return a name for each recording, of which no two are alike."""
     stems = [source.recording.path.stem for source in sources]
     return [
@@ -174,7 +174,7 @@ def _names(sources: Sequence[Source]) -> list[str]:
 
 
 def _describe(
-    crate: _Crate, name: str, source: Source, stage: Path, tables: Literal["csv", "parquet"]
+    crate: _Crate, name: str, source: Published, stage: Path, tables: Literal["csv", "parquet"]
 ) -> list[Entity]:
     """Add all that is from one recording; return its run and its export."""
     recording, info = source.recording, source.recording.info
@@ -311,7 +311,7 @@ def _attached(crate: _Crate, name: str, recording: Recording, stage: Path) -> di
 
 
 def _tables(
-    crate: _Crate, name: str, source: Source, stage: Path, tables: Literal["csv", "parquet"]
+    crate: _Crate, name: str, source: Published, stage: Path, tables: Literal["csv", "parquet"]
 ) -> list[Entity]:
     """Write the tables of a recording; return their entities."""
     recording = source.recording
@@ -334,7 +334,7 @@ def _tables(
 
 def _root(
     crate: _Crate,
-    sources: Sequence[Source],
+    sources: Sequence[Published],
     publication: Publication,
     published: date,
     actions: Sequence[Sequence[Entity]],
@@ -376,7 +376,7 @@ def operators_of(recordings: Sequence[Recording]) -> list[str]:
     return [name for name in dict.fromkeys(names) if name]
 
 
-def _variables(crate: _Crate, sources: Sequence[Source]) -> list[Entity]:
+def _variables(crate: _Crate, sources: Sequence[Published]) -> list[Entity]:
     """Add the channels of all recordings, each once; return them."""
     found: dict[str, Entity] = {}
     for source in sources:
