@@ -39,16 +39,25 @@ class Files:
         """Return the routes."""
         return [
             Route("/api/run/{run}/report", self.report, methods=["GET"]),
+            Route("/api/comparison", self.comparison, methods=["GET"]),
             Route("/api/run/{run}/recording", self.recording, methods=["GET"]),
         ]
 
     async def report(self, request: Request) -> Response:
         """Send the report of a run."""
+        page = "run" if request.query_params.get("page") == "run" else "identification"
+        run = request.path_params["run"]
+        return await self._page(request, Pieces(self.rig, "report", run, run=run, page=page))
+
+    async def comparison(self, request: Request) -> Response:
+        """Send the page that compares runs; each is a ``run`` of the query, the first the base."""
+        runs = request.query_params.getlist("run")
+        return await self._page(request, Pieces(self.rig, "compare", "the comparison", runs=runs))
+
+    async def _page(self, request: Request, pieces: Pieces) -> Response:
         if self.api.find(request.cookies) is None:
             return PlainTextResponse("this page is not logged in", 401)
         try:
-            page = "run" if request.query_params.get("page") == "run" else "identification"
-            pieces = Pieces(self.rig, "report", request.path_params["run"], page=page)
             await pieces.begin(MOST_REPORT_BYTES)
             body = b"".join([piece async for piece in pieces])
         except RigdError as error:
@@ -62,7 +71,7 @@ class Files:
         if self.api.find(request.cookies) is None:
             return PlainTextResponse("this page is not logged in", 401)
         run = request.path_params["run"]
-        pieces = Pieces(self.rig, "fetch", run)
+        pieces = Pieces(self.rig, "fetch", run, run=run)
         try:
             size = await pieces.begin()
         except RigdError as error:
@@ -79,13 +88,16 @@ class Files:
 
 
 class Pieces:
-    """Requests a file of the rig piece by piece, and checks the received data against its hash."""
+    """Requests a file of the rig piece by piece, and checks the received data against its hash.
 
-    def __init__(self, rig: Rig, kind: str, run: str, **further: str) -> None:
+    ``verb`` gives the pieces of what ``args`` name; ``name`` is its name in errors.
+    """
+
+    def __init__(self, rig: Rig, verb: str, name: str, **args: str | list[str]) -> None:
         self._rig = rig
-        self._kind = kind
-        self._run = run
-        self._further = further
+        self._verb = verb
+        self._name = name
+        self._args = args
         self._first: PieceView | None = None
 
     async def begin(self, most: int | None = None) -> int:
@@ -98,7 +110,7 @@ class Pieces:
         self._first = await self._piece(0)
         size = self._first.size
         if most is not None and size > most:
-            raise ProtocolError(f"the {self._kind} has {size} bytes, at most {most} are shown")
+            raise ProtocolError(f"the {self._verb} has {size} bytes, at most {most} are shown")
         return size
 
     async def __aiter__(self) -> AsyncIterator[bytes]:
@@ -119,9 +131,9 @@ class Pieces:
             piece = await self._piece(offset)
         # The last piece is sent only after the hash of the whole file is checked.
         if offset != size or digest.hexdigest() != wanted:
-            raise ProtocolError(f"{self._run} changed while it was read", hint="fetch it again")
+            raise ProtocolError(f"{self._name} changed while it was read", hint="fetch it again")
         yield data
 
     async def _piece(self, offset: int) -> PieceView:
-        args = {"run": self._run, "offset": offset, "length": MAX_PIECE_BYTES, **self._further}
-        return await self._rig.request(Kind.ASK, self._kind, args, PieceView)
+        args = {**self._args, "offset": offset, "length": MAX_PIECE_BYTES}
+        return await self._rig.request(Kind.ASK, self._verb, args, PieceView)

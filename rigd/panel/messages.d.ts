@@ -31,6 +31,11 @@ declare namespace Api {
     identity: string;
     user: string;
   }
+  interface ComparedRuns {
+    runs: string[];
+    offset?: number;
+    length?: number;
+  }
   interface ControllerView {
     setpoint: string;
     output: string;
@@ -264,6 +269,12 @@ declare namespace Api {
     channels: PageChannel[];
     rate_hz: number;
   }
+  interface PieceView {
+    size: number;
+    sha256: string;
+    offset: number;
+    data: string;
+  }
   interface ProblemView {
     message: string;
     hint: string | null;
@@ -448,6 +459,7 @@ declare namespace Api {
     run: { args: RunArguments; result: PageRun };
     events: { args: Since; result: Events };
     latest: { args: NoArguments; result: LatestValues };
+    compare: { args: ComparedRuns; result: PieceView };
   }
   interface Commands {
     lease_take: { args: NoArguments; result: LeaseView };

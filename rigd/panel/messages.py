@@ -37,6 +37,7 @@ ASKS: Mapping[str, Verb] = {
     name: VERBS[Kind.ASK][name]
     for name in (
         "describe", "procedures", "procedure", "check", "runs", "run", "events", "latest",
+        "compare",
     )
 }  # fmt: skip
 #: Commands of the page; the panel renews the lease itself.

@@ -212,6 +212,23 @@ def test_runs_are_searched_by_a_condition(panel: ServedPanel, watched: Watched) 
     expect(lines).to_have_count(len(panel.rig.runs))
 
 
+def test_observer_compares_marked_runs(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["observer"])
+    turn_to(page, "Runs")
+    rows = page.locator(".run-list tbody tr")
+    expect(page.get_by_role("button", name="Mark runs to compare")).to_be_disabled()
+    for row in (0, 1):
+        rows.nth(row).get_by_role("checkbox").check()
+    press(page, "Compare 2 runs")
+    report = page.frame_locator(".report iframe")
+    expect(report.get_by_role("heading")).to_have_text("Comparison of campaigns")
+    runs = [item.run for item in sorted(panel.rig.runs[:2], key=lambda item: item.started_ns)]
+    assert given(panel, "compare")[0]["runs"] == runs
+    rows.nth(2).get_by_role("checkbox").check()
+    press(page, "Compare 3 runs")
+    expect(page.locator(".sheet").last).to_contain_text("one has nothing to compare")
+
+
 def test_interlocks_are_called_clear_only_while_watched(
     panel: ServedPanel, watched: Watched
 ) -> None:

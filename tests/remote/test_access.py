@@ -13,7 +13,7 @@ from rigd.remote.protocol import VERBS
 
 ASKS = (
     "describe", "events", "latest", "history", "lease", "procedures", "procedure", "check", "runs",
-    "run", "report", "fetch",
+    "run", "report", "fetch", "compare",
 )  # fmt: skip
 STOPS = ("stop", "abort", "estop")
 COMMANDS = (

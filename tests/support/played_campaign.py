@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.remote.protocol.arguments import PieceArguments, ProcedureFile
+from rigd.remote.protocol.arguments import ComparedRuns, PieceArguments, ProcedureFile
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.results import (
     ActionView,
@@ -168,6 +168,7 @@ DETAILS: dict[str, Any] = {
 }
 RECORDING = bytes(range(256)) * 3000  # three pieces
 
+COMPARISON = b"""<!doctype html><title>Comparison</title><h1>Comparison of campaigns</h1></html>"""
 RUN_PAGE = b"""<!doctype html><html lang="en"><title>Run</title><h1>What was recorded</h1></html>"""
 REPORT = b"""<!doctype html><html lang="en"><title>Report</title>
 <style>body{font:16px/1.5 system-ui;margin:2rem;max-width:60rem}td,th{padding:.3rem 1rem}</style>
@@ -200,7 +201,7 @@ def past_runs() -> list[RunLine]:
     ]  # fmt: skip
 
 
-def piece(whole: bytes, wanted: PieceArguments) -> PieceView:
+def piece(whole: bytes, wanted: PieceArguments | ComparedRuns) -> PieceView:
     """Return the piece of a file that was asked for."""
     data = base64.b64encode(whole[wanted.offset : wanted.offset + wanted.length])
     sha256 = hashlib.sha256(whole).hexdigest()

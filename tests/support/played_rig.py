@@ -18,6 +18,7 @@ import numpy as np
 from support.played_campaign import (
     ACTIONS,
     CHANNELS,
+    COMPARISON,
     DETAILS,
     INTERLOCKS,
     LISTED,
@@ -40,6 +41,7 @@ from support.played_campaign import (
 from rigd.remote.protocol import ClientUser, Code, Kind, Message, Refusal, Requester, Verb
 from rigd.remote.protocol.arguments import (
     Answered,
+    ComparedRuns,
     InterlockName,
     NoArguments,
     PieceArguments,
@@ -321,6 +323,7 @@ class PlayedRig:
             run=lambda _, wanted: RunView(line=self._line(wanted.run), details=DETAILS),
             report=self._report,
             fetch=self._fetch,
+            compare=self._compare,
             lease_take=lambda by, _: lease.take(by.client),
             lease_renew=lambda by, _: lease.renew(by.client),
             lease_release=lambda by, _: lease.release(by.client),
@@ -365,6 +368,12 @@ class PlayedRig:
     def _fetch(self, _: Requester, wanted: PieceArguments) -> PieceView:
         self._line(wanted.run)
         return piece(RECORDING, wanted)
+
+    def _compare(self, _: Requester, wanted: ComparedRuns) -> PieceView:
+        lines = [self._line(run) for run in wanted.runs]
+        if not all(line.identifies for line in lines):
+            raise Refusal(Code.REFUSED, "one has nothing to compare", hint="leave it out")
+        return piece(COMPARISON, wanted)
 
     def _report(self, _: Requester, wanted: ReportPiece) -> PieceView:
         line = self._line(wanted.run)

@@ -38,6 +38,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "run": {"run": _RUN},
     "report": {"run": _RUN, "offset": 0, "length": 100},
     "fetch": {"run": _RUN, "offset": 0, "length": 100},
+    "compare": {"runs": [_RUN, _RUN], "offset": 0, "length": 100},
     "lease_give": {"to": "alice"},
     "start": {"procedure": _PROCEDURE, "set": {}, "seed": 1, "answers": "ask"},
     "answer": {"prompt_id": 1, "value": 0.5},

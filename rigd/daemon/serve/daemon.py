@@ -15,6 +15,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
@@ -193,6 +194,8 @@ def _compose(
     stack.callback(aside.close)
     checks = CalculationWorker(CHECK_S, CHECK_MEMORY)
     stack.callback(checks.close)
+    comparing = CalculationWorker()
+    stack.callback(comparing.close)
     steering = Steering(
         rig,
         folder,
@@ -223,6 +226,7 @@ def _compose(
         audit,
         aside,
         checks,
+        ComparedPages(comparing),
         descriptors,
     )
     return parts, server

@@ -8,6 +8,7 @@ from pathlib import Path
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
@@ -22,6 +23,7 @@ from rigd.model.severity import Severity
 from rigd.remote.protocol import ClientUser, Code, Handlers, LeaseView, Refusal, Requester
 from rigd.remote.protocol.arguments import (
     Checked,
+    ComparedRuns,
     PieceArguments,
     ReasonArguments,
     Receiver,
@@ -59,6 +61,7 @@ class Parts:
     audit: AuditLog
     aside: CalculationWorker
     checks: CalculationWorker
+    compared: ComparedPages
     descriptors: Descriptors
 
     @property
@@ -84,6 +87,7 @@ def bind_handlers(parts: Parts) -> Handlers:
         run=lambda _, args: recordings.view(args.run, parts.under_way),
         report=lambda _, args: _report(parts, args),
         fetch=lambda _, args: _fetch(parts, args),
+        compare=lambda _, args: _compare(parts, args),
         lease_take=lambda requester, _: lease.take(requester.client),
         lease_renew=lambda requester, _: lease.renew(requester.client),
         lease_release=lambda requester, _: lease.release(requester.client),
@@ -123,6 +127,11 @@ def _report(parts: Parts, args: ReportPiece) -> PieceView:
 
 def _fetch(parts: Parts, args: PieceArguments) -> PieceView:
     return parts.recordings.piece(_finished(parts, args.run), args.offset, args.length)
+
+
+def _compare(parts: Parts, args: ComparedRuns) -> PieceView:
+    recordings = [_finished(parts, run) for run in args.runs]
+    return parts.compared.piece(recordings, args.offset, args.length)
 
 
 # No event for taking or giving back the lease: the status shows its holder.

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -89,6 +89,18 @@ class CalculationWorker:
         """
         result = self._do("draw", {"recording": str(recording)})
         return Reported.model_validate_json(json.dumps(result))
+
+    def compare(self, recordings: Sequence[Path]) -> str:
+        """Return the page of a comparison of recordings, which are in one folder.
+
+        Raises:
+            Refusal: they cannot be compared, or it took too long.
+        """
+        job = {
+            "folder": str(recordings[0].parent),
+            "recordings": [path.name for path in recordings],
+        }
+        return _Page.model_validate_json(json.dumps(self._do("compare", job))).text
 
     def close(self) -> None:
         """Cancel the present calculation; no other begins."""
@@ -245,6 +257,20 @@ def _draw(job: Mapping[str, Any]) -> Reported:
     return _write(recording, page_of(recording), run_report(recording))
 
 
+class _Page(Message):
+    """A page that is not written to a file."""
+
+    text: str
+
+
+def _compare(job: Mapping[str, Any]) -> _Page:
+    require("analysis", "this daemon")
+    from rigd.analysis.compare.front import compare
+
+    os.chdir(job["folder"])  # the page must not show paths of this machine
+    return _Page(text=compare(*job["recordings"]).evaluation.report())
+
+
 def _write(recording: Path, report: Path, text: str) -> Reported:
     draft = report.with_suffix(".html.new")
     draft.unlink(missing_ok=True)
@@ -272,7 +298,8 @@ def main() -> int:
     job: Mapping[str, Any] = json.load(sys.stdin)
     memory: int = job["memory"]
     work: Mapping[str, Callable[[Mapping[str, Any]], Message]] = {
-        "check": _check, "draw": _draw, "dry_run": _dry_run, "identify": _identify
+        "check": _check, "compare": _compare, "draw": _draw, "dry_run": _dry_run,
+        "identify": _identify,
     }  # fmt: skip
     try:
         if "rig" in job:  # the daemon's own: the bound is for what a client sent

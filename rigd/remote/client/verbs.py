@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -261,6 +261,23 @@ class AsyncVerbs(ABC):
         path = page_of(recording) if page == "run" else recording.with_suffix(".html")
         return await self._fetch("report", run, path, progress, page=page)
 
+    async def compare(
+        self, runs: Sequence[str], to: Path | str, progress: Progress | None = None
+    ) -> Path:
+        """Let the daemon compare recordings, and fetch the page to the file ``to``.
+
+        Each recording is a campaign; differences are from the first. It may take minutes.
+
+        Raises:
+            Refusal: the recordings cannot be compared.
+            RecordingError: the page cannot be written, or arrived with errors.
+        """
+
+        async def piece(offset: int) -> PieceView:
+            return await self._ask("compare", PieceView, runs=list(runs), offset=offset)
+
+        return await fetch(piece, Path(to), progress)
+
     async def _ask(self, what: str, result: type[R], **args: Any) -> R:
         return await self.connection.request(Kind.ASK, what, args, result)
 
@@ -351,6 +368,7 @@ class BlockingVerbs(ABC):
     draw = blocking(AsyncVerbs.draw)
     fetch = blocking(AsyncVerbs.fetch)
     report = blocking(AsyncVerbs.report)
+    compare = blocking(AsyncVerbs.compare)
 
 
 @contextmanager

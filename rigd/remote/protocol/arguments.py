@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, SPECIMEN_NAME, About
-from rigd.remote.protocol.limits import MAX_PIECE_BYTES
+from rigd.remote.protocol.limits import MAX_COMPARED, MAX_PIECE_BYTES
 from rigd.remote.protocol.message import Message, Name, Text, User
 
 #: File name of a recording: never a path.
@@ -130,6 +130,17 @@ class PieceArguments(Message):
     """In bytes."""
     length: Annotated[int, Field(ge=1, le=MAX_PIECE_BYTES)] = MAX_PIECE_BYTES
     """In bytes; the reply is shorter at the end of the file."""
+
+
+class ComparedRuns(Message):
+    """Recordings to compare, and a piece of the page."""
+
+    runs: Annotated[tuple[RunName, ...], Field(min_length=2, max_length=MAX_COMPARED)]
+    """Each is a campaign; differences are from the first."""
+    offset: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """In bytes."""
+    length: Annotated[int, Field(ge=1, le=MAX_PIECE_BYTES)] = MAX_PIECE_BYTES
+    """In bytes; the reply is shorter at the end of the page."""
 
 
 class ReportPiece(PieceArguments):

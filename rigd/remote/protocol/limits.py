@@ -13,6 +13,8 @@ MAX_REQUEST_BYTES: Final = 64 * 1024
 MAX_MESSAGE_BYTES: Final = 1024 * 1024
 #: Bytes of a file that one piece of a transfer may hold.
 MAX_PIECE_BYTES: Final = 256 * 1024
+#: Recordings that one request may compare.
+MAX_COMPARED: Final = 20
 #: How deep objects and lists may nest; the deepest message needs 6.
 MAX_DEPTH: Final = 16
 #: Characters of a name in a key: of a rig, a stream, an identity or a verb.

@@ -306,7 +306,7 @@ class RunView(Message):
 
 
 class PieceView(Message):
-    """`fetch` and `report`: a piece of a file."""
+    """`fetch`, `report` and `compare`: a piece of a file."""
 
     size: Count
     """Of the whole file, in bytes."""

@@ -15,6 +15,7 @@ from rigd.remote.protocol.arguments import (
     ActArguments,
     Answered,
     Checked,
+    ComparedRuns,
     InterlockName,
     NoArguments,
     PieceArguments,
@@ -67,6 +68,7 @@ class Lane(Enum):
     CHECK = "check"  #: compiled
     FILES = "files"  #: read from recordings and procedure files
     LONG = "long"  #: calculated: dry runs and reports
+    COMPARE = "compare"  #: calculated for everyone, so that no observer keeps an operator waiting
 
 
 #: How long a client waits for a reply, in s; after that the reply counts as lost.
@@ -78,6 +80,7 @@ PATIENCE_S: Final[Mapping[Lane, float]] = {
     Lane.CHECK: 30.0,
     Lane.FILES: 30.0,
     Lane.LONG: 900.0,
+    Lane.COMPARE: 900.0,
 }
 
 
@@ -144,6 +147,7 @@ class Handlers:
     run: Annotated[Handler[RunArguments, RunView], _FILES]
     report: Annotated[Handler[ReportPiece, PieceView], _FILES]
     fetch: Annotated[Handler[PieceArguments, PieceView], _FILES]
+    compare: Annotated[Handler[ComparedRuns, PieceView], replace(_ASK, lane=Lane.COMPARE)]
 
     lease_take: Annotated[Handler[NoArguments, LeaseView], _LEASE]
     # At any age: a clock that is set must not take the lease from a connected client.

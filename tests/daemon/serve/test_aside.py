@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 import threading
@@ -11,8 +12,10 @@ from pathlib import Path
 import pytest
 from support.wire import ROOT
 
+import rigd
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
+from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.recordings import is_drawn
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.model.channels import Channel, Stream
@@ -160,6 +163,40 @@ def test_drawing_writes_the_page_beside_the_recording(tmp_path: Path) -> None:
     later = page.stat().st_mtime_ns + 1_000_000_000
     os.utime(recording, ns=(later, later))
     assert not is_drawn(recording)  # it has been gone on with
+
+
+def test_comparison_is_kept_until_recording_changes(tmp_path: Path) -> None:
+    recordings = [tmp_path / "b1.mcap", tmp_path / "b2.mcap"]
+    for seed, recording in enumerate(recordings, start=1):
+        rigd.run("breakaway", rig="lugre-1", out=recording, seed=seed)
+    worker = CalculationWorker()
+    pages = ComparedPages(worker)
+    first = pages.piece(recordings, 0, 1000)
+    page = pages.piece(recordings, 0, first.size)
+    assert page.data[:1000] == first.data
+    assert hashlib.sha256(page.data).hexdigest() == first.sha256
+    text = page.data.decode()
+    assert "Comparison of campaigns" in text and "b2.mcap" in text
+    assert str(tmp_path) not in text
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".mcap", ".mcap"]
+    with pytest.raises(Refusal, match="none at"):
+        pages.piece(recordings, first.size + 1, 1)
+    os.utime(recordings[0], ns=(1, 1))
+    worker.close()
+    with pytest.raises(Refusal, match="the daemon is ending"):
+        pages.piece(recordings, 0, 1)
+
+
+def test_recordings_that_differ_in_kind_are_not_compared(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        RecordingWriter.create(
+            tmp_path / f"{name}.mcap", streams=[Stream("axis", (Channel("position", "m"),))],
+            metadata={}, attachments=(), start_ns=1_000,
+        ).close()  # fmt: skip
+    pages = ComparedPages(CalculationWorker())
+    with pytest.raises(Refusal) as refused:
+        pages.piece([tmp_path / "a.mcap", tmp_path / "b.mcap"], 0, 1)
+    assert refused.value.code is Code.REFUSED
 
 
 def test_killed_calculation_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

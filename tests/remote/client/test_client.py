@@ -260,7 +260,7 @@ def test_every_verb_has_its_method_in_both_clients() -> None:
 
 def test_methods_return_the_types_of_the_table() -> None:
     unwrapped = {"act", "answer", "pause", "resume", "acknowledge", "history", "fetch", "report",
-                 "stop", "abort", "estop"}  # fmt: skip
+                 "compare", "stop", "abort", "estop"}  # fmt: skip
     for kind in (Kind.ASK, Kind.COMMAND):
         for name, verb in VERBS[kind].items():
             if name not in unwrapped:

@@ -80,6 +80,12 @@ export const invite = (role) => request("POST", "/api/invite", { role }, 8000);
  */
 export const ask = (question, args) => request("POST", `/api/ask/${question}`, { args }, 40_000);
 /**
+ * Let the daemon compare runs, which may take minutes; the page is then at `/api/comparison`.
+ * @param {string[]} runs
+ * @returns {Promise<Api.PieceView>}
+ */
+export const compare = (runs) => request("POST", "/api/ask/compare", { args: { runs, offset: 0, length: 1 } }, 920_000);
+/**
  * Without a time limit: a dry run or a report may take long.
  * @template {keyof Api.Commands} V
  * @param {V} verb

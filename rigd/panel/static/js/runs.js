@@ -1,6 +1,6 @@
 // The recordings, and the report of each.
 
-import { ask, asRefused, command } from "./api.js";
+import { ask, asRefused, command, compare } from "./api.js";
 import { el, file, fill, icon, setText } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
 import { resumeButton } from "./resume.js";
@@ -9,6 +9,7 @@ import { onShow } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
 
 const PAGE = 50;
+const MOST_COMPARED = 20;
 
 /** @param {HTMLElement} root */
 export function mountRuns(root) {
@@ -23,14 +24,20 @@ export function mountRuns(root) {
   } }, el("label", { for: "run-where" }, "Find"), wanted, el("button", { type: "submit" }, "Search"));
   // The cross of the field empties it: all runs again.
   wanted.addEventListener("search", () => wanted.value === "" && refresh(""));
+  /** @type {Map<string, Api.RunLine>} */
+  const marked = new Map();
+  /** @type {HTMLButtonElement} */
+  const comparing = el("button", {
+    type: "button", disabled: true, onclick: () => attempt(comparing, () => drawComparison(sheet, [...marked.values()])),
+  });
   const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a run."));
   root.append(
     el("section", { class: "panel run-list", "aria-label": "Recordings" },
-      el("div", { class: "panel-head" }, el("h2", {}, "Runs")),
+      el("div", { class: "panel-head" }, el("h2", {}, "Runs"), comparing),
       search, wrong,
       el("div", { class: "scroll" },
         el("table", {},
-          el("thead", {}, el("tr", {}, ...["Started", "Procedure", "State", "Trials", "Took"].map((text) => el("th", { scope: "col" }, text)))),
+          el("thead", {}, el("tr", {}, el("th", { scope: "col" }, el("span", { class: "unseen" }, "Compare")), ...["Started", "Procedure", "State", "Trials", "Took"].map((text) => el("th", { scope: "col" }, text)))),
           body)),
       more),
     el("section", { class: "panel wide", "aria-label": "The run" }, sheet));
@@ -51,8 +58,16 @@ export function mountRuns(root) {
     body.append(...runs.map(line));
     oldest = runs.at(-1)?.run ?? oldest;
     more.hidden = !isMore;
-    if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 5, class: "empty" }, where ? "No recordings match." : "No recordings yet.")));
+    if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 6, class: "empty" }, where ? "No recordings match." : "No recordings yet.")));
   }
+
+  function count() {
+    comparing.disabled = marked.size < 2 || marked.size > MOST_COMPARED;
+    setText(comparing, marked.size < 2 ? "Mark runs to compare" : marked.size > MOST_COMPARED
+      ? `At most ${MOST_COMPARED} are compared` : `Compare ${marked.size} runs`);
+  }
+
+  count();
 
   async function refresh(asked = where) {
     try {
@@ -80,8 +95,20 @@ export function mountRuns(root) {
   function line(item) {
     const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(item, row) },
       day(item.started_ns / 1e6));
+    /** @type {HTMLInputElement} */
+    const mark = el("input", {
+      type: "checkbox", checked: marked.has(item.run), disabled: item.problem !== null || item.state === "running",
+      "aria-label": `Compare ${words(item.procedure)}, ${day(item.started_ns / 1e6)}`,
+      onclick: (event) => event.stopPropagation(),
+      onchange: () => {
+        if (mark.checked) marked.set(item.run, item);
+        else marked.delete(item.run);
+        count();
+      },
+    });
     /** @type {HTMLTableRowElement} */
     const row = el("tr", { data: { chosen: String(open === item.run) }, onclick: (event) => event.target !== choose && pick(item, row) },
+      el("td", {}, mark),
       el("th", { scope: "row" }, choose),
       el("td", {}, words(item.procedure)),
       el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state))),
@@ -100,6 +127,32 @@ export function mountRuns(root) {
     drawRun(sheet, item, refresh);
     // On a narrow page the run is below the list.
     if (sheet.getBoundingClientRect().top > innerHeight / 2) sheet.scrollIntoView({ behavior: "smooth" });
+  }
+}
+
+/**
+ * Compare runs, from the oldest on: differences are from the first.
+ * @param {HTMLElement} root
+ * @param {Api.RunLine[]} items
+ */
+async function drawComparison(root, items) {
+  const runs = items.sort((a, b) => a.started_ns - b.started_ns || (a.run < b.run ? -1 : 1)).map((item) => item.run);
+  const source = `/api/comparison?${new URLSearchParams(runs.map((run) => ["run", run]))}`;
+  const report = el("div", { class: "report" });
+  const note = el("span", { class: "quiet", role: "status" }, "Comparing …");
+  const own = el("a", { class: "button", target: "_blank", rel: "noopener", href: source, hidden: true }, "In a new page");
+  fill(root,
+    el("div", { class: "panel-head" }, el("h2", {}, `${runs.length} runs compared`), own, note),
+    el("p", { class: "quiet" }, ...runs.flatMap((run, index) => [index ? ", " : "", file(run)])),
+    report);
+  try {
+    await compare(runs);
+    fill(report, el("iframe", { src: source, title: "Comparison of runs", sandbox: "" }));
+    own.hidden = false;
+  } catch (error) {
+    fill(report, el("p", { class: "problem empty" }, withHint(asRefused(error))));
+  } finally {
+    setText(note, "");
   }
 }
 
