@@ -16,6 +16,7 @@ from support import file_axis
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
@@ -170,6 +171,7 @@ class ServedAxis:
                 self.audit,
                 CalculationWorker(),
                 CalculationWorker(),
+                ComparedPages(CalculationWorker()),
                 self.descriptors,
             ),
             RefusedCounts,
