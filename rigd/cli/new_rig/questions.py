@@ -62,7 +62,7 @@ QUESTIONS: Final = (
         "60 rad/s",
         1.0,
         1e4,
-        "; its limit becomes 80 % of that, reached within 1 s at the least",
+        "; the limit becomes 80 % of it, its rate that much per second",
     ),
     BenchQuestion("torque", "Largest torque of the drive at the disk", "N m", "4 N m", 1e-2, 1e4),
     BenchQuestion("load", "Mass of the dead weight on the pin", "kg", "1 kg", 1e-3, 1e3),
