@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,9 +31,9 @@ examples:
   Without --rig only the keys of a procedure and their shapes are checked: names, units and
   expressions can only be checked against a rig.
 
-  A procedure is for another rig if its only errors are devices that the rig lacks. With several
-  procedures this is allowed: a line names each of them. If no procedure fits the rig, that is an
-  error.
+  A procedure is for another rig if its only errors are devices that the rig lacks, or channels
+  and it is right on a shipped rig. With several procedures this is allowed: a line names each of
+  them. If no procedure fits the rig, that is an error.
 
 exit code: 0 every file is right, or a procedure for another rig beside one that fits; 2 otherwise
 """
@@ -42,7 +43,7 @@ exit code: 0 every file is right, or a procedure for another rig beside one that
 class FileReport:
     """The result for one file: ``summary``, or the ``problem`` if there is one.
 
-    ``missing`` lists the devices that the rig lacks, if nothing else is wrong.
+    ``missing`` lists the devices or channels that the rig lacks, if nothing else is wrong.
     """
 
     given: str
@@ -91,7 +92,27 @@ def _report(given: str, rig: RigConfig | None) -> FileReport:
     except OtherRigError as error:
         return FileReport(given, kind, problem=error, missing=error.missing)
     except ConfigError as error:
-        return FileReport(given, kind, problem=error)
+        missing = () if rig is None or kind != "procedure" else _lacked(given, error, rig)
+        return FileReport(given, kind, problem=error, missing=missing)
+
+
+def _lacked(given: str, error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
+    """Return the channels that devices of ``rig`` lack, if it is right on a shipped rig.
+
+    A misspelled channel is one that no rig has.
+    """
+    from rigd.config.loader import load_rig
+    from rigd.model.errors import ConfigError
+    from rigd.sdk.shipped import shipped_folder
+
+    missing = {item.lacks for item in (error, *error.others)}
+    if any(name.partition(".")[0] not in rig.devices for name in missing):
+        return ()
+    for file in sorted(shipped_folder("configs").glob("*.yaml")):
+        with suppress(ConfigError):
+            _check(given, "procedure", load_rig(file))
+            return tuple(sorted(missing))
+    return ()
 
 
 def _is_right(reports: Sequence[FileReport]) -> bool:

@@ -38,7 +38,10 @@ DEVICES = {
 def test_procedure_for_another_rig_takes_a_line(
     rig: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    missing = ", ".join(sorted(set().union(*DEVICES.values()) - DEVICES[rig]))
+    lacked = set().union(*DEVICES.values()) - DEVICES[rig]
+    if rig == "angle-1":
+        lacked.add("daq.normal_force_raw")  # of the rig with the fast load cell
+    missing = ", ".join(sorted(lacked))
     code, out, err = check(*ALL, "--rig", rig, capsys=capsys)
     assert (code, err) == (0, "")
     *lines, summary = [line for line in out.splitlines() if not line.startswith("  ")]

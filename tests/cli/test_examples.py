@@ -281,6 +281,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd remote lease",
         "rigd remote dry-run procedures/quick.yaml --rig lugre-1",
         "rigd remote dry-run constant_current --set floor=pvc",
+        "rigd remote runs --where 'specimen == W7 and started > 2026-09-01'",
         "rigd remote fetch RUN",
         "rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/",
     ),

@@ -43,6 +43,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 DOCUMENTS = (
     "index.md",
     "install.md",
+    "other_systems.md",
     "tutorial.md",
     "procedures.md",
     "rigs.md",
@@ -87,6 +88,7 @@ SERVED = frozenset({"remote.md"})
 UNCHECKED = {
     "index.md": 0,
     "install.md": 4,
+    "other_systems.md": 0,
     "tutorial.md": 3,
     "procedures.md": 1,
     "rigs.md": 0,

@@ -180,6 +180,7 @@ def test_person_is_asked_again_and_typed_text_recorded(
         ("What does it show?", "9 V"),
         ("9 V is outside 9.9 V .. 10.1 V", None),
         ("What does it show?", "10.05 V"),
+        ("Go on?", "go on"),  # the check of the trial sees 4 kg
     ):
         terminal.expect(question)
         if answer is not None:

@@ -132,7 +132,10 @@ class Asker:
 
 def _piped_line() -> str:
     """Return the next line of standard input, "" if there is none, or no standard input."""
-    return "" if sys.stdin is None else sys.stdin.readline()
+    try:
+        return "" if sys.stdin is None else sys.stdin.readline()
+    except OSError:  # what it was is closed
+        return ""
 
 
 def _derived(answers: Mapping[str, str]) -> dict[str, str]:

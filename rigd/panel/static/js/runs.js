@@ -44,6 +44,7 @@ export function mountRuns(root) {
   let where = "";
   let oldest = /** @type {string | null} */ (null);
   let open = /** @type {string | null} */ (null);
+  let asking = 0;
   let lastRun = /** @type {string | null | undefined} */ (undefined);
 
   /**
@@ -51,7 +52,9 @@ export function mountRuns(root) {
    * @param {boolean} fresh
    */
   async function load(fresh, asked = where) {
+    const own = ++asking;
     const { runs, more: isMore } = await ask("runs", { limit: PAGE, where: asked, before: fresh ? null : oldest });
+    if (own !== asking) return; // a later question has been asked since
     where = asked;
     wrong.hidden = true;
     if (fresh) fill(body);
