@@ -9,7 +9,7 @@ from datetime import UTC
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,39 @@ if TYPE_CHECKING:
 
 #: A recording, or the path of one.
 Recorded = Recording | str | os.PathLike[str]
+
+
+class Grouped(Protocol):
+    """What has a name, and a group of trials that it is of."""
+
+    @property
+    def group(self) -> str:
+        """The group of trials."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """The name, once in each group."""
+        ...
+
+
+G = TypeVar("G", bound=Grouped)
+
+
+def find_parameter(parameters: Sequence[G], key: str | tuple[str, str], known: str) -> G:
+    """Return a parameter by its name, or by group and name; ``known`` says which there are.
+
+    Raises:
+        KeyError: there is none, or several groups have it.
+    """
+    group, name = key if isinstance(key, tuple) else (None, key)
+    found = [p for p in parameters if p.name == name and group in (None, p.group)]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise KeyError(f"no parameter {key!r}; there are {known}")
+    groups = [item.group for item in found]
+    raise KeyError(f"several groups have {name!r}: give (group, name), groups are {groups}")
 
 
 @dataclass(frozen=True)
@@ -114,15 +147,8 @@ class Result:
         Raises:
             KeyError: there is none, or several groups have it.
         """
-        group, name = key if isinstance(key, tuple) else (None, key)
-        found = [p for p in self.parameters if p.name == name and group in (None, p.group)]
-        if len(found) == 1:
-            return found[0]
-        if not found:
-            known = list(dict.fromkeys(item.name for item in self.parameters))
-            raise KeyError(f"no parameter {key!r}; there are {known} of groups {list(self.groups)}")
-        groups = [item.group for item in found]
-        raise KeyError(f"several groups have {name!r}: give (group, name), groups are {groups}")
+        known = list(dict.fromkeys(item.name for item in self.parameters))
+        return find_parameter(self.parameters, key, f"{known} of groups {list(self.groups)}")
 
     @cached_property
     def table(self) -> Table:

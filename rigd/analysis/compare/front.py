@@ -28,6 +28,7 @@ from rigd.analysis.front import (
     Recorded,
     Result,
     corrections_of,
+    find_parameter,
     paths_of,
     write_report,
 )
@@ -78,15 +79,8 @@ class ComparisonResult:
         Raises:
             KeyError: there is none, or several groups have it.
         """
-        group, name = key if isinstance(key, tuple) else (None, key)
-        found = [p for p in self.parameters if p.name == name and group in (None, p.group)]
-        if len(found) == 1:
-            return found[0]
-        if not found:
-            known = [named(item) for item in self.parameters]
-            raise KeyError(f"no parameter {key!r}; there are {known}")
-        groups = [item.group for item in found]
-        raise KeyError(f"several groups have {name!r}: give (group, name), groups are {groups}")
+        known = [named(item) for item in self.parameters]
+        return find_parameter(self.parameters, key, str(known))
 
     @cached_property
     def table(self) -> Table:
