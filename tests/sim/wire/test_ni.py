@@ -200,7 +200,8 @@ def test_input_shows_each_fault(client: Client) -> None:
         read(task, 10)
 
         def fresh() -> np.ndarray[Any, Any]:
-            read(task, 100)  # what was converted before
+            waiting = task.in_stream.avail_samp_per_chan
+            read(task, waiting + 10)  # what was converted before, however long ago
             return read(task, 100)
 
         client.inject("saturation", channel="ai0")
