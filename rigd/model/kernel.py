@@ -33,6 +33,19 @@ def part(function: F) -> F:
     return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
 
 
+def inlined(function: F) -> F:
+    """Compile ``function``, which allocates no array, into the kernels of its file that call it.
+
+    Such a call costs nothing. Else numba counts references to each array argument at the begin and
+    the end of every call, with locked instructions: half of the time of a small function.
+    Raises:
+        numba.TypingError, at the first call: the function allocates.
+    """
+    options = {"forceinline": True, "_nrt": False}  # no run time that counts references
+    compiled = numba.njit(cache=True, error_model="numpy", nogil=True, **options)
+    return cast(F, compiled(function))
+
+
 class _Announcer(event.Listener):
     """Is called when numba compiles a function, and not when it finds the function on disk."""
 

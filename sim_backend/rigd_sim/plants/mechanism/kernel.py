@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined
 from rigd.sdk.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of such rows.
@@ -52,13 +52,13 @@ SPRING, CONSTANT, PENDULUM, STOP, SLIDING, BRISTLES, CURRENT, SPEED, POSITION = 
 AT_POSITION, AT_SPEED, AT_FORCE, AT_LOAD, AT_TEMPERATURE = 0.0, 1.0, 2.0, 3.0, 4.0
 
 
-@kernel
+@inlined
 def limited(value: float, limit: float) -> float:
     """Return ``value`` within plus or minus ``limit``."""
     return min(max(value, -limit), limit)
 
 
-@kernel
+@inlined
 def fall(el: Row, v: float) -> tuple[float, float]:
     """Return g(v), and |v| dg/d|v|, which unlike the slope itself is finite at rest."""
     excess = el.f_s - el.f_c
@@ -75,7 +75,7 @@ def fall(el: Row, v: float) -> tuple[float, float]:
     return el.f_c + part, -el.shape * power * part
 
 
-@kernel
+@inlined
 def sliding(el: Row, v: float, load: float, out: Row) -> None:
     """Fill ``out`` with a law of speed alone."""
     pushed, slope = el.visc * v, el.visc
@@ -91,7 +91,7 @@ def sliding(el: Row, v: float, load: float, out: Row) -> None:
     out.power = out.f * v
 
 
-@kernel
+@inlined
 def bristles(el: Row, v: float, z: float, load: float, out: Row) -> None:
     """Fill ``out`` with the LuGre law; g(v) is in shares of the load."""
     g, bend = fall(el, v)
@@ -111,7 +111,7 @@ def bristles(el: Row, v: float, z: float, load: float, out: Row) -> None:
     out.stored = 0.5 * load * el.s_0 * z * z
 
 
-@kernel
+@inlined
 def spring(el: Row, e: float, v: float, out: Row) -> None:
     """Fill ``out`` with a spring and its damper; within its play it has no force."""
     stretch = e
@@ -129,7 +129,7 @@ def spring(el: Row, e: float, v: float, out: Row) -> None:
     out.stored = 0.5 * el.k * stretch * stretch
 
 
-@kernel
+@inlined
 def stop(el: Row, e: float, v: float, out: Row) -> None:
     """Fill ``out`` with the buffer in contact; it never pulls."""
     pressed = e - min(max(e, el.low), el.high)
@@ -144,7 +144,7 @@ def stop(el: Row, e: float, v: float, out: Row) -> None:
     out.power = el.d * v * v
 
 
-@kernel
+@inlined
 def current(el: Row, v: float, z: float, command: float, on: float, out: Row) -> None:
     """Fill ``out`` with a current z and its force; the supply may not drive what is demanded."""
     goal = limited(command, el.limit) if on > 0.5 else 0.0
@@ -159,7 +159,7 @@ def current(el: Row, v: float, z: float, command: float, on: float, out: Row) ->
     out.g, out.g_v, out.g_z = el.rate * (goal - z), el.rate * slope, -el.rate
 
 
-@kernel
+@inlined
 def servo(el: Row, e: float, v: float, z: float, command: float, on: float, out: Row) -> None:
     """Fill ``out`` with a PI controller of speed, behind one of position if that is its kind."""
     if on < 0.5:
@@ -181,7 +181,7 @@ def servo(el: Row, e: float, v: float, z: float, command: float, on: float, out:
     out.g, out.g_v, out.g_e = error, -1.0, -outer
 
 
-@kernel
+@inlined
 def clear(out: Row) -> None:
     """Set all fields to 0."""
     out.f, out.f_e, out.f_v, out.f_z = 0.0, 0.0, 0.0, 0.0
@@ -189,7 +189,7 @@ def clear(out: Row) -> None:
     out.pushed, out.press_e, out.press_v, out.power, out.stored = 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel
+@inlined
 def evaluate(elements: Rows, commands: Floats, y: Floats, bodies: int, terms: Rows) -> None:
     """Fill ``terms`` with what every element does in the state ``y``."""
     speeds, inner = np.uint32(bodies + 1), np.uint32(2 * bodies + 2)
@@ -229,7 +229,7 @@ def evaluate(elements: Rows, commands: Floats, y: Floats, bodies: int, terms: Ro
             out.stored = el.k * e
 
 
-@kernel
+@inlined
 def factorise(
     masses: Floats, elements: Rows, terms: Rows, bodies: int, s: float, matrix: Floats
 ) -> None:
@@ -281,7 +281,7 @@ def factorise(
                     matrix[row, column] -= factor * matrix[k, column]
 
 
-@kernel
+@inlined
 def solve(elements: Rows, terms: Rows, bodies: int, s: float, matrix: Floats, u: Floats) -> None:
     """Replace ``u``, the right-hand side (r_x, r_v, r_z), by the solution of a stage.
 
@@ -323,7 +323,7 @@ def solve(elements: Rows, terms: Rows, bodies: int, s: float, matrix: Floats, u:
             ) * term.settled
 
 
-@kernel
+@inlined
 def pressing(elements: Rows, terms: Rows, u: Floats, n: int, s: float) -> float:
     """Return what the way r_x of the spring that presses element ``n`` adds to its force."""
     by = elements[int(elements[n].press)]
@@ -336,7 +336,7 @@ def pressing(elements: Rows, terms: Rows, u: Floats, n: int, s: float) -> float:
     return force
 
 
-@kernel
+@inlined
 def rates(elements: Rows, terms: Rows, y: Floats, bodies: int, u: Floats) -> None:
     """Fill ``u`` with the rates of (x, v, z) in the state ``y``; those of v times the masses."""
     speeds, inner = np.uint32(bodies + 1), np.uint32(2 * bodies + 2)
@@ -353,7 +353,7 @@ def rates(elements: Rows, terms: Rows, y: Floats, bodies: int, u: Floats) -> Non
         u[inner + np.uint32(n)] = term.g
 
 
-@kernel
+@inlined
 def add(u: Floats, other: Floats, masses: Floats, bodies: int) -> None:
     """Add stages, weighted, to a right-hand side, whose speeds are times the masses."""
     speeds, inner = np.uint32(bodies + 1), np.uint32(2 * bodies + 2)
@@ -364,7 +364,7 @@ def add(u: Floats, other: Floats, masses: Floats, bodies: int) -> None:
         u[i] += other[i]
 
 
-@kernel
+@inlined
 def step(
     masses: Floats, elements: Rows, commands: Floats, y: Floats, terms: Rows, again: Rows,
     u1: Floats, u2: Floats, u3: Floats, u4: Floats, between: Floats, matrix: Floats,
@@ -411,7 +411,7 @@ def step(
             y[inner + np.uint32(n)] = limited(y[inner + np.uint32(n)], el.f_s / el.s_0)
 
 
-@kernel
+@inlined
 def count(
     elements: Rows, terms: Rows, y: Floats, bodies: int, tally: Rows, half: float
 ) -> None:  # fmt: skip
@@ -430,7 +430,7 @@ def count(
     now.given, now.lost = given, lost
 
 
-@kernel
+@inlined
 def measured(
     sensor: Row, elements: Rows, terms: Rows, filters: Rows, sensors: int, y: Floats, bodies: int
 ) -> float:
@@ -453,7 +453,7 @@ def measured(
     return result
 
 
-@kernel
+@inlined
 def prepare(filters: Rows, number: int, rate: float, h: float) -> None:
     """Set what a filter of ``rate`` 1/s keeps over ``h`` s, exact for an input on a line."""
     if rate > 0.0 and h > 0.0:
@@ -463,14 +463,14 @@ def prepare(filters: Rows, number: int, rate: float, h: float) -> None:
         filters[number].keep, filters[number].slope = 0.0, 0.0
 
 
-@kernel
+@inlined
 def follow(row: Row, value: float) -> None:
     """Bring a filter to the next instant, when its input is ``value``."""
     row.out = value + (row.out - row.last) * row.keep - (value - row.last) * row.slope
     row.last = value
 
 
-@kernel
+@inlined
 def look(
     elements: Rows, sensors: Rows, warm: Rows, heat: Floats, ambient: float, y: Floats,
     terms: Rows, filters: Rows, bodies: int, first: bool, begun: bool,
@@ -499,7 +499,7 @@ def look(
             follow(row, value)
 
 
-@kernel
+@inlined
 def integrate(
     masses: Floats, elements: Rows, sensors: Rows, warm: Rows, heat: Floats, ambient: float,
     commands: Floats, y: Floats, terms: Rows, again: Rows, work: Floats, filters: Rows,
@@ -533,7 +533,7 @@ def integrate(
             )  # fmt: skip
 
 
-@kernel
+@inlined
 def show(sensors: Rows, filters: Rows, readings: Floats, seed: int, t_ns: int) -> None:
     """Fill ``readings`` with what the sensors show at ``t_ns``, then the true temperatures."""
     for k in range(len(sensors)):
@@ -548,7 +548,7 @@ def show(sensors: Rows, filters: Rows, readings: Floats, seed: int, t_ns: int) -
         readings[k] = filters[k].out
 
 
-@kernel
+@inlined
 def advance(
     masses: Floats, elements: Rows, sensors: Rows, warm: Rows, heat: Floats, ambient: float,
     commands: Floats, y: Floats, terms: Rows, again: Rows, work: Floats, filters: Rows,
@@ -565,7 +565,7 @@ def advance(
     show(sensors, filters, readings, seed, t_ns)
 
 
-@kernel
+@inlined
 def stored(masses: Floats, terms: Rows, y: Floats) -> float:
     """Return the energy in J in motion, springs, bristles, buffers and height."""
     bodies = len(masses) - 1
