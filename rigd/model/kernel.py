@@ -36,10 +36,9 @@ def part(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile ``function``, which allocates no array, into the kernels of its file that call it.
 
-    Such a call costs nothing. Else numba counts references to each array argument at the begin and
-    the end of every call, with locked instructions: half of the time of a small function.
-    Raises:
-        numba.TypingError, at the first call: the function allocates.
+    Such a call costs nothing. A call of a ``@kernel`` counts references to each array argument,
+    with locked instructions, which can take longer than a small function. The first call of one
+    that does allocate, also by ``row[:] = (1.0, 2.0)``, raises numba's error "NRT required".
     """
     options = {"forceinline": True, "_nrt": False}  # no run time that counts references
     compiled = numba.njit(cache=True, error_model="numpy", nogil=True, **options)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 
 Row = Any  # one row of what records.py lays out
@@ -39,7 +39,7 @@ REST_SLIDING: float = 1e-5
 BOUNCE = (0.2, 0.35, 0.6, 0.75)
 
 
-@kernel
+@inlined
 def contact_closed(c: Row, s: Row, now: float) -> bool:
     """Return whether the relay conducts at ``now`` s, after the command of ``s.command_at``."""
     since = now - s.command_at
@@ -53,7 +53,7 @@ def contact_closed(c: Row, s: Row, now: float) -> bool:
     return not (BOUNCE[0] <= share < BOUNCE[1] or BOUNCE[2] <= share < BOUNCE[3])
 
 
-@kernel
+@inlined
 def shaft_torque(c: Row, twist: float, rate: float) -> float:
     """Return the torque in N m through backlash and shaft; an open gap carries none."""
     torque = 0.0
@@ -64,7 +64,7 @@ def shaft_torque(c: Row, twist: float, rate: float) -> float:
     return torque
 
 
-@kernel
+@inlined
 def friction(
     c: Row, w: float, v: float, z: float, slid: float
 ) -> tuple[float, float, float, float]:
@@ -86,7 +86,7 @@ def friction(
     return c.bristle_stiffness * z + damping * rate, rate, sliding, limit
 
 
-@kernel
+@inlined
 def profile(c: Row, angle: float) -> tuple[float, float]:
     """Return height in m and slope in m/rad of the wheel's profile at ``angle``."""
     sides = c.rollers * angle + c.profile_phase
@@ -98,7 +98,7 @@ def profile(c: Row, angle: float) -> tuple[float, float]:
     return height, slope
 
 
-@kernel
+@inlined
 def normal_force(
     c: Row, relaxed: float, angle: float, w: float, x: float, y: float, vy: float, mu: float
 ) -> tuple[float, float]:
@@ -111,7 +111,7 @@ def normal_force(
     return max(0.0, base + vibrating) / (1.0 - c.tilting * mu), vibrating
 
 
-@kernel
+@inlined
 def drag(c: Row, w: float, n: float) -> float:
     """Return the moment in N m downstream of the gauges: bearings, rolling and rubbing."""
     sign = math.tanh(w / TURNING)
@@ -120,7 +120,7 @@ def drag(c: Row, w: float, n: float) -> float:
     return moment
 
 
-@kernel
+@inlined
 def platform_force(c: Row, x: float, v: float, rolling: float, n: float) -> float:
     """Return the force in N on the platform along its travel."""
     sign = math.tanh(v / SLIDING)
@@ -135,7 +135,7 @@ def platform_force(c: Row, x: float, v: float, rolling: float, n: float) -> floa
     return force
 
 
-@kernel
+@inlined
 def current_rate(c: Row, closed: bool, current: float, w: float) -> float:
     """Return di/dt in A/s: on the regulator, shorted by the brake, or through the diode."""
     across = 0.0
@@ -147,7 +147,7 @@ def current_rate(c: Row, closed: bool, current: float, w: float) -> float:
     return rate
 
 
-@kernel
+@inlined
 def rates(c: Row, closed: bool, relaxed: float, m: Moving) -> Moving:
     """Return the derivatives of ``m`` in time."""
     i, rotor, rotor_speed, wheel, w, z, slid, x, v, y, vy = m
@@ -175,13 +175,13 @@ def rates(c: Row, closed: bool, relaxed: float, m: Moving) -> Moving:
     )
 
 
-@kernel
+@inlined
 def pressed(low: float, high: float, position: float) -> float:
     """Return by how much ``position`` lies beyond ``low`` or ``high``."""
     return position - min(max(position, low), high)
 
 
-@kernel
+@inlined
 def powers(c: Row, closed: bool, relaxed: float, m: Moving) -> tuple[float, float]:
     """Return the power in W that comes from the supply, and that which is dissipated.
 
@@ -233,7 +233,7 @@ def stored(constants: Rows, state: Rows) -> float:
     return energy
 
 
-@kernel
+@inlined
 def moved(m: Moving, r: Moving, h: float) -> Moving:
     """Return ``m`` + ``h`` ``r``."""
     return (
@@ -251,7 +251,7 @@ def moved(m: Moving, r: Moving, h: float) -> Moving:
     )
 
 
-@kernel
+@inlined
 def stepped(c: Row, closed: bool, relaxed: float, m: Moving, h: float) -> Moving:
     """Return ``m`` after ``h`` s."""
     k1 = rates(c, closed, relaxed, m)
@@ -264,7 +264,7 @@ def stepped(c: Row, closed: bool, relaxed: float, m: Moving, h: float) -> Moving
     return moved(m, k4, h / 6.0)
 
 
-@kernel
+@inlined
 def potentiometer(c: Row, turned: float, slope: float, phase: float) -> float:
     """Return the volts at ``turned`` rad from its end: a ten-turn one ends, it does not wrap."""
     at = min(max(turned, 0.0), c.pot_end)
@@ -272,7 +272,7 @@ def potentiometer(c: Row, turned: float, slope: float, phase: float) -> float:
     return volts
 
 
-@kernel
+@inlined
 def show(c: Row, s: Row, m: Moving, out: Floats) -> None:
     """Fill a row of the history (layout.HISTORY): voltages before noise, and the truth."""
     _, rotor, rotor_speed, wheel, w, z, slid, x, v, y, vy = m
@@ -321,7 +321,7 @@ def touch(constants: Rows, state: Rows) -> None:
     s.y, _ = profile(constants[0], s.wheel)
 
 
-@kernel
+@inlined
 def weigh(c: Row, s: Row, scale: Floats, seed: int) -> None:
     """Take a reading of the scale: ``scale`` holds the last ones, in kg, the newest first."""
     tick = int(s.readings)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 from rigd_sim.plants.articulated.records import Robot
 
@@ -56,7 +56,7 @@ EVENTS = 32
 ANEW = 64
 
 
-@kernel
+@inlined
 def sign_of(ratio: float) -> float:
     """Return tanh, which is 1 to all digits beyond 20: the regularised sign of Eq. 12."""
     if ratio > 20.0:
@@ -66,7 +66,7 @@ def sign_of(ratio: float) -> float:
     return math.tanh(ratio)
 
 
-@kernel
+@inlined
 def turn(work: Floats, i: int, heading: float) -> None:
     """Set cosine and sine of ``heading`` from those at a heading nearby."""
     angle = heading - work[i, AT]
@@ -80,7 +80,7 @@ def turn(work: Floats, i: int, heading: float) -> None:
     work[i, SIN] = work[i, AT_SIN] * c + work[i, AT_COS] * s
 
 
-@kernel
+@inlined
 def saturated(c: Row, square: float, load: float, slides: bool) -> float:
     """Return the contact force over its trial force: Eq. 20, read as in articulated.md 1.3.
 
@@ -105,7 +105,7 @@ def saturated(c: Row, square: float, load: float, slides: bool) -> float:
     return 1.0 + float(blend) * (sliding - 1.0)
 
 
-@kernel
+@inlined
 def motor_torque(c: Row, target: float, speed: float, integral: float) -> tuple[float, float]:
     """Return the motor's torque in N m, and the rate of the integral of its speed error in rad."""
     error = target - speed
@@ -117,7 +117,7 @@ def motor_torque(c: Row, target: float, speed: float, integral: float) -> tuple[
     return demand, error
 
 
-@kernel
+@inlined
 def leg(module: Row, y: Floats, legs: int, front: float, left: float) -> tuple[float, float]:
     """Return by how much a leg is pressed in m, and the upward speed of its top in m/s."""
     x, side = front * module.d, left * module.b
@@ -126,7 +126,7 @@ def leg(module: Row, y: Floats, legs: int, front: float, left: float) -> tuple[f
     return module.load / module.stiffness - rise, rate
 
 
-@kernel
+@inlined
 def wheel_load(c: Row, module: Row, y: Floats, legs: int, front: float, left: float) -> float:
     """Return the normal force in N of the wheel at (``front`` d, ``left`` b).
 
@@ -143,7 +143,7 @@ def wheel_load(c: Row, module: Row, y: Floats, legs: int, front: float, left: fl
     return float(module.load)
 
 
-@kernel
+@inlined
 def stop_moment(c: Row, angle: float, rate: float) -> tuple[float, float]:
     """Return the moment in N m on the module ahead, and its part that is spring, at a hinge."""
     if angle > c.stop:
@@ -155,7 +155,7 @@ def stop_moment(c: Row, angle: float, rate: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-@kernel
+@inlined
 def solve(work: Floats, rates: Floats, n: int, at: int) -> None:
     """Solve the symmetric equations in ``work``, whose right side is in ``rates[at:at + n]``."""
     for i in range(n):
@@ -172,7 +172,7 @@ def solve(work: Floats, rates: Floats, n: int, at: int) -> None:
         rates[at + i] = value / work[i, ROW + i]
 
 
-@kernel
+@inlined
 def legs_rates(
     c: Row, module: Row, y: Floats, dy: Floats, legs: int, along: float, across: float,
     lift: float, roll: float, pitch: float, torque: float,
@@ -192,7 +192,7 @@ def legs_rates(
     dy[legs + 5] = (pitch - module.lever * along - torque) / module.pitch_inertia
 
 
-@kernel
+@inlined
 def evaluate(
     c: Row, modules: Rows, spins: Rows, beta: Floats, gram: Floats, wheel_spin: Integers,
     commands: Floats, y: Floats, dy: Floats, slides: Flags, excess: Floats, torques: Floats,
@@ -314,7 +314,7 @@ def evaluate(
     dy[energy], dy[energy + 1] = supplied, lost
 
 
-@kernel
+@inlined
 def refer(work: Floats, y: Floats, n: int, exactly: bool) -> None:
     """Let the next sines and cosines be computed from those at the headings of ``y``."""
     for i in range(n):
@@ -325,7 +325,7 @@ def refer(work: Floats, y: Floats, n: int, exactly: bool) -> None:
         work[i, AT] = y[2 + i]
 
 
-@kernel
+@inlined
 def farthest(slides: Flags, excess: Floats) -> float:
     """Return how far the contact that is farthest beyond its branch is; negative: none is."""
     worst = -1.0
@@ -334,7 +334,7 @@ def farthest(slides: Flags, excess: Floats) -> float:
     return worst
 
 
-@kernel
+@inlined
 def sort_branches(slides: Flags, excess: Floats, least: float) -> None:
     """Change the branch of every contact that is beyond its own by more than ``least``."""
     for wheel in range(slides.size):
@@ -342,7 +342,7 @@ def sort_branches(slides: Flags, excess: Floats, least: float) -> None:
             slides[wheel] = not slides[wheel]
 
 
-@kernel
+@inlined
 def keep_poses(track: Floats, row: int, beta: Floats, work: Floats, y: Floats, n: int) -> None:
     """Write the centres in m and headings in rad of all modules to a row of ``track``."""
     for i in range(n):
@@ -353,7 +353,7 @@ def keep_poses(track: Floats, row: int, beta: Floats, work: Floats, y: Floats, n
         track[row, 3 * i], track[row, 3 * i + 1], track[row, 3 * i + 2] = x, aside, y[2 + i]
 
 
-@kernel
+@inlined
 def integrate(
     robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, track: Floats,
     first: int, step: float, steps: int,

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of one that holds it.
@@ -36,7 +36,7 @@ Rows = NDArray[np.void]
 REST = 1e-12
 
 
-@kernel
+@inlined
 def stribeck(c: Row, slip: float) -> tuple[float, float]:
     """Return g(V_r) of Eq. 6 (with its missing '+') and -|V_r| dg/d|V_r|, both dimensionless.
 
@@ -47,7 +47,7 @@ def stribeck(c: Row, slip: float) -> tuple[float, float]:
     return c.mu_c + excess, 0.5 * excess * root
 
 
-@kernel
+@inlined
 def bristles(c: Row, p: float, slip: float, g: float, duration: float) -> float:
     """Return p (m) after ``duration`` s at constant slip: the exact solution of Eq. 5."""
     if slip == 0.0:
@@ -56,7 +56,7 @@ def bristles(c: Row, p: float, slip: float, g: float, duration: float) -> float:
     return settled + (p - settled) * math.exp(-c.sigma_0 * abs(slip) * duration / g)
 
 
-@kernel
+@inlined
 def traction(c: Row, p: float, slip: float, g: float, bend: float) -> tuple[float, float]:
     """Return F of Eqs. 41 and 42 in N and dF/dV_r in N s/m; ``g, bend`` by :func:`stribeck`."""
     stress = c.sigma_0 * p / g
@@ -66,7 +66,7 @@ def traction(c: Row, p: float, slip: float, g: float, bend: float) -> tuple[floa
     return c.weight * force, c.weight * slope
 
 
-@kernel
+@inlined
 def lateral_force(c: Row, speed: float) -> tuple[float, float]:
     """Return G of Eqs. 22, 25, 26 in N and dG/dv_z in N s/m: their closed form.
 
@@ -90,7 +90,7 @@ def lateral_force(c: Row, speed: float) -> tuple[float, float]:
     return s * c.weight, slope * c.weight
 
 
-@kernel
+@inlined
 def servo(
     gain: float, integral: float, limit: float, error: float, error_sum: float
 ) -> tuple[float, float, bool]:
@@ -103,7 +103,7 @@ def servo(
     return force, -gain, False
 
 
-@kernel
+@inlined
 def end_stop(
     low: float, high: float, stiffness: float, damping: float, position: float, speed: float
 ) -> tuple[float, float]:
@@ -117,7 +117,7 @@ def end_stop(
     return 0.0, 0.0
 
 
-@kernel
+@inlined
 def lateral_rate(c: Row, s: Row, vz: float, target: float, engaged: bool) -> tuple[float, float]:
     """Return dv_z/dt of Eq. 27 in m/s^2 and its derivative by v_z in 1/s."""
     force, slope = 0.0, 0.0
@@ -134,7 +134,7 @@ def lateral_rate(c: Row, s: Row, vz: float, target: float, engaged: bool) -> tup
     return (force - rail - roller + stop) / c.lateral_mass, change / c.lateral_mass
 
 
-@kernel
+@inlined
 def loads(c: Row, lateral: float) -> tuple[float, float]:
     """Return |F_G| + |F_H| of the guide (Eqs. 21 to 23) and |F_A| + |F_B| of the bearings (48)."""
     moment = abs(c.guide_moment - lateral * c.height) / c.half_span
@@ -145,7 +145,7 @@ def loads(c: Row, lateral: float) -> tuple[float, float]:
     return guide, abs(near) + abs(far)
 
 
-@kernel
+@inlined
 def resistances(c: Row, v: float, guide_load: float) -> tuple[float, float, float]:
     """Return F_D of Eq. 24 and F_rol of Eq. 20 in N, and the slope of their sum in N s/m."""
     sign = math.tanh(v / c.smooth)
@@ -156,7 +156,7 @@ def resistances(c: Row, v: float, guide_load: float) -> tuple[float, float, floa
     return guide, rolling * sign, slope
 
 
-@kernel
+@inlined
 def shaft(c: Row, w: float, current: float, bearing_load: float) -> tuple[float, float]:
     """Return (K_t i - T_nl) E G_r - T_f of Eq. 51 in N m, and its slope against w."""
     rim = c.r * w
@@ -173,7 +173,7 @@ def shaft(c: Row, w: float, current: float, bearing_load: float) -> tuple[float,
     return torque, slope
 
 
-@kernel
+@inlined
 def reachable_current(c: Row, w: float, demand: float) -> float:
     """Return the demanded current in A as far as the supply can drive it against the back-EMF."""
     emf = c.back_emf * c.gear * w
@@ -183,7 +183,7 @@ def reachable_current(c: Row, w: float, demand: float) -> float:
     return reachable
 
 
-@kernel
+@inlined
 def speed_rates(
     c: Row, s: Row, v: float, w: float, g: float, bend: float, lateral: float, belt: float, on: bool
 ) -> tuple[float, float, float, float, float, float]:
@@ -211,26 +211,26 @@ def speed_rates(
     )
 
 
-@kernel
+@inlined
 def limited(value: float, limit: float) -> float:
     """Return ``value`` within plus or minus ``limit``."""
     return min(max(value, -limit), limit)
 
 
-@kernel
+@inlined
 def demanded_current(c: Row, u: Row) -> float:
     """Return the current in A that the amplifier regulates to; none while disabled."""
     return limited(u.wheel_current, c.current_limit) if u.wheel_enabled > 0.5 else 0.0
 
 
-@kernel
+@inlined
 def winding(gain: float, integral: float, limit: float, error: float, error_sum: float) -> bool:
     """Return whether a belt's integral may move on: not while limited and pushing further."""
     force = gain * error + integral * error_sum
     return abs(force) <= limit or error * force < 0.0
 
 
-@kernel
+@inlined
 def buffer_loss(
     low: float, high: float, stiffness: float, damping: float, position: float, speed: float
 ) -> float:
@@ -240,7 +240,7 @@ def buffer_loss(
     return -(force + stiffness * pressed) * speed
 
 
-@kernel
+@inlined
 def powers(
     c: Row, s: Row, v: float, w: float, lateral: float, belt: float, on: bool, vz: float,
     across: float, lateral_on: bool,
@@ -288,7 +288,7 @@ def stored(constants: Rows, state: Rows) -> float:
     return energy
 
 
-@kernel
+@inlined
 def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: int) -> None:
     """Advance ``state`` by ``steps`` of ``step`` s with ``commands`` held."""
     if steps < 1:
@@ -359,7 +359,7 @@ def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: 
     s.v, s.w = v, w
 
 
-@kernel
+@inlined
 def shown(c: Row, value: float, resolution: float) -> float:
     """Return ``value`` in whole multiples of ``resolution``, or exactly with ideal sensors."""
     if c.real_sensors == 0.0:
@@ -367,13 +367,13 @@ def shown(c: Row, value: float, resolution: float) -> float:
     return math.floor(value / resolution + 0.5) * resolution
 
 
-@kernel
+@inlined
 def belt_status(clutched: bool, at_limit: bool, at_stop: bool) -> float:
     """Return the sum of the BELT_* bits of layout.py that the physics uses."""
     return clutched * 2.0 + (clutched and at_limit) * 4.0 + at_stop * 8.0
 
 
-@kernel
+@inlined
 def sense(constants: Rows, state: Rows, commands: Rows, readings: Rows, seed: int, t: int) -> None:
     """Fill ``readings`` with what every sensor shows of ``state`` at ``t`` ns."""
     c, s, u, out = constants[0], state[0], commands[0], readings[0]

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import inlined
+from rigd.model.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of such rows.
@@ -548,7 +548,7 @@ def show(sensors: Rows, filters: Rows, readings: Floats, seed: int, t_ns: int) -
         readings[k] = filters[k].out
 
 
-@inlined
+@kernel
 def advance(
     masses: Floats, elements: Rows, sensors: Rows, warm: Rows, heat: Floats, ambient: float,
     commands: Floats, y: Floats, terms: Rows, again: Rows, work: Floats, filters: Rows,
@@ -565,7 +565,7 @@ def advance(
     show(sensors, filters, readings, seed, t_ns)
 
 
-@inlined
+@kernel
 def stored(masses: Floats, terms: Rows, y: Floats) -> float:
     """Return the energy in J in motion, springs, bristles, buffers and height."""
     bodies = len(masses) - 1
