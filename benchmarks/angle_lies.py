@@ -449,10 +449,11 @@ def judged(result: CampaignResult) -> Row:
 
 
 def true_mu(row: Row) -> dict[str, float]:
-    """Return the limits that the rig of ``row`` has."""
+    """Return the largest coefficients of the rig of ``row``."""
     number = int(row["rig"])
     if row.get("world") == "foreign":
-        return angle_world.drawn(number).limits
+        world = angle_world.drawn(number)
+        return {name: world.maximum(name) for name in SETS}
     limits = hidden(number).limits
     return {name: float(getattr(limits, name)) for name in SETS}
 

@@ -77,6 +77,12 @@ class World:
     calibration: AngleCalibration
     known: AngleRig
 
+    def maximum(self, name: str) -> float:
+        """Return the largest F_r/N of steady sliding: the limit, and what the bristles damp."""
+        sliding = np.linspace(0.05, 3.0, 2951)
+        steady = [friction(self, self.limits[name], v, math.inf) + damping(v) for v in sliding]
+        return max(steady)
+
 
 def drawn(number: int, profile_m: float | None = None) -> World:
     """Return the rig of that number."""
@@ -142,6 +148,11 @@ def friction(w: World, limit: float, sliding: float, slid: float) -> float:
     return limit * hump * (1.0 + w.breakaway * math.exp(-max(slid, 0.0) / 0.01))
 
 
+def damping(sliding: float) -> float:
+    """Return what the bristles add to F_r/N: 0.1 s/m, which fades with the sliding speed."""
+    return 0.1 * sliding / (1.0 + (sliding / 0.1) ** 2)
+
+
 @dataclass(frozen=True)
 class _Run:
     world: World
@@ -153,7 +164,7 @@ class _Run:
     stop_s: float = math.inf
 
     def normal(self, t: float, wheel: float, x: float, mu: float) -> float:
-        """Return N: what is set, its rise along the travel, setting of the ground, rollers."""
+        """Return N: what is set, its rise along the travel, settling of the ground, rollers."""
         w = self.world
         settled = w.relaxation * -math.expm1(-max(t, 0.0) / 0.2)
         lift = w.profile_m * (math.sin(18.0 * wheel) + 0.5 * math.sin(9.0 * wheel))
@@ -165,8 +176,7 @@ class _Run:
         w = self.world
         _, _, _, wheel, speed, x, v, z, _ = y
         sliding = w.effective * R_M * speed - v * math.cos(self.alpha)
-        # Bristles follow with 0.15 s/m of damping that fades with the sliding speed.
-        mu = w.stiffness * z + 0.1 * sliding / (1.0 + (sliding / 0.1) ** 2)
+        mu = w.stiffness * z + damping(sliding)
         return mu, self.normal(t, wheel, x, mu), sliding
 
     def rates(self, t: float, y: FloatArray) -> list[float]:

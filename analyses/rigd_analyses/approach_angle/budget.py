@@ -340,7 +340,7 @@ def _load_terms(
         _term("reading of the scale", sizes.load_reading_n, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
-              "rise along the rails (calibration) and tilting, setting of the ground (assumed); "
+              "rise along the rails (calibration) and tilting, settling of the ground (assumed); "
               "seen by the high-rate load cell if it was used",
               paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True,
               shares=() if cell else [_share("load_rise", rig.load_rise, -at.travel_m)]),

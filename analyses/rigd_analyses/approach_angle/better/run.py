@@ -191,12 +191,24 @@ def _budget(
         scatter_kind="B",
         inertia=settings.inertia_u,
         load_reading_n=settings.load_reading_u_n,
-        load_change=settings.load_change_u,
+        load_change=_load_change(at.mu, float(np.mean(means.t_s[used])), settings),
         load_cell=motion.known.run.normal_force_v is not None
         and calibration.normal_force is not None,
         vibration=settings.vibration_u,
     )
     return budget(at, calibration, motion.known.rig, sizes)
+
+
+def _load_change(mu: float, t_s: float, settings: BetterSettings) -> float:
+    """Return the relative standard uncertainty of N at ``t_s`` beside its rise along the rails.
+
+    N rises as the platform tilts under the traction and falls as the ground settles. Neither is
+    corrected. Each size has a rectangular distribution from 0 to twice the assumed one (JCGM
+    100:2008, 4.3.7), and the difference of the means counts with its full size (F.2.4.5).
+    """
+    tilted = settings.tilting * mu
+    settled = settings.settling * -math.expm1(-t_s / settings.settling_s)
+    return math.hypot(tilted - settled, tilted / math.sqrt(3.0), settled / math.sqrt(3.0))
 
 
 def _zero_nm(motion: Motion, settings: BetterSettings) -> float:

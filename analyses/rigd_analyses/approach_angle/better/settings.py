@@ -26,7 +26,9 @@ class BetterSettings:
     Force balance: a residual above ``balance_coverage`` times what it is uncertain by is rubbing;
     3 leaves 0.3 % of good runs to chance.
 
-    Standard uncertainties (k = 1) that neither a calibration nor the data give; assumed.
+    Standard uncertainties (k = 1) that neither a calibration nor the data give; assumed. Tilting
+    and settling are sizes instead: nothing corrects N for them, and each may lie between 0 and
+    twice its size.
     """
 
     wheel_cutoff_hz: float = 14.0
@@ -42,7 +44,9 @@ class BetterSettings:
     zero_u_v: float = 0.006  #: of (gauge a - gauge b), until a campaign shows its spread
     crosstalk_m: float = 0.0005  #: N m per N of load, likewise: two gauges a degree off
     inertia_u: float = 0.05  #: relative, of the wheel's moment of inertia (a drawing's)
-    load_change_u: float = 0.013  #: relative change of N in a run beside its rise with the travel
+    tilting: float = 0.02  #: rise of N over the traction, as the platform tilts (angle.yaml, k_F)
+    settling: float = 0.01  #: relative loss of N as the ground settles (angle.yaml, relax)
+    settling_s: float = 0.2  #: its time constant (angle.yaml, tau_relax)
     load_reading_u_n: float = 0.1  #: of one reading of the scale: resolution and noise, 10 g
     vibration_u: float = 0.001  #: relative, what the rollers' vibration of N leaves in a mean
     linearity_u: float = 0.005  #: of a speed, relative: a potentiometer's linearity over a turn
