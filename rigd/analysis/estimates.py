@@ -32,6 +32,7 @@ class Estimate:
     ``shares`` are the parts of the interval that come from stated constants. ``log``: the interval
     is that of the logarithm. ``u`` is the standard uncertainty without the shares, with ``freedom``
     degrees of freedom; None: it follows from the interval, which is that of a normal distribution.
+    ``is_within_run``: it holds what differs between trials of one run, and not how runs differ.
     """
 
     group: str
@@ -49,6 +50,7 @@ class Estimate:
     log: bool = False
     u: float | None = None
     freedom: float = math.inf
+    is_within_run: bool = False
 
     def __repr__(self) -> str:
         shown = f"{self.group} {self.name}".strip()

@@ -253,9 +253,11 @@ def test_measures_of_two_recordings_are_compared(say: Say, measured: Path) -> No
     assert code == 0
     found = json.loads(out)
     assert found["campaigns"][0]["model"] == "measures"
-    tested = [row for row in found["parameters"] if row["test"] is not None]
-    assert tested
-    for row in tested:
+    subtracted = [row for row in found["parameters"] if row["differences"]]
+    assert subtracted
+    for row in subtracted:
+        assert (row["test"], row["verdict"]) == (None, "not judged")
+        assert row["why"].startswith("b1, b2: one run, which shows how trials differ")
         change = row["differences"]["b2"]
         assert change["low"] <= change["value"] <= change["high"]
         first, second = row["estimates"]["b1"], row["estimates"]["b2"]

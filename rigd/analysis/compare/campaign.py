@@ -222,8 +222,7 @@ def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
     found = []
     for item in result.summaries:
         group = ", ".join(f"{name} {text}" for name, text in item.setpoints.items())
-        known = item.mean is not None and item.low is not None and item.std is not None
-        u = item.std / math.sqrt(item.count) if known and item.std is not None else None
+        known = item.mean is not None and item.low is not None and item.u is not None
         stated, effect = item.measure.systematic, item.systematic or 0.0
         shares = (
             ()
@@ -235,7 +234,8 @@ def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
                 group, item.measure.name, si_symbol(parse_unit(item.measure.unit).dimension),
                 item.mean if known else None, item.low, item.high, known,
                 "measured" if known else "not determined", item.why,
-                shares=shares, u=u, freedom=max(item.count - 1, 1),
+                shares=shares, u=item.u if known else None, freedom=max(item.freedom, 1),
+                is_within_run=item.is_within_run,
             )
         )  # fmt: skip
     return tuple(found)

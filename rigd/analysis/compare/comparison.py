@@ -43,7 +43,7 @@ class Compared:
     ``estimates`` are those of the campaigns, None if one lacks it. ``differences`` are those from
     the first campaign that has a number, by name of campaign: of the logarithm if ``log``. ``test``
     is that of all being equal, ``p_holm`` its p value for all parameters together. Without a test,
-    ``why`` states what is missing.
+    ``why`` states what is missing: numbers, or runs that show how runs differ.
     """
 
     group: str
@@ -67,7 +67,7 @@ class Compared:
     def verdict(self) -> str:
         """What is found, in words."""
         if self.test is None:
-            return "not compared"
+            return "not judged" if self.differences else "not compared"
         return "differs" if self.differs else "none found"
 
     @property
@@ -193,7 +193,8 @@ def _compared(
     base, *others = levels
     dates = {item.name: item.dates for item in campaigns}
     slope = None
-    if all(dates[key] for key in levels):
+    one_run = [key for key, item in known.items() if item.is_within_run]
+    if not one_run and all(dates[key] for key in levels):
         at = np.array([_middle(dates[key]) for key in levels]) / YEAR_S
         slope = trend(list(levels.values()), at)
     missing = [key for key in estimates if key not in known]
@@ -201,9 +202,19 @@ def _compared(
         row,
         base=base,
         differences={key: difference(levels[base], levels[key]) for key in others},
-        test=homogeneity(list(levels.values())),
+        test=None if one_run else homogeneity(list(levels.values())),
         slope=slope,
-        why=_reason(row, missing),
+        why="; ".join(filter(None, (_reason(row, missing), _of_one_run(one_run)))),
+    )
+
+
+def _of_one_run(names: Sequence[str]) -> str:
+    """Return why a difference from groups of one run is not judged; empty if there is none."""
+    if not names:
+        return ""
+    return (
+        f"{', '.join(names)}: one run, which shows how trials differ and not how runs do; give two "
+        "runs of each group or more"
     )
 
 

@@ -56,6 +56,8 @@ class ComparisonEvaluation(Evaluation):
                      zip(found, self.comparison.different, strict=True)]  # fmt: skip
         if same:
             sentences.append(f"No difference found: {listed(same)}.")
+        if any(item.differences for item in self.comparison.compared):
+            return tuple(sentences) or ("No difference can be judged.",)
         return tuple(sentences) or ("No parameter could be compared.",)
 
     def report(self) -> str:
@@ -102,7 +104,7 @@ class ComparisonEvaluation(Evaluation):
         trends = trend_lines(self.comparison)
         for title, lines in (
             ("trends:", trends),
-            ("not compared:", not_compared(self.comparison)),
+            ("not compared or judged:", not_compared(self.comparison)),
             ("refused:", [f"{c.name}: {text}" for c in self.comparison.campaigns
                           for text in c.refused]),
             ("constants:", self.comparison.constants),
@@ -190,8 +192,12 @@ def trend_lines(comparison: CampaignComparison) -> list[str]:
 
 
 def not_compared(comparison: CampaignComparison) -> list[str]:
-    """Return the parameters that not all campaigns have, with the reason."""
-    return [f"{named(item)}: {item.why}" for item in comparison.compared if item.why]
+    """Return each reason why parameters are not compared or judged, behind their names."""
+    by_reason: dict[str, list[str]] = {}
+    for item in comparison.compared:
+        if item.why:
+            by_reason.setdefault(item.why, []).append(named(item))
+    return [f"{listed(names)}: {why}" for why, names in by_reason.items()]
 
 
 def _by(item: Compared) -> str:

@@ -54,8 +54,9 @@ class Summary:
     with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
     ``runs`` is the number of recordings if there are several with more than one trial: ``mean`` and
-    the interval are then those of their means. ``trend`` is the drift over the trials in their
-    order of play, if there is one.
+    the interval are then those of their means. ``u`` is the standard uncertainty of ``mean`` from
+    repeatability, with ``freedom`` degrees of freedom. ``trend`` is the drift over the trials in
+    their order of play, if there is one.
     """
 
     measure: Measure
@@ -70,6 +71,13 @@ class Summary:
     why: str = ""  #: why there is no interval, or no decision
     trend: Trend | None = None
     runs: int | None = None
+    u: float | None = None
+    freedom: int = 0
+
+    @property
+    def is_within_run(self) -> bool:
+        """Whether all is of one run: then ``u`` does not hold how runs differ."""
+        return len({item.recording for item in self.readings if item.value is not None}) == 1
 
     @property
     def count(self) -> int:
@@ -149,11 +157,12 @@ def summary_of(
     why = "" if n else "it could be read in no trial"
     if n == 1:
         why = "one trial shows no repeatability: give 'repeats: 2' or more"
-    spread = 0.0
+    spread, u = 0.0, None
     if n > 1 and mean is not None:
         std, spread = _std(values), _std(independent)
+        u = spread / math.sqrt(n)
         if spread > _EQUAL * abs(mean) or systematic:
-            half = _half_width(spread / math.sqrt(n), n - 1, systematic or 0.0)
+            half = _half_width(u, n - 1, systematic or 0.0)
             low, high = mean - half, mean + half
         else:
             std = std if runs else 0.0
@@ -168,7 +177,7 @@ def summary_of(
     trend = trend_of([item.value for item in played if item.value is not None])
     return Summary(
         measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
-        trend, runs,
+        trend, runs, u, max(n - 1, 0),
     )  # fmt: skip
 
 

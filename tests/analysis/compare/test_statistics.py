@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from rigd.analysis.compare.campaign import MEASURES, Campaign, measure_estimates
+from rigd.analysis.compare.comparison import compare
 from rigd.analysis.compare.statistics import (
     Level,
     covariance,
@@ -17,6 +20,9 @@ from rigd.analysis.compare.statistics import (
     homogeneity,
     trend,
 )
+from rigd.analysis.front import ResultOrigin
+from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
+from rigd.procedure.program import Measure, Window
 
 linear_model = pytest.importorskip("statsmodels.regression.linear_model")
 multitest = pytest.importorskip("statsmodels.stats.multitest")
@@ -155,3 +161,42 @@ def test_holm_is_that_of_statsmodels() -> None:
     assert holm(p_values) == pytest.approx(
         list(multitest.multipletests(p_values, method="holm")[1])
     )
+
+
+def of_runs(name: str, values: np.ndarray) -> Campaign:
+    """Return the campaign of a measure: a run for each row of ``values``, with a trial each."""
+    said = Measure("mu", "mean", "a.b", Window(), "1")
+    read = [
+        TrialReading(Path(f"{name}-{run}.mcap"), trial, float(value))
+        for run, row in enumerate(values)
+        for trial, value in enumerate(row, 1)
+    ]
+    origins = tuple(
+        ResultOrigin(f"{name}-{run}.mcap", "bench", "wear", MEASURES, "", {}, {})
+        for run in range(len(values))
+    )
+    return Campaign(name, origins, measure_estimates(MeasureResult((summary_of(said, {}, read),))))
+
+
+def test_runs_that_differ_make_no_difference() -> None:
+    random, named, tries = np.random.default_rng(11), 0, 600
+    for _ in range(tries):
+        before, after = (
+            of_runs(name, random.standard_normal((4, 1)) + 0.3 * random.standard_normal((4, 10)))
+            for name in ("before", "after")
+        )
+        (row,) = compare([before, after]).compared
+        named += row.differs
+    assert 0.02 < named / tries < 0.08
+
+
+def test_groups_of_one_run_are_not_judged() -> None:
+    random = np.random.default_rng(12)
+    before, after = (
+        of_runs(name, mean + 0.01 * random.standard_normal((1, 10)))
+        for name, mean in (("before", 1.0), ("after", 1.1))
+    )
+    (row,) = compare([before, after]).compared
+    assert row.differences["after"].value == pytest.approx(0.1, abs=0.02)
+    assert (row.test, row.slope, row.verdict) == (None, None, "not judged")
+    assert row.why.startswith("before, after: one run")
