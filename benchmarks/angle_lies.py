@@ -6,6 +6,8 @@
                         fewer rigs, kinds whose name holds the word
     python benchmarks/angle_lies.py --world foreign --table foreign.jsonl
                         of another simulator (angle_world.py), with a table of its own
+    python benchmarks/angle_lies.py --whole 40 --world foreign --table whole.jsonl
+                        good campaigns alone, with all voltages and repeats of the shipped procedure
 
 Each rig is another individual with hidden parameters (drags, contact, rise of the load, noise, all
 drawn), calibrated to what a calibration knows of it. A campaign is three sets under four loads at
@@ -55,6 +57,8 @@ Fault = Callable[[Runs, float], Runs]
 SETS = ("clean_0", "clean_15", "clean_45")
 LOADS_KG = (4.0, 5.0, 6.0, 8.0)
 VOLTAGES_V = (8.5, 10.0)
+#: Of approach_angles.yaml: five voltages, two repeats.
+ALL_VOLTAGES_V = (4.0, 5.5, 7.0, 8.5, 10.0) * 2
 VOLTS_PER_USTRAIN = 0.02
 BLOCK = 96
 #: Rigs without any fault, for the intervals and the good runs that are left out.
@@ -84,10 +88,13 @@ def hidden(number: int) -> AngleParameters:
     )
 
 
-def campaign(world: str, number: int, profile_m: float | None = None) -> Runs:
+def campaign(
+    world: str, number: int, profile_m: float | None = None, *, whole: bool = False
+) -> Runs:
     """Return the runs of one rig."""
+    voltages_v = ALL_VOLTAGES_V if whole else VOLTAGES_V
     if world == "foreign":
-        return angle_world.campaign(number, LOADS_KG, VOLTAGES_V, profile_m)
+        return angle_world.campaign(number, LOADS_KG, voltages_v, profile_m)
     parameters = hidden(number)
     if profile_m is not None:
         normal = parameters.normal_force.model_copy(update={"profile_rollers": profile_m})
@@ -96,7 +103,7 @@ def campaign(world: str, number: int, profile_m: float | None = None) -> Runs:
     runs: Runs = []
     for name in SETS:
         for load in LOADS_KG:
-            for voltage in VOLTAGES_V:
+            for voltage in voltages_v:
                 seed = 10_000 * number + len(runs) + 1
                 done = simulate(
                     name, load, voltage, seed=seed, individual=number, parameters=parameters
@@ -477,8 +484,9 @@ def plan(world: str, rigs: int, only: str) -> list[tuple[int, str, float]]:
 
 
 def play(
-    world: str, cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path | None
-) -> None:
+    world: str, cases: Sequence[tuple[int, str, float]], rows: list[Row], table: Path | None,
+    *, whole: bool,
+) -> None:  # fmt: skip
     """Play what ``rows`` lack, and append it to them and to the table."""
     done = {(row["rig"], row["kind"], row["size"]) for row in rows}
     runs: dict[int, Runs] = {}
@@ -490,7 +498,7 @@ def play(
             spoilt = campaign(world, rig, profile_m=size)
         else:
             if rig not in runs:
-                runs = {rig: campaign(world, rig)}
+                runs = {rig: campaign(world, rig, whole=whole)}
             spoilt = runs[rig] if kind == "good" else KINDS[kind][0](runs[rig], size)
         row = {"world": world, "rig": rig, "kind": kind, "size": size}
         row |= judged(analyse_campaign(spoilt))
@@ -572,6 +580,9 @@ def main() -> int:
     parser.add_argument(
         "--world", choices=("rigd", "foreign"), default="rigd", help="the simulator"
     )
+    parser.add_argument(
+        "--whole", type=int, default=0, metavar="N", help="N good campaigns of the whole design"
+    )
     parser.add_argument("--table", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--report", action="store_true", help="of the table alone")
     arguments = parser.parse_args()
@@ -580,7 +591,9 @@ def main() -> int:
     rows: list[Row] = [json.loads(line) for line in known]
     if not arguments.report:
         cases = plan(arguments.world, arguments.rigs, arguments.only)
-        play(arguments.world, cases, rows, table)
+        if arguments.whole:
+            cases = [(rig, "good", 0.0) for rig in range(1, arguments.whole + 1)]
+        play(arguments.world, cases, rows, table, whole=arguments.whole > 0)
     report(rows)
     return 0
 
