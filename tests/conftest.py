@@ -132,6 +132,8 @@ DATED_DOCUMENTS = ("[calibration.md]",)
 DATED_IN_PART = places("docs", "system/test_calibrate.py")
 #: Files that take most time as a whole: begun last, one would keep all other processors waiting.
 FIRST = places("system", "cli/test_examples.py", "panel/test_page.py", "panel/test_presses.py")
+#: Files whose tests wait for devices more than they compute: together they leave processors idle.
+WAITING = places("drivers", "sdk", "sim/wire")
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
@@ -185,12 +187,25 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return any(is_needless(collection_path, term) for term in asked.split(" and ")) or None
 
 
+def spread(items: list[pytest.Item]) -> None:
+    """Put the largest files first, and those that wait evenly among the others."""
+    files = dict.fromkeys(item.path for item in items)
+    waiting = [file for file in files if is_in(file, WAITING)]
+    others = [file for file in files if not is_in(file, WAITING + FIRST)]
+    turn = {
+        file: (number + 0.5) / len(kind)
+        for kind in (waiting, others)
+        for number, file in enumerate(kind)
+    }
+    items.sort(key=lambda item: turn.get(item.path, 0.0))
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests by what may run when; the largest files go first, and none is left alone.
+    """Mark the tests by what may run when, and put them in the order in which they are to run.
 
     RIGD_TESTS_SLICE=0/4 takes a quarter of the long tests only, 1/4 to 3/4 the others.
     """
-    items.sort(key=lambda item: not is_in(item.path, FIRST))
+    spread(items)
     ids = [(str(item.path.relative_to(HERE)), item.nodeid.split("::", 1)[1]) for item in items]
     whole_files = not any("::" in argument for argument in config.args)
     if whole_files and (unknown := long.unknown(ids)):

@@ -39,10 +39,15 @@ class Period(NamedTuple):
     end: float
 
 
+def begins_with_number(text: str) -> bool:
+    """Return whether a text begins as a number or a date does: ``62 HRC``, ``100Cr6``."""
+    return _NUMERIC.match(text) is not None
+
+
 @lru_cache(maxsize=4096)
 def value_of(text: str) -> Value:
     """Return a text with its number, if it is a quantity or a date."""
-    if _NUMERIC.match(text) is None:
+    if not begins_with_number(text):
         return Value(text)
     period = period_of(text)
     if period is not None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 from rigd.cli.options import add_json, add_rig
 
 if TYPE_CHECKING:
+    from rigd.config.lab import Specimen
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
     from rigd.sdk.shipped import Kind
@@ -182,7 +183,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         from rigd.config.lab import read_specimen
 
         specimen = read_specimen(read_document(Path(given)), Path(given).stem)
-        return f"specimen {specimen.name}, {len(specimen.fields)} entries: right"
+        return f"specimen {specimen.name}, {len(specimen.fields)} entries: right{_texts(specimen)}"
     if kind == "rig":
         checked = load_rig(given)
         if checked.plant is not None:
@@ -205,6 +206,18 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         free += "".join(f"\n  {text}" for text in blind_below(checked))
         return f"{', '.join(parts)}: right{sibling}{free}"
     return _check_procedure(given, rig)
+
+
+def _texts(specimen: Specimen) -> str:
+    """Return which entries look like a quantity and are texts; empty if none."""
+    from rigd.catalogue.values import begins_with_number, value_of
+
+    texts = [
+        f"{name} ({text!r})"
+        for name, text in specimen.fields.items()
+        if begins_with_number(text) and value_of(text).number is None
+    ]
+    return f"; kept as text, since it is no number with a unit: {', '.join(texts)}" if texts else ""
 
 
 def _sibling_text(rig: RigConfig) -> str:

@@ -117,6 +117,17 @@ def test_a_described_specimen_is_recorded_and_found(
     assert "run.mcap" in capsys.readouterr().out
 
 
+def test_check_names_entries_kept_as_text(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "W7.yaml"
+    path.write_text("specimen: W7\ncoating: PTFE\nhardness: 62 HRC\nmass: 12 g\nmade: 2026-08-14\n")
+    assert main(["check", str(path)]) == 0
+    assert capsys.readouterr().out.endswith(
+        "4 entries: right; kept as text, since it is no number with a unit: hardness ('62 HRC')\n"
+    )
+
+
 def test_a_run_without_demanded_fields_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
