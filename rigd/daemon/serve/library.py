@@ -60,8 +60,11 @@ class Library:
         self._folders = (folder, shipped_folder("procedures"))
 
     def lines(self) -> Procedures:
-        """Return all procedures by name, each with the reason why it cannot run on this rig."""
-        return Procedures(procedures=tuple(self._line(item) for item in self._all()))
+        """Return those that can run on this rig, then the others with the reason; each by name."""
+        lines = [self._line(item) for item in self._all()]
+        return Procedures(
+            procedures=tuple(sorted(lines, key=lambda line: line.problem is not None))
+        )
 
     def view(self, name: str) -> ProcedureView:
         """Return a procedure and the data for its form.

@@ -30,6 +30,8 @@ def test_own_procedures_come_before_shipped_of_same_name(tmp_path: Path) -> None
     assert lines["sweep"].problem is None
     assert lines["quick"].title == "Moves an axis"
     assert "is for another rig" in str(lines["approach_angles"].problem)
+    problems = [line.problem is not None for line in lines.values()]
+    assert problems == sorted(problems)  # what can run here stands first
 
 
 def test_wrong_file_is_listed_and_nothing_replaces_it(tmp_path: Path) -> None:
