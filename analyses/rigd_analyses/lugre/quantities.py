@@ -31,8 +31,9 @@ class Quantity:
     index: int | None = None
 
     def log(self, theta: FloatArray) -> FloatArray:
-        """Return the logarithm of the value, (1,)."""
-        return np.array([math.log(self.value(theta))])
+        """Return the logarithm of the value, (1,): minus infinity if it is 0, as at mu_s = mu_c."""
+        value = self.value(theta)
+        return np.array([math.log(value) if value > 0.0 else -math.inf])
 
     def log_gradient(self, theta: FloatArray) -> FloatArray:
         """Return the gradient of the logarithm, (1, 6)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -170,6 +171,8 @@ def test_fit_without_effect_leaves_stribeck_speed_open(begun: FirstFit) -> None:
     fitted.theta[RATIO] = 0.0
     flat = Found(replace(whole, fit=fitted), (fitted.theta,), {}, (0.0, 1.0), begun.gate)
     assert not effect_shown(scan_of(begun, 0.0), flat.doubt(HEIGHT))
+    other = Found(whole, (fitted.theta,), {}, (0.0, 1.0), begun.gate)  # flat with another filter
+    assert other.doubt(HEIGHT) == other.method(HEIGHT) == math.inf
 
 
 def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
