@@ -197,8 +197,13 @@ def test_imported_campaign_gives_the_same_numbers(folder: Path) -> None:
         done = rigd(*command, cwd=folder)
         assert done.code == 0, done.err
     found = []
-    for recording in ("pvc.mcap", "runs/pvc.mcap"):
+    for recording, procedure in (
+        ("pvc.mcap", "constant_current"),
+        ("runs/pvc.mcap", "lugre_tables"),
+    ):
         done = rigd("identify", recording, "--json", "--no-report", cwd=folder)
         assert done.code == 0, done.err
         found.append(json.loads(done.out.replace(recording, "")))
+        (origin,) = found[-1].pop("origins")
+        assert origin["procedure"] == procedure
     assert found[0] == found[1]

@@ -24,7 +24,8 @@ def test_equal_campaigns_are_not_told_apart(found: list[Try]) -> None:
 
 def test_five_per_cent_are_found(found: list[Try]) -> None:
     apart = next(item for item in found if item.changed)
-    assert apart.found and apart.holds
-    assert not apart.others
+    assert apart.found and not apart.others
     low, high = apart.intervals[apart.parameter]
-    assert 0.0 < low < CHANGE < high < 2.0 * CHANGE
+    assert 0.0 < low < high < 2.0 * CHANGE
+    # One interval in twenty leaves the change out; one in ten thousand is twice as far off.
+    assert abs(CHANGE - 0.5 * (low + high)) < high - low
