@@ -30,6 +30,8 @@ class Block:
     volts_in: list[float] = field(default_factory=lambda: [0.0] * 8)
     volts_out: list[float] = field(default_factory=lambda: [0.0] * 4)
     counts: list[int] = field(default_factory=lambda: [0] * 4)
+    duty: float = 0.5  #: of all counters
+    clock_ns: int | None = None  #: None: that of this machine
     lines_in: int = 0
     lines_out: int = 0
     cut: bool = False  #: the wire from output 7 to input 7
@@ -48,9 +50,14 @@ class Block:
             volts_in={item: partial(self.volts_in.__getitem__, item) for item in range(8)},
             volts_out={item: partial(self.volts_out.__setitem__, item) for item in range(4)},
             counts_in={item: partial(self.counts.__getitem__, item) for item in range(4)},
+            duty_in={item: lambda: self.duty for item in range(4)},
             lines_in=level,
             lines_out=put,
         )
+
+    def now_ns(self) -> int:
+        """Return the time of the card."""
+        return time.monotonic_ns() if self.clock_ns is None else self.clock_ns
 
     def state(self) -> State:
         """Nothing but the card's own."""
@@ -79,6 +86,16 @@ class ServedCard:
         }  # fmt: skip
         return NiIo(NiIoConfig.model_validate(given))
 
+    def pulse(self, counter: int, pulses: int, seconds: float) -> None:
+        """Let so many pulses come at a counter, spread over so long on the card's own clock."""
+
+        def come() -> None:
+            self.block.clock_ns = (self.block.clock_ns or 0) + round(seconds * 1e9)
+            self.block.counts[counter] += pulses
+            self.part.state()  # the card looks at its wires
+
+        self.on_loop(come)
+
     def inject(self, fault: str, **options: Any) -> None:
         """Show a fault of the card."""
         self.on_loop(lambda: self.part.inject(fault, **options))
@@ -93,11 +110,13 @@ class ServedCard:
 
 
 @contextmanager
-def ni_card(*, guards_volts: bool = True) -> Iterator[ServedCard]:
-    """Serve a card."""
-    block = Block()
+def ni_card(*, guards_volts: bool = True, clock_ns: int | None = None) -> Iterator[ServedCard]:
+    """Serve a card; ``clock_ns`` begins a clock that stands but for :meth:`ServedCard.pulse`."""
+    block = Block(clock_ns=clock_ns)
     lines = [f"port0/line{number}" for number in range(16)]
-    terminals = Terminals(block.wires(), lines[:8], lines[8:], guards_volts=guards_volts)
+    terminals = Terminals(
+        block.wires(), lines[:8], lines[8:], guards_volts=guards_volts, clock_ns=block.now_ns
+    )
     part = SimNiIo("card", terminals, block)
     with served(part) as on_loop:
         yield ServedCard(block, part, on_loop)

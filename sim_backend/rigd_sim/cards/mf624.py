@@ -72,12 +72,15 @@ class Wires:
     """What is wired to the card: volts in V, counts as the encoder has made them.
 
     ``advance`` brings the physics behind the wires to now; it is called before they are read.
-    An analogue input without a wire reads 0 V, an encoder without one stands still.
+    An analogue input without a wire reads 0 V, an encoder without one stands still. A counter that
+    times pulses takes each count as one; ``duty_in`` is the part of its period at high level, half
+    of it without a wire.
     """
 
     volts_in: Mapping[int, Callable[[], float]] = field(default_factory=dict)
     volts_out: Mapping[int, Callable[[float], None]] = field(default_factory=dict)
     counts_in: Mapping[int, Callable[[], int]] = field(default_factory=dict)
+    duty_in: Mapping[int, Callable[[], float]] = field(default_factory=dict)
     index_in: Mapping[int, Callable[[], bool]] = field(default_factory=dict)
     lines_in: Callable[[], int] = lambda: 0
     lines_out: Callable[[int], None] = _no_lines

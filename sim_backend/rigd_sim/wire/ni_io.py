@@ -1,7 +1,8 @@
 """Simulates a multifunction NI card behind NI's gRPC Device Server, one sample at a time.
 
 The unmodified ``nidaqmx`` package finds analogue inputs and outputs, counters, digital lines and a
-watchdog timer. All tasks are timed by software; one that asks for a sample clock is refused.
+watchdog timer. All tasks are timed by software, but those that time pulses into a buffer; one that
+asks for a sample clock is refused.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, Final, Protocol
 from rigd_sim.wire.ni_card import DaqFault
 from rigd_sim.wire.ni_grpc import Call, GrpcServer, looked_up, session
 from rigd_sim.wire.ni_identity import Identity
+from rigd_sim.wire.ni_pulses import PulseTimer
 from rigd_sim.wire.ni_terminals import COUNTERS, INPUTS, LINES, OUTPUTS, RANGE_V, Terminals
 from rigd_sim.wire.part import Part, State
 
@@ -27,7 +29,9 @@ _OUTPUT_RANGES: Final = 0x299B
 _TASK_NAME: Final = 0x1276
 _EXPIRED: Final = 0x21A8
 _RESET_TIMER, _CLEAR_EXPIRATION = 0, 1
+_AVAILABLE, _CHANNELS_READ = 0x1223, 0x217B
 _TICKS: Final = 10304
+_SECONDS, _RISING, _ONE_COUNTER, _CONTINUOUS = 10364, 10280, 10105, 10123
 _DECODED: Final = {10090: 1, 10091: 2, 10092: 4}  #: counts per line of the encoder
 _HIGH: Final = 10192
 _VOLTAGE: Final = 10322
@@ -62,6 +66,9 @@ class _Task:
     counter: int | None = None
     per_line: int = 0  #: counts per line of an encoder; 0: it counts edges
     zero: int = 0  #: what was counted when it started
+    width: bool | None = None  #: it times pulses, with their width or without; None: it counts
+    buffer: int = 0  #: of the pulses that it times
+    pulses: PulseTimer | None = None  #: once started
     timeout_s: float | None = None  #: it is the watchdog's
     volts: dict[int, float] = field(default_factory=dict)
     levels: dict[str, bool] = field(default_factory=dict)
@@ -134,6 +141,12 @@ class SimNiIo(Part):
             "CreateAOVoltageChan": self._create_output,
             "CreateCIAngEncoderChan": self._create_encoder,
             "CreateCICountEdgesChan": self._create_edges,
+            "CreateCIPeriodChan": self._create_period,
+            "CreateCIPulseChanTime": self._create_pulses,
+            "CfgImplicitTiming": self._time_implicitly,
+            "GetReadAttributeUInt32": self._waiting,
+            "ReadCounterF64Ex": self._read_periods,
+            "ReadCtrTime": self._read_pulses,
             "CreateDOChan": self._create_output_lines,
             "CreateDIChan": self._create_input_lines,
             "CfgWatchdogAOExpirStates": self._expire_volts,
@@ -166,7 +179,7 @@ class SimNiIo(Part):
     def state(self) -> State:
         """Return what the outputs of the card show, and what the bench does."""
         terminals = self._terminals
-        terminals.advance()
+        self._advance()
         return {
             "tasks": len(self._tasks),
             "calls": self._calls,
@@ -203,8 +216,14 @@ class SimNiIo(Part):
         self._terminals.clear(fault)
         self._bench.clear(fault)
 
-    def _tick(self) -> None:
+    def _advance(self) -> None:
         self._terminals.advance()
+        for task in self._tasks.values():
+            if task.pulses is not None:
+                task.pulses.advance()
+
+    def _tick(self) -> None:
+        self._advance()
         self._timer = asyncio.get_running_loop().call_later(_TICK_S, self._tick)
 
     def _timed(self, call: Callable[[Any], dict[str, Any]]) -> Call:
@@ -212,7 +231,7 @@ class SimNiIo(Part):
             self._calls += 1
             if self._stall_s:
                 await asyncio.sleep(self._stall_s)
-            self._terminals.advance()
+            self._advance()
             return call(request)
 
         return served
@@ -286,6 +305,10 @@ class SimNiIo(Part):
             timer.start(task.timeout_s)
         if task.counter is not None:
             task.zero = self._terminals.counted(task.counter)
+        if task.counter is not None and task.width is not None:
+            if not task.buffer:
+                raise DaqFault(-200077, "The simulated card times pulses into a buffer alone.")
+            task.pulses = self._terminals.timed(task.counter, task.buffer)
         return {}
 
     def _stop_task(self, request: Any) -> dict[str, Any]:
@@ -293,6 +316,7 @@ class SimNiIo(Part):
         if task.running and task.timeout_s is not None:
             self._terminals.timer.stop()
         task.running = False
+        task.pulses = None
         return {}
 
     def _running(self, request: Any) -> _Task:
@@ -332,6 +356,52 @@ class SimNiIo(Part):
         task = self._task(request)
         (task.counter,) = self._numbers(request.counter, "ctr", COUNTERS)
         return {}
+
+    def _create_period(self, request: Any) -> dict[str, Any]:
+        if (request.edge_raw, request.meas_method_raw) != (_RISING, _ONE_COUNTER):
+            raise DaqFault(-200077, "The simulated card times rising edges by one counter.")
+        return self._create_timed(request, width=False)
+
+    def _create_pulses(self, request: Any) -> dict[str, Any]:
+        return self._create_timed(request, width=True)
+
+    def _create_timed(self, request: Any, *, width: bool) -> dict[str, Any]:
+        task = self._task(request)
+        if request.units_raw != _SECONDS or not 0 < request.min_val < request.max_val:
+            raise DaqFault(-200077, "The simulated card times pulses in seconds.")
+        (task.counter,) = self._numbers(request.counter, "ctr", COUNTERS)
+        task.width = width
+        return {}
+
+    def _time_implicitly(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        if request.sample_mode_raw != _CONTINUOUS or task.width is None:
+            raise DaqFault(-200077, "The simulated card times pulses without an end.")
+        task.buffer = request.samps_per_chan
+        return {}
+
+    def _timer_of(self, request: Any, *, width: bool | None = None) -> PulseTimer:
+        task = self._running(request)
+        if task.pulses is None or width not in (None, task.width):
+            raise DaqFault(-200077, "The task times no such pulses.")
+        return task.pulses
+
+    def _waiting(self, request: Any) -> dict[str, Any]:
+        waiting = self._timer_of(request).waiting
+        return {"value": looked_up({_AVAILABLE: waiting, _CHANNELS_READ: 1}, request)}
+
+    def _read_periods(self, request: Any) -> dict[str, Any]:
+        pulses = self._timer_of(request, width=False).take(request.num_samps_per_chan)
+        return {"read_array": [sum(pulse) for pulse in pulses], "samps_per_chan_read": len(pulses)}
+
+    def _read_pulses(self, request: Any) -> dict[str, Any]:
+        pulses = self._timer_of(request, width=True).take(request.num_samps_per_chan)
+        high, low = zip(*pulses, strict=True)
+        return {
+            "read_array_high_time": high,
+            "read_array_low_time": low,
+            "samps_per_chan_read": len(pulses),
+        }
 
     def _create_output_lines(self, request: Any) -> dict[str, Any]:
         task = self._task(request)

@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Final
 
 from rigd_sim.cards.mf624 import Wires
 from rigd_sim.wire.ni_card import DaqFault
+from rigd_sim.wire.ni_pulses import PulseSource, PulseTimer
 
 RANGE_V: Final = 10.0
 INPUTS: Final = 32
@@ -153,6 +154,12 @@ class Terminals:
         """Return what the wires of a counter have counted, since the card got its power."""
         made = self._wires.counts_in.get(counter, int)()
         return self._turns[counter] * made + self._offsets[counter]
+
+    def timed(self, counter: int, buffer: int) -> PulseTimer:
+        """Return what times the pulses at a counter from now on."""
+        made = self._wires.counts_in.get(counter, int)
+        duty = self._wires.duty_in.get(counter, lambda: 0.5)
+        return PulseTimer(PulseSource(made, duty), buffer, self._clock_ns)
 
     def set_volts(self, first: int, volts: Iterable[float]) -> None:
         """Give these volts from output ``first`` on.

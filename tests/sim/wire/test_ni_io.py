@@ -10,7 +10,7 @@ import grpc
 import nidaqmx
 import numpy as np
 import pytest
-from nidaqmx.constants import AngleUnits, Level, WatchdogAOExpirState
+from nidaqmx.constants import AcquisitionType, AngleUnits, Level, WatchdogAOExpirState
 from nidaqmx.errors import DaqError
 from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChannelWriter
@@ -82,6 +82,70 @@ def test_single_samples_go_in_and_out(card: ServedCard, options: Options) -> Non
         card.block.counts[1] += 12
         assert CounterReader(task.in_stream).read_one_sample_double() == 12.0
     assert card.block.volts_out[:2] == [1.5, -2.5]  # a task that is gone leaves them
+
+
+@pytest.fixture
+def stopped() -> Iterator[ServedCard]:
+    """A card whose clock goes on by :meth:`ServedCard.pulse` alone."""
+    with ni_card(clock_ns=1) as found:
+        yield found
+
+
+def pulse_task(card: ServedCard, channel: grpc.Channel, kind: str, buffer: int) -> nidaqmx.Task:
+    task = nidaqmx.Task("ci", grpc_options=nidaqmx.GrpcSessionOptions(channel, "ci"))
+    getattr(task.ci_channels, f"add_ci_{kind}")("Dev1/ctr1", max_val=20.0)
+    task.timing.cfg_implicit_timing(AcquisitionType.CONTINUOUS, buffer)
+    task.start()
+    return task
+
+
+@pytest.fixture
+def channel(stopped: ServedCard) -> Iterator[grpc.Channel]:
+    with grpc.insecure_channel(f"127.0.0.1:{stopped.part.port}") as found:
+        yield found
+
+
+def test_periods_of_pulses_are_read(stopped: ServedCard, channel: grpc.Channel) -> None:
+    with pulse_task(stopped, channel, "period_chan", 10) as task:
+        assert task.in_stream.avail_samp_per_chan == 0
+        stopped.pulse(1, 1, 0.5)  # the first period begins with the task
+        stopped.pulse(1, 4, 1.0)
+        assert task.in_stream.avail_samp_per_chan == 5
+        periods = np.zeros(5)
+        assert CounterReader(task.in_stream).read_many_sample_double(periods, 5, 0.0) == 5
+        assert periods == pytest.approx([0.5, 0.25, 0.25, 0.25, 0.25])
+        assert task.in_stream.avail_samp_per_chan == 0
+
+
+def test_high_and_low_times_are_read(stopped: ServedCard, channel: grpc.Channel) -> None:
+    with pulse_task(stopped, channel, "pulse_chan_time", 10) as task:
+        stopped.block.duty = 0.2
+        stopped.pulse(1, 2, 0.1)
+        high, low = np.zeros(2), np.zeros(2)
+        CounterReader(task.in_stream).read_many_sample_pulse_time(high, low, 2, 0.0)
+        assert high == pytest.approx([0.01, 0.01])
+        assert low == pytest.approx([0.04, 0.04])
+
+
+def test_period_beyond_32_bits_wraps(stopped: ServedCard, channel: grpc.Channel) -> None:
+    with pulse_task(stopped, channel, "period_chan", 10) as task:
+        stopped.pulse(1, 1, 2**32 * 1e-8 + 0.003)
+        periods = np.zeros(1)
+        CounterReader(task.in_stream).read_many_sample_double(periods, 1, 0.0)
+        assert periods[0] == pytest.approx(0.003)
+
+
+def test_full_buffer_fails_the_read(stopped: ServedCard, channel: grpc.Channel) -> None:
+    with pulse_task(stopped, channel, "period_chan", 10) as task:
+        stopped.pulse(1, 11, 1.0)
+        reader = CounterReader(task.in_stream)
+        assert error_code(lambda: reader.read_many_sample_double(np.zeros(10), 10, 0.0)) == -200279
+
+
+def test_pulse_that_has_not_come_is_refused(stopped: ServedCard, channel: grpc.Channel) -> None:
+    with pulse_task(stopped, channel, "period_chan", 10) as task:
+        reader = CounterReader(task.in_stream)
+        assert error_code(lambda: reader.read_many_sample_double(np.zeros(1), 1, 0.0)) == -200284
 
 
 def test_two_tasks_cannot_have_one_output(options: Options) -> None:
