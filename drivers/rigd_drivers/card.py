@@ -7,9 +7,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 from rigd.sdk import Link, LinkError
+
+
+@dataclass(frozen=True)
+class Train:
+    """Pulses that a counter has timed since it was opened; the first may be wrong."""
+
+    pulses: int = 0
+    #: Sum of their periods, each from one rising edge to the next, in s.
+    periods_s: float = 0.0
+    #: Sum of the times for which the signal was high, in s; 0 if these are not timed.
+    high_s: float = 0.0
 
 
 class Card(Link):
@@ -32,6 +44,8 @@ class Card(Link):
     #: Encoder counters as they stand in the card (unsigned, ``count_bits`` wide), by encoder.
     counts: list[int]
     count_bits: ClassVar[int]
+    #: What the counters of :meth:`use_pulses` have timed, by counter.
+    trains: dict[int, Train]
     #: Index signals of the encoders, one bit each.
     indexes: int
     #: Digital inputs, one bit each.
@@ -53,6 +67,23 @@ class Card(Link):
             LinkError: the card has no such input, or the analogue one is taken.
 
         """
+
+    def use_pulses(self, counter: int, *, longest_s: float, width: bool) -> None:
+        """Time the pulses at the input of a counter from now on; the counter is the caller's own.
+
+        Args:
+            counter: of the card.
+            longest_s: longest period to be timed, in s.
+            width: also how long each pulse is high.
+
+        Raises:
+            LinkError: the card times no pulses, has no such counter, or it is taken.
+
+        """
+        raise LinkError(
+            f"counter {counter} cannot time pulses: {self.title} only counts them",
+            hint="on a card that counts edges use `card-pulses`: `derivative(NAME)` is their rate",
+        )
 
     @abstractmethod
     def take_outputs(self, *, analog: Iterable[int] = (), lines: Iterable[int] = ()) -> None:

@@ -30,6 +30,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "modbus-transmitter": {"host": "cell", "map": "laumas-tlb4", "low": "-500 N", "high": "500 N",
                            "scale": "0.01 N/count"},
     "cia404-transmitter": {"node": 21, "unit": "5 N", "low": "-1500 N", "high": "1500 N"},
+    "card-frequency": {"counter": 1, "name": "speed", "unit": "rpm", "scale": "1 rev/count",
+                       "width": True},
     "card-pulses": {"counter": 0, "name": "volume", "unit": "m^3", "scale": "0.5 cm^3/count"},
     "modbus-servo": {"host": "drive", "map": "schneider-atv320", "max_speed": "300 rpm",
                      "watchdog": "0.5 s"},

@@ -365,6 +365,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "drivers/labjack/test_conformance.py": (),
         "drivers/labjack/test_link.py": ("test_open_wire_of_the_watchdog_is_named",),
         "drivers/ni_io/test_conformance.py": (),
+        "drivers/ni_io/test_pulses.py": ("test_it_conforms",),
         "drivers/test_ni_daq.py": ("test_crystals_drift_is_seen_against_machines_clock",),
         "engine/recorder/test_recorder.py": ("test_repeatedly_killed_recorder_loses_nothing",),
         "engine/slow/test_latest.py": ("test_no_row_is_ever_torn",),

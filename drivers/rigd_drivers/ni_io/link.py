@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import ClassVar, Final
 
 from rigd.sdk import LinkConfig, LinkError
-from rigd_drivers.card import Card, taken_twice
+from rigd_drivers.card import Card, Train, taken_twice
 from rigd_drivers.card_watchdog import prove, prove_one_shot, wires_of
 from rigd_drivers.ni_io.config import NiIoConfig, WatchdogOptions
 from rigd_drivers.ni_io.signals import CALL_S, CYCLE_S, RANGE_V, Expired, Signals
@@ -31,9 +31,9 @@ class NiIo(Card):
     """An NI card that gives and takes one sample of each signal in each cycle.
 
     A cycle waits for a call to the card for the analogue inputs, the digital inputs and each
-    counter in use, and for one for the analogue and the digital outputs if they have changed. At
-    rest, from its opening until it is closed, the outputs give 0 V and the lines stand as
-    ``high_at_rest`` sets.
+    counter in use, for one more if a counter has timed pulses, and for one for the analogue and the
+    digital outputs if they have changed. At rest, from its opening until it is closed, the outputs
+    give 0 V and the lines stand as ``high_at_rest`` sets.
     """
 
     Config: ClassVar[type[LinkConfig]] = NiIoConfig
@@ -62,6 +62,7 @@ class NiIo(Card):
         guard = self.config.guard
         self._scan: tuple[int, ...] = ()
         self._encoders: tuple[int, ...] = ()
+        self.trains = {}
         self._taken_volts: set[int] = set()
         self._taken_lines: set[int] = set() if guard is None else {guard.output}
         self._volts_out = [0.0] * self.config.analog_outputs
@@ -110,6 +111,8 @@ class NiIo(Card):
         _check_known("digital input", lines, len(self.config.inputs))
         for each in sorted(analog & set(self._scan)):
             raise taken_twice("analogue input", each)
+        for each in sorted(encoders & {*self.trains}):
+            raise taken_twice("counter", each)
         indexes = {self.config.index_counters[e] for e in encoders & {*self.config.index_counters}}
         self._scan = tuple(sorted({*self._scan, *analog}))
         self._encoders = tuple(sorted({*self._encoders, *encoders, *indexes}))
@@ -118,6 +121,20 @@ class NiIo(Card):
                 self._signals.use_counter(counter)
             if analog:
                 self._signals.use_volts(self._scan)
+
+    def use_pulses(self, counter: int, *, longest_s: float, width: bool) -> None:
+        """Time these pulses from now on; see :class:`Card`."""
+        _check_known("counter", (counter,), _MOST_COUNTERS)
+        if counter in self.config.edge_counters:
+            raise LinkError(
+                f"counter {counter} counts edges, and cannot time pulses as well",
+                hint="remove it from `edge_counters`, or correct `counter`",
+            )
+        if counter in self.trains or counter in self._encoders:
+            raise taken_twice("counter", counter)
+        if self._open:
+            self._signals.use_pulses(counter, longest_s=longest_s, width=width)
+        self.trains[counter] = Train()
 
     def take_outputs(self, *, analog: Iterable[int] = (), lines: Iterable[int] = ()) -> None:
         """Make these outputs the caller's own; see :class:`Card`."""
@@ -182,6 +199,8 @@ class NiIo(Card):
             for encoder, counter in self.config.index_counters.items()
             if self.counts[counter] != before[counter]
         )
+        for counter in self.trains:
+            self.trains[counter] = signals.train(counter)
         levels = signals.levels()
         self.lines = sum(1 << line for line, high in enumerate(levels) if high)
         guard = self.config.guard

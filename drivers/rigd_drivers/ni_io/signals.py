@@ -15,8 +15,10 @@ import numpy as np
 
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.call_time import CallTime
+from rigd_drivers.card import Train
 from rigd_drivers.ni_card import NiCard
 from rigd_drivers.ni_io.config import NiIoConfig, WatchdogOptions
+from rigd_drivers.ni_io.pulses import PulseReader
 
 #: Longest answer of the card or of its device server, in s,
 CALL_S: Final = 0.5
@@ -25,13 +27,22 @@ CALL_S: Final = 0.5
 CYCLE_S: Final = 0.15
 #: Both ends of what an analogue input or output of such a card spans, in V.
 RANGE_V: Final = 10.0
+_TOO_FAST: Final = (
+    "the pulses come faster than the cycle takes them: count them with `edge_counters` and "
+    "`card-pulses`"
+)
 #: What a rig file can ask for and a card refuse: PHYSICAL_CHAN_DOES_NOT_EXIST, a value that a
-#: property does not support, DIGITAL_OUTPUT_NOT_SUPPORTED, DIGITAL_INPUT_NOT_SUPPORTED.
+#: property does not support, DIGITAL_OUTPUT_NOT_SUPPORTED, DIGITAL_INPUT_NOT_SUPPORTED,
+#: PHYS_CHAN_MEAS_TYPE; SAMPLES_NO_LONGER_AVAILABLE, COUNTER_OVERFLOW, INPUT_FIFO_OVERFLOW_2.
 _REFUSED: Final[Mapping[int, str]] = {
     -200170: "correct the number of the input, output or counter; NI MAX shows what the card has",
-    -200077: "correct `terminal` or `decoding`; NI MAX shows what the card can do",
+    -200077: "correct `terminal`, `decoding` or `slowest`; NI MAX shows what the card can do",
     -200012: "correct `output_lines`; NI MAX shows which lines the card has",
     -200011: "correct `input_lines`; NI MAX shows which lines the card has",
+    -200431: "this counter cannot measure that; without `width` more cards time pulses",
+    -200279: _TOO_FAST,
+    -200141: _TOO_FAST,
+    -200361: _TOO_FAST,
 }
 #: The outputs stand where the watchdog has put them: WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED,
 #: CHASSIS_WATCHDOG_TIMER_EXPIRED, PROGRAMMED_IO_FAILS_BECAUSE_OF_WATCHDOG_TIMER.
@@ -64,6 +75,7 @@ class Signals:
         self._lines_in: Any = None
         self._volts_in: Any = None
         self._counters: dict[int, Any] = {}
+        self._pulses: dict[int, PulseReader] = {}
         self._watchdog: Any = None
         self._put_volts: list[float] = []  # what the card has confirmed last
         self._put_lines: list[bool] = []
@@ -116,7 +128,7 @@ class Signals:
         tasks, self._tasks = self._tasks, {}
         self._volts_out = self._lines_out = self._lines_in = self._volts_in = None
         self._watchdog = None
-        self._counters = {}
+        self._counters, self._pulses = {}, {}
         self._put_volts, self._put_lines = [], []
         try:
             for task in tasks.values():
@@ -173,6 +185,18 @@ class Signals:
                 self._add_encoder(task, name)
             task.start()
             self._counters[number] = CounterReader(task.in_stream)
+
+    def use_pulses(self, number: int, *, longest_s: float, width: bool) -> None:
+        """Time the pulses at this counter from now on; see :class:`PulseReader`."""
+        name = f"{self._config.device}/ctr{number}"
+        with self._doing("take a counter of"):
+            task = self._new_task(f"ctr{number}")
+            self._pulses[number] = PulseReader(task, name, longest_s=longest_s, width=width)
+
+    def train(self, number: int) -> Train:
+        """Return the pulses at this counter, without waiting for one."""
+        with self._doing("read a counter of"):
+            return self._pulses[number].take(self.call_time.left_s())
 
     def volts(self) -> list[float]:
         """Return the volts at the analogue inputs in use."""
