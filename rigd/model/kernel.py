@@ -9,7 +9,7 @@ user cache if that folder cannot be written). So only the first call after an in
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
@@ -40,7 +40,8 @@ def inlined(function: F) -> F:
     with locked instructions, which can take longer than a small function. The first call of one
     that does allocate, also by ``row[:] = (1.0, 2.0)``, raises numba's error "NRT required".
     """
-    options = {"forceinline": True, "_nrt": False}  # no run time that counts references
+    # No run time that counts references; the types of numba do not know this option.
+    options: dict[str, Any] = {"forceinline": True, "_nrt": False}
     compiled = numba.njit(cache=True, error_model="numpy", nogil=True, **options)
     return cast(F, compiled(function))
 
