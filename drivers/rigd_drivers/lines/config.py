@@ -70,6 +70,10 @@ class LineChannel(DriverConfig):
         """Return the value in SI of a ``number`` in the line."""
         return number * self.per_one.value + self.zero
 
+    def number(self, value: float) -> float:
+        """Return the number in the line for a ``value`` in SI."""
+        return (value - self.zero) / self.per_one.value
+
     def bound(self, text: str) -> float:
         """Return a bound in SI.
 

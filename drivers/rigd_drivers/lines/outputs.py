@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from string import Formatter
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from annotated_types import Ge, Le, MinLen
 from pydantic import field_validator, model_validator
 
+from rigd.model.units import parse_quantity
 from rigd.sdk import Channel, DriverConfig, In
 from rigd_drivers.lines.config import (
     ChannelName,
@@ -20,21 +21,55 @@ from rigd_drivers.lines.config import (
 )
 from rigd_drivers.lines.text import encoded
 
+#: Without `within` a setpoint that is read back may differ by this part of its range.
+_WITHIN_SHARE: Final = 1e-3
 
-class LineOutput(LineChannel):
-    """One setpoint: its unit in the line, its range, and the line that sets it."""
+
+class BoundedOutput(LineChannel):
+    """One setpoint: its unit in the line, and its range."""
 
     low: str
     """Smallest setpoint that the device takes."""
     high: str
     """Largest setpoint that the device takes."""
+
+
+class ReadBack(BoundedOutput):
+    """A setpoint that may be read back from the device."""
+
+    within: str | None = None
+    """How far that answer may be from the setpoint; by default 0.1 % of its range."""
+
+    def apart(self, asked: float, read: float) -> bool:
+        """Return whether the setpoint that was read back is not the one that was sent, in SI."""
+        return not abs(asked - read) <= self.tolerance
+
+    @property
+    def tolerance(self) -> float:
+        """How far an answer to `read` may be from the setpoint, in SI.
+
+        Raises:
+            ValueError: `within` is no difference of values of the setpoint.
+
+        """
+        if self.within is None:
+            return (self.bound(self.high) - self.bound(self.low)) * _WITHIN_SHARE
+        found, kind = parse_quantity(self.within).as_difference(), self.per_one.unit.difference()
+        if not found.unit.same_kind(kind):
+            raise ValueError(f"'{self.within}' is in {found.unit}, expected {kind}")
+        return found.value
+
+
+class LineOutput(BoundedOutput):
+    """One setpoint: its unit in the line, its range, and the line that sets it."""
+
     write: Command
     r"""Line that sets it, with its name in braces: 'CURR {current:.3f}\n'."""
 
     def line(self, name: str, value: float) -> bytes:
         """Return the bytes that set ``value``, in SI."""
-        number = (value - self.zero) / self.per_one.value
-        return encoded(self.write).decode("latin-1").format_map({name: number}).encode("latin-1")
+        text = encoded(self.write).decode("latin-1")
+        return text.format_map({name: self.number(value)}).encode("latin-1")
 
 
 def check_writes(outputs: Mapping[str, LineOutput]) -> None:
@@ -53,6 +88,40 @@ def check_writes(outputs: Mapping[str, LineOutput]) -> None:
             item.line(name, item.bound(item.low))
         except (ValueError, KeyError, IndexError) as error:
             raise ValueError(f"{item.write!r} cannot be filled in: {error}") from error
+
+
+def check_read_back(setpoints: Mapping[str, ReadBack]) -> None:
+    """Check how far the answers may be from the setpoints.
+
+    Raises:
+        ValueError: `within` of one is no difference of its kind, or not above 0.
+    """
+    for name, item in setpoints.items():
+        if not item.tolerance > 0:
+            raise ValueError(f"within {item.within} of {name} must be above 0")
+
+
+def check_acting(setpoints: Mapping[str, object], acting: Mapping[str, object]) -> None:
+    """Check that an instrument with setpoints can be made safe, and that no other is said to be.
+
+    Args:
+        setpoints: those of the instrument, by name.
+        acting: its options `arm`, `safe` and `state`, by name.
+
+    Raises:
+        ValueError: `safe` or `state` is missing; or it has no setpoints, and one of them is given.
+    """
+    if not setpoints:
+        given = [key for key, value in acting.items() if value]
+        if given:
+            raise ValueError(f"'{given[0]}' is for an instrument with setpoints: give some")
+        return
+    for key in ("safe", "state"):
+        if not acting[key]:
+            raise ValueError(
+                f"with setpoints, '{key}' is needed: how the instrument is made safe, and how it "
+                "shows that"
+            )
 
 
 class LineState(DriverConfig):

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Annotated, Final, Self
+from typing import Annotated, Self
 
 from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, field_validator, model_validator
 
-from rigd.model.units import parse_quantity
 from rigd.sdk import Channel, In
 from rigd.sdk.port import PortConfig
 from rigd_drivers.lines.config import ChannelName, Command, Commands, LineChannel
-from rigd_drivers.lines.outputs import LineOutput, LineState, check_writes
+from rigd_drivers.lines.outputs import (
+    LineOutput,
+    LineState,
+    ReadBack,
+    check_acting,
+    check_read_back,
+    check_writes,
+)
 from rigd_drivers.lines.text import encoded
-
-#: Without `within` a setpoint that is read back may differ by this part of its range.
-_WITHIN_SHARE: Final = 1e-3
-#: Time without a row after which the instrument is given up, in s, if it is not given: it has so
-#: many chances to answer.
-_LEAST_SILENCE_S: Final = 3.0
-_CHANCES: Final = 3
+from rigd_drivers.polling import silence_of
 
 
 class ScpiChannel(LineChannel):
@@ -31,32 +30,11 @@ class ScpiChannel(LineChannel):
     """Question, such as MEAS:TEMP?."""
 
 
-class ScpiSetpoint(LineOutput):
+class ScpiSetpoint(ReadBack, LineOutput):
     """One setpoint; `write` has its name in braces: SOUR:TEMP {temperature:.2f}."""
 
     read: Command | None = None
     """Question for the setpoint that the instrument has taken; it is compared with the one sent."""
-    within: str | None = None
-    """How far that answer may be from the setpoint; by default 0.1 % of its range."""
-
-    def apart(self, asked: float, read: float) -> bool:
-        """Return whether the setpoint that was read back is not the one that was sent, in SI."""
-        return not abs(asked - read) <= self.tolerance
-
-    @property
-    def tolerance(self) -> float:
-        """How far an answer to `read` may be from the setpoint, in SI.
-
-        Raises:
-            ValueError: `within` is no difference of values of the setpoint.
-
-        """
-        if self.within is None:
-            return (self.bound(self.high) - self.bound(self.low)) * _WITHIN_SHARE
-        found, kind = parse_quantity(self.within).as_difference(), self.per_one.unit.difference()
-        if not found.unit.same_kind(kind):
-            raise ValueError(f"'{self.within}' is in {found.unit}, expected {kind}")
-        return found.value
 
 
 def _named(value: object) -> object:
@@ -102,25 +80,13 @@ class ScpiConfig(PortConfig):
         cls, setpoints: Mapping[str, ScpiSetpoint]
     ) -> Mapping[str, ScpiSetpoint]:
         check_writes(setpoints)
-        for name, item in setpoints.items():
-            if not item.tolerance > 0:
-                raise ValueError(f"within {item.within} of {name} must be above 0")
+        check_read_back(setpoints)
         return setpoints
 
     @model_validator(mode="after")
     def _safe_is_known(self) -> Self:
         acting = {"arm": self.arm, "safe": self.safe, "state": self.state}
-        if not self.setpoints:
-            given = [key for key, value in acting.items() if value]
-            if given:
-                raise ValueError(f"'{given[0]}' is for an instrument with setpoints: give some")
-            return self
-        for key in ("safe", "state"):
-            if not acting[key]:
-                raise ValueError(
-                    f"with setpoints, '{key}' is needed: how the instrument is made safe, and how "
-                    "it shows that"
-                )
+        check_acting(self.setpoints, acting)
         return self
 
     @property
@@ -128,8 +94,7 @@ class ScpiConfig(PortConfig):
         """Longest time without a row, in s."""
         if self.silence is not None:
             return self.silence
-        questions = len(self.channels) + 2
-        return max(_LEAST_SILENCE_S, _CHANCES * (self.period + questions * self.timeout))
+        return silence_of(self.period, self.timeout, len(self.channels) + 2)
 
     def line(self, command: str) -> bytes:
         """Return the bytes of a command with its end."""
@@ -142,9 +107,3 @@ class ScpiConfig(PortConfig):
     def taken(self) -> tuple[Channel, ...]:
         """Return the setpoints in SI."""
         return tuple(item.channel(name) for name, item in self.setpoints.items())
-
-
-def in_range(value: float, item: LineChannel, name: str) -> bool:
-    """Return whether ``value`` in SI is one that the channel can have; NaN is."""
-    channel = item.channel(name)
-    return math.isnan(value) or channel.low <= value <= channel.high

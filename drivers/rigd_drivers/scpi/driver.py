@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from enum import IntFlag
 from typing import ClassVar, Final
 
 from rigd.sdk import (
@@ -17,7 +16,8 @@ from rigd.sdk import (
     SlowDriver,
 )
 from rigd.sdk.port import LinePort
-from rigd_drivers.scpi.config import ScpiConfig, in_range
+from rigd_drivers.polling import PolledStatus, in_range, poll
+from rigd_drivers.scpi.config import ScpiConfig
 from rigd_drivers.scpi.replies import Entry, read_entry, read_number
 
 #: How long an answer that did not come in time is waited for, in s, before it counts as lost.
@@ -32,13 +32,6 @@ ENTRIES: Final = 16
 READY_S: Final = 1.5
 #: The driver fails before the daemon calls the device silent, so that its message is seen; in s.
 _MARGIN_S: Final = 1.0
-
-
-class ScpiStatus(IntFlag):
-    """The status word of a row."""
-
-    BEYOND = 1  #: a value is beyond the instrument's range, and NaN
-    INCOMPLETE = 2  #: since the row before, an answer did not come or could not be read
 
 
 class Scpi(SlowDriver[ScpiConfig, None]):
@@ -68,7 +61,7 @@ class Scpi(SlowDriver[ScpiConfig, None]):
             setpoints=config.taken(),
             plain_rows=True,
             has_status=True,
-            status_bits={(bit.name or "").lower(): bit.value for bit in ScpiStatus},
+            status_bits={(bit.name or "").lower(): bit.value for bit in PolledStatus},
             silent_s=config.silence_s + 2 * (config.timeout + LATE_S) + _MARGIN_S,
         )
 
@@ -102,25 +95,13 @@ class Scpi(SlowDriver[ScpiConfig, None]):
             LinkError, ProtocolError: no complete row comes any more.
 
         """
-        loop = asyncio.get_running_loop()
-        heard_s = due = loop.time()
-        skipped = False
-        while True:
-            async with self._lock:
-                row = await self._row()
-                if row is not None:
-                    await self._raise_errors("it measures")
-                    await self._check_output()
-            if row is None:
-                skipped = True
-                if loop.time() - heard_s >= self.config.silence_s:
-                    raise self._failure()
-            else:
-                *values, status = row
-                emit((*values, int(status) | (ScpiStatus.INCOMPLETE if skipped else 0)))
-                heard_s, skipped = loop.time(), False
-            due = max(due + self.config.period, loop.time())
-            await asyncio.sleep(due - loop.time())
+        await poll(
+            self._take,
+            emit,
+            period_s=self.config.period,
+            silence_s=self.config.silence_s,
+            failure=self._failure,
+        )
 
     async def write(self, setpoints: Sequence[float]) -> None:
         """Send each setpoint, read it back if the rig file has `read`, and look for errors.
@@ -236,6 +217,15 @@ class Scpi(SlowDriver[ScpiConfig, None]):
             )
         return identity
 
+    async def _take(self) -> tuple[float, ...] | None:
+        """Return a row; None if it is not complete."""
+        async with self._lock:
+            row = await self._row()
+            if row is not None:
+                await self._raise_errors("it measures")
+                await self._check_output()
+        return row
+
     async def _row(self) -> tuple[float, ...] | None:
         """Return values in SI and the status; None if an answer is missing or no number."""
         values, status = [], 0
@@ -249,7 +239,7 @@ class Scpi(SlowDriver[ScpiConfig, None]):
                 kind = "no number" if found is None else "beyond the range of the channel"
                 self._wrong = f"answers {answer!r} to {item.ask!r}, which is {kind}"
                 return None
-            status |= ScpiStatus.BEYOND if found != found else 0
+            status |= PolledStatus.BEYOND if found != found else 0
             values.append(item.si(found))
         return (*values, int(status))
 

@@ -13,7 +13,7 @@ from typing import Final
 _NUMBER: Final = re.compile(r"[-+]? *(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?", re.ASCII)
 _ERROR: Final = re.compile(r"(?P<code>[-+]?\d{1,6})(?:\s*,\s*(?P<text>.*))?", re.ASCII | re.DOTALL)
 #: Larger numbers mean infinity (9.9E37) or not a number (9.91E37).
-_LARGEST: Final = 9.8e37
+LARGEST: Final = 9.8e37
 _WORDS: Final = frozenset({"nan", "inf", "+inf", "-inf", "ninf", "infinity"})
 
 
@@ -37,7 +37,7 @@ def read_number(answer: str) -> float | None:
     if _NUMBER.fullmatch(text) is None:
         return None
     value = float(text.replace(" ", ""))
-    return math.nan if abs(value) >= _LARGEST else value
+    return math.nan if abs(value) >= LARGEST else value
 
 
 def read_entry(answer: str) -> Entry | None:

@@ -17,8 +17,9 @@ from support.visa_bridge import Bridge
 from rigd.cli.new import rendered
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
+from rigd_drivers.polling import PolledStatus
 from rigd_drivers.scpi.config import ScpiConfig
-from rigd_drivers.scpi.driver import Scpi, ScpiStatus
+from rigd_drivers.scpi.driver import Scpi
 from rigd_sim.wire.oven import SimOven
 
 #: 0 degC in K.
@@ -211,7 +212,7 @@ def test_infinite_reading_is_nan_with_its_bit(tmp_path: Path) -> None:
         oven.inject("broken_wire")
         (row, *_) = await rows_of(driver, 1)
         assert math.isnan(row[0])
-        assert row[-1] == ScpiStatus.BEYOND
+        assert row[-1] == PolledStatus.BEYOND
 
     play(tmp_path, scene)
 
@@ -225,7 +226,7 @@ def test_lost_answers_leave_out_rows_only(tmp_path: Path) -> None:
         await asyncio.sleep(0.3)
         oven.clear("lost")
         (row, *_) = await task
-        assert row[-1] == ScpiStatus.INCOMPLETE
+        assert row[-1] == PolledStatus.INCOMPLETE
 
     play(tmp_path, scene)
 
