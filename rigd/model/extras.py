@@ -21,6 +21,7 @@ MODULES: Final[Mapping[str, tuple[str, ...]]] = {
     "foxglove": ("foxglove",),
     "fmu": ("fmpy",),
     "dbc": ("cantools",),
+    "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"),
     "import": ("scipy", "pyarrow", "h5py", "nptdms", "asammdf"),
 }
 

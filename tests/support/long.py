@@ -362,6 +362,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_it_conforms[wheel_encoder]",
             "test_it_conforms[wheel_servo]",
         ),
+        "drivers/pymeasure_bridge/test_driver.py": ("test_it_keeps_what_a_slow_driver_promises",),
         "drivers/labjack/test_conformance.py": (),
         "drivers/labjack/test_link.py": ("test_open_wire_of_the_watchdog_is_named",),
         "drivers/ni_io/test_conformance.py": (),
@@ -458,6 +459,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_lines_typed_before_question_do_not_answer_it",
             "test_person_is_asked_until_rig_agrees",
             "test_real_rig_takes_file_answers_only_by_choice",
+        ),
+        "system/test_pymeasure.py": (
+            "test_killed_process_leaves_supply_safe[cycle]",
+            "test_stop_by_a_person_switches_it_off",
         ),
         "system/test_real_rig.py": ("test_rig_without_devices_is_blocked_with_the_reason",),
         "system/test_run_signals.py": (

@@ -1,0 +1,1 @@
+"""Instruments of PyMeasure: its classes read and set them, in a process of their own."""

@@ -1,0 +1,48 @@
+"""A power supply with the commands of the Keithley 2260B, on a TCP port, and how it fails.
+
+Source: Keithley 2260B programming manual, `OUTPut`, `SOURce:VOLTage`, `MEASure`. It shares no code
+with PyMeasure, and stands on the supply of the template for drivers with SCPI.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+from rigd.cli.new import rendered
+
+#: Faults that it shows, by the names of `rigd.sdk.check`.
+FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
+
+
+def _base() -> Any:
+    module = ModuleType("supply")
+    exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
+    return module.__dict__["Simulated"]
+
+
+class Supply2260B(_base()):  # type: ignore[misc]  # made of a template
+    """The supply; ``address`` is its VISA resource."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard: list[str] = []
+        self.address = f"TCPIP::127.0.0.1::{self.port.rpartition(':')[2]}::SOCKET"
+
+    def _command(self, command: str) -> str | None:
+        self.heard.append(command)
+        name, _, value = command.upper().partition(" ")
+        match name:
+            case "OUTPUT":
+                return self._base_command(f"OUTP {'ON' if value == '1' else 'OFF'}")
+            case "OUTPUT?":
+                return self._base_command("OUTP?")
+            case "SOUR:VOLT":
+                return self._base_command(f"VOLT {value}")
+            case "SOUR:VOLT?":
+                return f"{self.volts:.4f}"
+        return self._base_command(command)
+
+    def _base_command(self, command: str) -> str | None:
+        found: str | None = super()._command(command)
+        return found
