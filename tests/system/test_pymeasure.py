@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from support.command import rigd, start
 from support.supply_2260b import Supply2260B
+from support.wire import alive
 
 from rigd.engine.shared import RunFolder, Word
 from rigd.record import Recording
@@ -89,12 +90,12 @@ def test_killed_process_leaves_supply_safe(supply: tuple[Supply2260B, Path], vic
     run = start(["run", "endless.yaml", "--rig", "rig.yaml"], cwd=folder)
     try:
         wait_for(lambda: device.driven > 1.0 or run.process.poll() is not None)
-        if victim == "daemon":
-            os.kill(run.process.pid, signal.SIGKILL)
-        else:
-            board = RunFolder.at(Path(os.environ["RIGD_STATE"]) / "pymeasure-test").board()
-            os.kill(board[Word.PID_CYCLE], signal.SIGKILL)
+        assert run.process.poll() is None, run.end()
+        board = RunFolder.at(Path(os.environ["RIGD_STATE"]) / "pymeasure-test").board()
+        cycle = board[Word.PID_CYCLE]
+        os.kill(run.process.pid if victim == "daemon" else cycle, signal.SIGKILL)
         wait_for(lambda: not device.output)
+        wait_for(lambda: not alive(cycle))  # the rig is in use until then
     finally:
         ended = run.end()
     assert ended.code in (4, -signal.SIGKILL), ended.out + ended.err

@@ -189,7 +189,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
         if process is not None:
             await process.end()
 
-    def _new_process(self) -> Process:
+    def _new_process(self, *, acted: bool = False) -> Process:
         config = self.config
         job = {
             "instrument": config.instrument,
@@ -199,6 +199,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             "timeout_ms": round(config.timeout * 1e3),
             "start": steps(config.start),
             "safe": steps(config.safe),
+            "acted": acted,
         }
         return Process(job, self._where)
 
@@ -222,7 +223,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             if not gone:
                 await self._process.ask(self._call_s, do="open")
                 return
-            self._process = self._new_process()
+            self._process = self._new_process(acted=True)
             await self._begin(self._process)
 
     async def _identity(self) -> str:

@@ -49,7 +49,7 @@ class Session:
     def __init__(self, job: dict[str, Any]) -> None:
         self._job = job
         self._instrument: Any = None
-        self._acted = False  # since it was safe
+        self._acted: bool = job["acted"]  # since it was safe, also by a process before this one
         self._log = _Log()
         logging.getLogger().addHandler(self._log)
 

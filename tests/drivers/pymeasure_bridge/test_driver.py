@@ -304,6 +304,21 @@ def test_process_that_is_killed_is_replaced_for_safe() -> None:
     play(scene)
 
 
+def test_replacing_process_makes_safe_when_it_ends() -> None:
+    async def scene(driver: Pymeasure, supply: Supply2260B) -> None:
+        await armed(driver)
+        first = driver._process
+        assert first is not None
+        first.kill()
+        other = driver._new_process(acted=True)
+        await driver._begin(other)
+        assert supply.output
+        await other.end()
+        assert not supply.output
+
+    play(scene)
+
+
 ALONE = """
 import asyncio, json, sys
 from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
