@@ -6,6 +6,7 @@ for each: importing PyMeasure takes a second, which no other process is to spend
 
 from __future__ import annotations
 
+import dis
 import inspect
 import json
 import subprocess
@@ -18,6 +19,8 @@ from rigd_drivers.pymeasure_bridge.attributes import Unusable, check_name, find_
 
 #: Longest time for the import of PyMeasure and of the class, in s.
 _CHECK_S: Final = 60.0
+#: What makes an attribute whose name only the running code knows.
+_MAKING: Final = frozenset({"add_child", "setattr"})
 #: Options of Python for a process of PyMeasure: modules come from where they are installed, not
 #: from the working folder, and what PyMeasure calls outdated is no matter of the user of a rig.
 PYTHON: Final = (sys.executable, "-P", "-W", "ignore", "-m")
@@ -68,20 +71,29 @@ def found(instrument: str, uses: Sequence[Use]) -> list[str]:
 def _skeleton(kind: Any) -> tuple[Any, frozenset[str]]:
     """Return an instrument whose constructor was not run, so that nothing is opened.
 
-    It has its channels. Also returns names that the constructor may give it besides.
+    It has its channels. Also returns names that its methods may give it besides; with one of
+    :data:`_MAKING` that may be any name.
     """
     from pymeasure.instruments.common_base import CommonBase
 
     names: set[str] = set()
-    for each in kind.__mro__:
-        code = getattr(each.__dict__.get("__init__"), "__code__", None)
-        if each is not CommonBase and code is not None:
-            names.update(code.co_names)
+    functions = (
+        item
+        for each in kind.__mro__
+        if each is not CommonBase
+        for item in vars(each).values()
+        if inspect.isfunction(item)
+    )
+    for code in (item.__code__ for item in functions):  # a constructor may call any of them
+        names.update(_MAKING.intersection(code.co_names))
+        names.update(
+            step.argval for step in dis.get_instructions(code) if step.opname == "STORE_ATTR"
+        )
     root = kind.__new__(kind)
     try:
         CommonBase.__init__(root)
     except Exception:  # noqa: BLE001 - code of others: a channel that asks its instrument at once
-        names.add("add_child")
+        names.update(_MAKING)
     return root, frozenset(names)
 
 
@@ -94,7 +106,9 @@ def _problem(root: Any, possible: frozenset[str], use: Use) -> str:
 
 def _checked(root: Any, possible: frozenset[str], use: Use) -> str:
     *parents, name = use.path.split(".")
-    owner = root
+    owner, first = root, use.path.partition(".")[0]
+    if first in possible and not isinstance(static(root, first), property):
+        return ""  # it may be another once the instrument is open
     try:
         for part in parents:
             check_name(owner, part, use.path)
@@ -103,9 +117,8 @@ def _checked(root: Any, possible: frozenset[str], use: Use) -> str:
             owner = getattr(owner, part)
         check_name(owner, name, use.path)
     except Unusable:
-        first = use.path.partition(".")[0]
-        if owner is root and possible & {first, "add_child", "setattr"}:
-            return ""  # its constructor may make it
+        if owner is root and possible & _MAKING:
+            return ""  # it may be made when the instrument is opened
         raise
     item = static(owner, name)
     is_method = inspect.isroutine(item)

@@ -85,6 +85,7 @@ def test_described_source_is_accepted() -> None:
          "SPDChannel has no attribute 'voltge' (in ch_1.voltge); it has voltage"),
         ("siglenttechnologies.SPD1168X", Use("ch_2.voltage", "read"),
          "SPD1168X has no attribute 'ch_2' (in ch_2.voltage); it has ch_1"),
+        ("anritsu.AnritsuMS464xB", Use("ch_1.power_level", "read"), ""),  # made when opened
         ("keithley.Keithley2000", Use("shutdown", "call"),
          "shutdown of this class does nothing at the instrument: write an attribute"),
         ("keithley.Keithley2400", Use("shutdown", "call"), ""),
