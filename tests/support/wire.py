@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import socket
@@ -180,6 +181,16 @@ def served_rig(folder: Path, text: str) -> Iterator[WireRig]:
         yield rig
     finally:
         rig.stop()
+
+
+def is_free(rig: str) -> bool:
+    """Return whether no process of a run has the lock of a rig, also none that still ends."""
+    with (Path(os.environ["RIGD_STATE"]) / rig / "lock").open() as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+    return True
 
 
 def alive(pid: int) -> bool:
