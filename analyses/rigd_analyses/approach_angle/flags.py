@@ -8,7 +8,7 @@ code                 severity  found when
 ===================  ========  ====================================================================
 no_pre_trigger       excluded  less than 50 ms before the relay command: t = 0 and the zero of the
                                gauges cannot be checked, and the zero's drift is 4.5 % of mu
-too_short            excluded  less than 0.2 s from command to stop, or the record ends before it
+too_short            excluded  less than 0.15 s from command to stop, or the record ends before it
 nan_samples          excluded  a signal has samples that are no number, or that no card can give
 missing_samples      excluded  a gap in the times: for filters and the Fourier step it is a jump
 at_rail              excluded  a signal is at the limit of the converter

@@ -22,7 +22,7 @@ class Limits:
     """
 
     pre_trigger_s: float = 0.05
-    shortest_s: float = 0.2  #: good runs take 0.3 to 0.7 s
+    shortest_s: float = 0.15  #: good runs take 0.3 to 0.7 s, less if stopped too early
     gap: float = 1.5  #: of the usual time between samples
     rail_v: float = 9.99  #: of the converter's +-10 V
     watchdog_s: float = 1.4  #: the procedure's own is 1.5 s

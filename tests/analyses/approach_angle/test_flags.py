@@ -85,7 +85,11 @@ FAULTS: dict[str, tuple[Fault, str, str]] = {
         "no_pre_trigger",
         r"begins 150 ms after",
     ),
-    "stopped at once": (lambda r: replace(r, stop_s=0.15), "too_short", r"0\.150 s .* need 0\.2 s"),
+    "stopped at once": (
+        lambda r: replace(r, stop_s=0.14),
+        "too_short",
+        r"0\.140 s .* need 0\.15 s",
+    ),
     "stop never given": (lambda r: replace(r, stop_s=float("nan")), "too_short", r"nan s"),
     "record ends early": (
         lambda r: cut(r, r.t_s <= 0.25),
