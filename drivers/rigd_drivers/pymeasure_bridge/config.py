@@ -23,8 +23,9 @@ EXTRA: Final = "pymeasure"
 _SIMULATED: Final = "@sim"
 #: Digits of a setpoint for PyMeasure: more would put 100 mA, computed from 0.1 A, above its limit.
 _DIGITS: Final = 12
-#: Longest time to an answer, in s, of an instrument that must be safe within 3 s.
-_MOST_IF_SET_S: Final = 1.0
+#: Longest time to an answer, in s, of an instrument that must be safe within 3 s: a process that
+#: hangs is replaced after twice this and 1 s more, and the new one must open the instrument.
+_MOST_IF_SET_S: Final = 0.5
 
 
 def _listed(value: Any) -> Any:

@@ -88,7 +88,7 @@ class Session:
             case "start":
                 self._steps(self._job["start"])
             case "safe":
-                self._steps(self._job["safe"])
+                self._make_safe()
                 self._acted = False
             case "steps":
                 self._acted = True
@@ -120,6 +120,21 @@ class Session:
                 attributes.write(self._instrument, path, value)
         if self._log.errors:
             raise attributes.Unusable("; ".join(self._log.errors))
+
+    def _make_safe(self) -> None:
+        """Try each step of `safe`, also behind one that fails; then raise the first error."""
+        import pyvisa
+
+        first: Exception | None = None
+        for step in self._job["safe"]:
+            try:
+                self._steps([step])
+            except (OSError, EOFError, pyvisa.errors.InvalidSession):
+                raise  # without a connection no later step can be done
+            except Exception as error:  # noqa: BLE001 - raised below
+                first = first or error
+        if first is not None:
+            raise first
 
     def _settle(self) -> None:
         """Throw away an answer that comes late, else it would be taken for the next one."""

@@ -23,6 +23,7 @@ from rigd_drivers.polling import PolledStatus
 from rigd_drivers.pymeasure_bridge import driver as module
 from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
 from rigd_drivers.pymeasure_bridge.driver import Pymeasure
+from rigd_drivers.pymeasure_bridge.helper import Session
 
 SUPPLY: dict[str, Any] = {
     "instrument": "pymeasure.instruments.keithley.Keithley2260B",
@@ -379,3 +380,22 @@ def simulated() -> Iterator[Peer]:
 def test_it_keeps_what_a_slow_driver_promises() -> None:
     options = {**SUPPLY, "setpoints": VOLTS, "errors": None}
     assert check_driver(Pymeasure, options, peer=simulated).skipped == {}
+
+
+def test_refused_step_of_safe_hides_no_later_one() -> None:
+    class Instrument:
+        output_enabled = True
+
+        @property
+        def voltage(self) -> float:
+            return 5.0
+
+        @voltage.setter
+        def voltage(self, value: float) -> None:
+            raise ValueError(f"{value} is not in the range [0.1, 30]")
+
+    session = Session({"safe": [["voltage", 0], ["output_enabled", False]], "acted": True})
+    session._instrument = instrument = Instrument()
+    answer = session.answer({"do": "safe"})
+    assert answer["kind"] == "refused" and "0.1, 30" in answer["text"]
+    assert not instrument.output_enabled
