@@ -123,7 +123,7 @@ class PymeasureConfig(DriverConfig):
     period: Annotated[float, In("s"), Ge(0.05), Le(60)] = 0.5
     """Time from one row to the next."""
     timeout: Annotated[float, In("s"), Ge(0.02), Le(10)] = 0.5
-    """Longest time to an answer; with setpoints at most 1 s."""
+    """Longest time to an answer; with setpoints at most 0.5 s."""
     silence: Annotated[float, In("s"), Ge(0.5), Le(600)] | None = None
     """Without a row for so long the instrument has failed; by default 3 s, or the time of 3 rows if
     that is more.
