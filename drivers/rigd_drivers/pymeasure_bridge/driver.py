@@ -93,9 +93,9 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             if await self._row() is None:
                 raise self._failure()
             await self._raise_errors("it is opened")
-        except BaseException:  # also when cancelled: nothing may stay open
+        except BaseException:  # also when cancelled: nothing may stay open, nor on by `start`
             self._process = None
-            process.kill()
+            await process.end()
             raise
 
     async def run(self, emit: EmitRow) -> None:

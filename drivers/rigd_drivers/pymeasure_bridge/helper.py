@@ -86,6 +86,7 @@ class Session:
             case "open":
                 self._open()
             case "start":
+                self._acted = True
                 self._steps(self._job["start"])
             case "safe":
                 self._make_safe()

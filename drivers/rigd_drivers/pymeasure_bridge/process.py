@@ -8,15 +8,19 @@ import json
 import socket
 import subprocess
 import tempfile
+import threading
 from typing import IO, Any, Final
 
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.pymeasure_bridge.checking import PYTHON
+from rigd_drivers.pymeasure_bridge.helper import GRACE_S
 
 #: Longest time for the imports and the opening, in s.
 OPEN_S: Final = 15.0
-#: A process that has made its instrument safe ends within this time, in s; else it is killed.
+#: So long the driver waits, in s, until the process has ended; then the process goes on alone.
 _END_S: Final = 2.0
+#: A process that was killed is waited for so long, in s.
+_DEAD_S: Final = 0.5
 _LOOK_S: Final = 0.01
 _HELPER: Final = "rigd_drivers.pymeasure_bridge.helper"
 
@@ -113,34 +117,40 @@ class Process:
         raise DeviceError(answer["text"])
 
     async def end(self) -> None:
-        """Close the connection, and wait until the process has closed the instrument."""
-        writer, self._writer, self._reader = self._writer, None, None
-        if writer is not None:
-            writer.close()
-            with contextlib.suppress(OSError):
-                await writer.wait_closed()
-        loop = asyncio.get_running_loop()
-        until_s = loop.time() + _END_S
+        """Close the connection, and wait until the process has made safe and closed the instrument.
+
+        A process that takes longer than the driver may wait is not disturbed: it may be making the
+        instrument safe. It ends by itself, or is killed if its own time is over.
+        """
+        child = self._forget()
+        if child is None:
+            return
+        until_s = asyncio.get_running_loop().time() + _END_S
         try:
-            while self._child is not None and self._child.poll() is None:
-                if loop.time() > until_s:
-                    break
+            while child.poll() is None and asyncio.get_running_loop().time() < until_s:
                 await asyncio.sleep(_LOOK_S)
         finally:
-            self.kill()
+            _reap(child, GRACE_S + _DEAD_S)
 
     def kill(self) -> None:
         """End the process at once, and forget it."""
+        child = self._forget()
+        if child is not None:
+            child.kill()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(_DEAD_S)
+            _reap(child, _DEAD_S)
+
+    def _forget(self) -> subprocess.Popen[bytes] | None:
+        """Close the connection, and return the process."""
         child, self._child = self._child, None
         writer, self._writer, self._reader = self._writer, None, None
         if writer is not None:
             writer.close()
-        if child is not None:
-            child.kill()
-            child.wait()
         if self._words is not None:
             self._words.close()
             self._words = None
+        return child
 
     def _death(self) -> Gone:
         words = ""
@@ -149,3 +159,17 @@ class Process:
             words = (self._words.read().decode("utf-8", "replace").strip().splitlines() or [""])[-1]
         self.kill()
         return Gone(f"{self._where}: its process ended by itself" + (f": {words}" if words else ""))
+
+
+def _reap(child: subprocess.Popen[bytes], limit_s: float) -> None:
+    """Wait aside until ``child`` has ended; kill it after ``limit_s``."""
+
+    def wait() -> None:
+        try:
+            child.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+
+    if child.poll() is None:
+        threading.Thread(target=wait, name="reap", daemon=True).start()

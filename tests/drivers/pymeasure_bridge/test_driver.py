@@ -24,6 +24,7 @@ from rigd_drivers.pymeasure_bridge import driver as module
 from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
 from rigd_drivers.pymeasure_bridge.driver import Pymeasure
 from rigd_drivers.pymeasure_bridge.helper import Session
+from rigd_drivers.pymeasure_bridge.process import OPEN_S, Process
 
 SUPPLY: dict[str, Any] = {
     "instrument": "pymeasure.instruments.keithley.Keithley2260B",
@@ -399,3 +400,80 @@ def test_refused_step_of_safe_hides_no_later_one() -> None:
     answer = session.answer({"do": "safe"})
     assert answer["kind"] == "refused" and "0.1, 30" in answer["text"]
     assert not instrument.output_enabled
+
+
+SWITCH = """
+import pathlib, time
+from pymeasure.adapters import FakeAdapter
+from pymeasure.instruments import Instrument
+
+class Switch(Instrument):
+    def __init__(self, address, **options):
+        super().__init__(FakeAdapter(), "switch", includeSCPI=False)
+        self._file = pathlib.Path(address)
+
+    state = property(lambda self: self._file.read_text())
+    level = property(lambda self: 1.0, lambda self, value: None)
+
+    def on(self):
+        self._file.write_text("on")
+
+    def off(self):
+        time.sleep(2.5)
+        self._file.write_text("off")
+"""
+
+
+@pytest.fixture
+def switch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the options of an instrument that takes 2.5 s to switch off."""
+    (tmp_path / "slow_switch.py").write_text(SWITCH)
+    (tmp_path / "state").write_text("off")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return {"instrument": "slow_switch.Switch", "address": str(tmp_path / "state")}
+
+
+def wait_until_off(switch: dict[str, Any]) -> None:
+    deadline = time.monotonic() + 30
+    while (state := Path(switch["address"]).read_text()) != "off" and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert state == "off"
+
+
+def test_end_lets_a_slow_safe_finish(switch: dict[str, Any]) -> None:
+    job = {"visa_library": "", "connection": {}, "timeout_ms": 200, "start": [("on", None)],
+           "safe": [("off", None)], "acted": False, **switch}  # fmt: skip
+
+    async def main() -> None:
+        process = Process(job, "the switch")
+        await process.start()
+        await process.ask(OPEN_S, do="open")
+        await process.ask(OPEN_S, do="start")
+        await process.end()
+
+    asyncio.run(main())
+    wait_until_off(switch)
+
+
+def test_refused_opening_undoes_start(switch: dict[str, Any]) -> None:
+    config = PymeasureConfig.model_validate(
+        {**switch, "channels": {"level": {"read": "level", "unit": "V", "high": "0.5 V"}},
+         "setpoints": {"level": {"write": "level", "unit": "V", "low": "0 V", "high": "1 V"}},
+         "start": "on", "safe": "off", "state": {"read": "state", "safe": "off", "ready": "on"}}
+    )  # fmt: skip
+    with pytest.raises(ProtocolError, match="beyond the range of level"):
+        asyncio.run(Pymeasure(config, None).open())
+    wait_until_off(switch)
+
+
+def test_process_that_stands_still_is_replaced_for_safe() -> None:
+    async def scene(driver: Pymeasure, supply: Supply2260B) -> None:
+        await armed(driver)
+        own = driver._process
+        assert own is not None
+        assert own._child is not None
+        os.kill(own._child.pid, signal.SIGSTOP)
+        await driver.make_safe()
+        assert not supply.output
+
+    play(scene, timeout="0.5 s")
