@@ -192,29 +192,30 @@ def _compared(
         return _with_reason(row)
     base, *others = levels
     dates = {item.name: item.dates for item in campaigns}
-    slope = None
     one_run = [key for key, item in known.items() if item.is_within_run]
-    if not one_run and all(dates[key] for key in levels):
-        at = np.array([_middle(dates[key]) for key in levels]) / YEAR_S
-        slope = trend(list(levels.values()), at)
+    judged = {key: level for key, level in levels.items() if key not in one_run}
+    slope = None
+    if all(dates[key] for key in judged):
+        at = np.array([_middle(dates[key]) for key in judged]) / YEAR_S
+        slope = trend(list(judged.values()), at)
     missing = [key for key in estimates if key not in known]
     return replace(
         row,
         base=base,
         differences={key: difference(levels[base], levels[key]) for key in others},
-        test=None if one_run else homogeneity(list(levels.values())),
+        test=homogeneity(list(judged.values())) if len(judged) > 1 else None,
         slope=slope,
         why="; ".join(filter(None, (_reason(row, missing), _of_one_run(one_run)))),
     )
 
 
 def _of_one_run(names: Sequence[str]) -> str:
-    """Return why a difference from groups of one run is not judged; empty if there is none."""
+    """Return why groups of one run have no part in the verdict; empty if there is none."""
     if not names:
         return ""
     return (
-        f"{', '.join(names)}: one run, which shows how trials differ and not how runs do; give two "
-        "runs of each group or more"
+        f"{', '.join(names)}: one run, which shows how trials differ and not how runs do, so the "
+        "verdict leaves it out; give two runs of each group or more"
     )
 
 

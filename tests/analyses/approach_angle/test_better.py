@@ -19,6 +19,7 @@ from support.angle_runs import drawn_rig, trial
 
 from rigd_analyses.approach_angle.better.bending import Bending
 from rigd_analyses.approach_angle.better.result import BetterRun
+from rigd_analyses.approach_angle.better.run import _load_change
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
@@ -331,3 +332,13 @@ def test_on_an_ideal_rig_mu_is_the_truth(set_name: str) -> None:
     truth = item.simulated.true_mu(times[0] - 0.01, times[-1] + 0.01)
     assert found.mu == pytest.approx(truth, rel=1e-3)
     assert all(flag.severity is not Severity.EXCLUDED for flag in found.flags)
+
+
+@pytest.mark.parametrize(("mu", "t_s"), [(0.1, 0.05), (0.3, 1.0), (1.2, 0.3)])
+def test_load_change_is_that_of_drawn_rigs(mu: float, t_s: float) -> None:
+    random, settings = np.random.default_rng(5), BetterSettings()
+    tilting = random.uniform(0.0, 2.0 * settings.tilting, 200_000)
+    settling = random.uniform(0.0, 2.0 * settings.settling, 200_000)
+    change = tilting * mu - settling * (1.0 - math.exp(-t_s / settings.settling_s))
+    found = _load_change(mu, t_s, settings)
+    assert found == pytest.approx(float(np.sqrt(np.mean(change**2))), rel=0.01)

@@ -200,3 +200,16 @@ def test_groups_of_one_run_are_not_judged() -> None:
     assert row.differences["after"].value == pytest.approx(0.1, abs=0.02)
     assert (row.test, row.slope, row.verdict) == (None, None, "not judged")
     assert row.why.startswith("before, after: one run")
+
+
+def test_group_of_one_run_spares_the_others() -> None:
+    random = np.random.default_rng(13)
+    groups = [
+        of_runs(name, mean + 0.01 * random.standard_normal((runs, 10)))
+        for name, mean, runs in (("dry", 1.0, 1), ("oiled", 1.1, 4), ("worn", 1.3, 4))
+    ]
+    (row,) = compare(groups).compared
+    (alone,) = compare(groups[1:]).compared
+    assert row.test == alone.test and row.differs
+    assert set(row.differences) == {"oiled", "worn"}
+    assert row.why.startswith("dry: one run") and not alone.why
