@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
@@ -34,7 +34,10 @@ ENOUGH: Final = 3e-6  #: and below which the fit of all trials does: 0.1 of 3e4
 FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
-WRONG: Final = 1.2  #: mean square from which mu_s and mu_d are sought in all of these trials
+WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
+CLOSE_S: Final = 1.0  #: of the same trials, in which a coarse mu_d is sought first
+CLOSE: Final = tuple(np.exp(0.02 * np.arange(-4, 5)))  #: then shares of it
+CLOSE_RATIOS: Final = tuple(np.exp(0.02 * np.arange(1, 47)))  #: with as many mu_s over it
 KINETIC: Final = (0.1, 0.15, 0.22, 0.33, 0.45, 0.55, 0.65, 0.8, 1.0, 1.4)  #: sought mu_d
 RATIOS: Final = (1.05, 1.2, 1.35, 1.5, 1.7, 2.0, 2.5)  #: and mu_s over it
 #: Shares of the mu_s that a fit has found, which are tried besides.
@@ -98,13 +101,18 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
         for k, item in enumerate(system.trials)
     )
-    if sliding and 2.0 * branch[1].cost > WRONG * counted:
-        point = _begin_sliding(system, sliding, gripping, math.inf)
-        branch = min(branch, _fitted(system, _theta(system, point)), key=lambda item: item[1].cost)
+    for way in (_close, _begin_sliding) if sliding else ():
+        if 2.0 * branch[1].cost <= WRONG * counted:
+            break
+        other = _fitted(system, _theta(system, way(system, sliding, gripping)))
+        branch = min(branch, other, key=lambda item: item[1].cost)
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
     model, ended, sd = _rescanned(system, sliding, branch)
     ended_at = _widened(conclude(model, ended, SCORES), sd)
+    if not ended_at.converged:  # small steps along a ridge end before its lowest place
+        model, ended, sd = _rescanned(system, sliding, _fitted(system, ended.theta))
+        ended_at = _widened(conclude(model, ended, SCORES), sd)
     return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
@@ -281,16 +289,29 @@ def _theta(system: RobotSystem, point: FloatArray) -> FloatArray:
     return np.concatenate([point, np.tile(local, len(system.trials))])
 
 
+def _close(system: RobotSystem, sliding: Sequence[int], point: FloatArray) -> FloatArray:
+    """Return ``point`` with the best of many mu_d and mu_s, close to each other.
+
+    Whether a contact slides for a moment more or less decides over the rest of the way: between two
+    coarse steps the cost of the right ones may not be seen, but for the first second.
+    """
+    kinetic = _begin_sliding(system, sliding, point, CLOSE_S)[FRICTION[0]]
+    return _begin_sliding(
+        system, sliding, point, SLIDING_S, kinetic * np.array(CLOSE), CLOSE_RATIOS
+    )
+
+
 def _begin_sliding(
-    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float
-) -> FloatArray:
+    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float = math.inf,
+    kinetic: Iterable[float] = KINETIC, ratios: Iterable[float] = RATIOS,
+) -> FloatArray:  # fmt: skip
     """Return ``point`` with the best of some mu_d and mu_s for the begin of the sliding trials."""
     part = replace(system, trials=tuple(system.trials[k].first(seconds) for k in sliding))
     model = OutputErrorModel(part, noise_at(part, _theta(part, point)))
     best, least = point, math.inf
-    for kinetic, ratio in itertools.product(KINETIC, RATIOS):
+    for pair in itertools.product(kinetic, ratios):
         other = point.copy()
-        other[list(FRICTION)] = kinetic, ratio
+        other[list(FRICTION)] = pair
         if (cost := _cost(model, _theta(part, other), least)) < least:
             best, least = other, cost
     return best

@@ -22,6 +22,8 @@ from rigd.analysis.result import FitOutcome
         8,  # noise of its motor speeds is in its torques
         13,  # another optimum of mu_s and mu_d
         15,  # the last frame of a trial has its markers exchanged
+        23,  # small steps along a ridge, which end before its lowest place
+        74,  # mu_d and mu_s between coarse ones, all of which cost too much
     ],
 )
 def test_right_robot_is_answered_and_intervals_hold(number: int, tmp_path: Path) -> None:
