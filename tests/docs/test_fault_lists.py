@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from support.wire import all_parts
 
 from rigd_sim.cards.lugre import LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers
@@ -22,6 +23,7 @@ from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.ni_terminals import Terminals
+from rigd_sim.wire.oven import SimOven
 from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.supply import SimSupply
@@ -48,12 +50,18 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "Scale": SimScale.faults,
     "Device that sends lines": SimLines.faults,
     "Supply": SimSupply.faults,
+    "Oven": SimOven.faults,
     "Camera tracker": SimTracker.faults,
     "Modbus line": LINE_FAULTS,
     "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),
     "Modbus servo": beyond(SimModbusServo.faults, LINE_FAULTS),
     "Register card": {**Mf624Registers.faults, **LugreWiring.faults},
 }
+
+
+def test_every_simulated_device_has_its_faults_listed() -> None:
+    listed = {item for faults in LISTS.values() for item in faults.items()}
+    assert {item for part in all_parts() for item in part.faults.items()} <= listed
 
 
 def table(faults: Mapping[str, str]) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import fcntl
+import importlib
 import os
+import pkgutil
 import signal
 import socket
 import subprocess
@@ -18,8 +20,10 @@ from typing import Any
 
 from support import warm
 
+import rigd_sim.wire
 from rigd.config.loader import load_rig
 from rigd.sdk import LinkError, Simulation
+from rigd_sim.wire.part import Part
 
 ROOT = Path(__file__).parent.parent.parent
 #: A crowded machine starts a simulation within this time.
@@ -181,6 +185,18 @@ def served_rig(folder: Path, text: str) -> Iterator[WireRig]:
         yield rig
     finally:
         rig.stop()
+
+
+def all_parts() -> set[type[Part]]:
+    """Return the class of every device that can be simulated at the wire."""
+    for module in pkgutil.walk_packages(rigd_sim.wire.__path__, "rigd_sim.wire."):
+        importlib.import_module(module.name)
+    found, left = set(), [Part]
+    while left:
+        below = left.pop().__subclasses__()
+        found.update(below)
+        left += below
+    return {part for part in found if part.__module__.startswith("rigd_sim.")}
 
 
 def is_free(rig: str) -> bool:

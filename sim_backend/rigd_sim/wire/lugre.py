@@ -20,12 +20,13 @@ from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
+from rigd_sim.wire.can.transmitter import Cia404Transmitter
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
 from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.mf624 import SimMf624
-from rigd_sim.wire.modbus.line import TcpLine
+from rigd_sim.wire.modbus.line import Line, SerialLine, TcpLine
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
@@ -80,12 +81,13 @@ class BeltOptions(ServoOptions):
 
 
 class ModbusDriveOptions(SimulationConfig):
-    """A speed drive on Modbus TCP on a belt, without a clutch."""
+    """A speed drive on Modbus on a belt, without a clutch."""
 
     host: str = "127.0.0.1"
     """Address where it is reached."""
-    port: Annotated[int, Ge(1), Le(65535)]
-    """TCP port where it is reached."""
+    port: Annotated[int, Ge(1), Le(65535)] | None = None
+    """TCP port where it is reached; none: Modbus RTU at 19200 baud, on a serial port of the
+    device's name in the folder."""
     make: Literal["delta-asda-b", "schneider-atv320"] = "schneider-atv320"
     """Which drive."""
     unit: Annotated[int, Ge(0), Le(255)] = 1
@@ -286,8 +288,11 @@ def _modbus_belt(name: str, options: ModbusDriveOptions, bench: Bench) -> Part:
     def command(speed: float) -> None:
         world.command(time.monotonic_ns(), layout.LATERAL_COMMANDS, speed * lever, 1.0)
 
+    line: Line = SerialLine(bench.folder.socket(name))
+    if options.port is not None:
+        line = TcpLine(options.host, options.port)
     return SimModbusServo(
-        name, TcpLine(options.host, options.port), command=command,
+        name, line, command=command,
         speed=lambda: world.now()[layout.BRIDGE_READINGS + 1] / lever, unit=options.unit,
         drive=options.make,
     )  # fmt: skip
@@ -312,6 +317,13 @@ def _carriage(name: str, options: EncoderOptions, bench: Bench) -> Part:
     per_count = bench.world.plant.parameters.sensors.guide_resolution
     scale = Scale(GUIDE_COUNTS_PER_TURN, options.turns, options.start, "position", per_count)
     return _encoder(name, options, bench, layout.GUIDE_COUNTS, scale)
+
+
+def _cell(name: str, options: NodeOptions, bench: Bench) -> Part:
+    return Cia404Transmitter(
+        name, bench.buses[options.bus], options.node,
+        lambda t_ns: bench.world.at(t_ns)[TRACTION], unit=NEWTON, serial=options.serial,
+    )  # fmt: skip
 
 
 def _scale(name: str, options: ScaleOptions, bench: Bench) -> Part:
@@ -365,7 +377,7 @@ def labjack_of(wiring: LugreWiring, *, serial: int = 470012345) -> LabjackRegist
 
 def _traction(name: str, options: TransmitterOptions, bench: Bench) -> Part:
     cell = LoadCell(
-        bench.world.reading(layout.READINGS.index("traction_force")),
+        bench.world.reading(TRACTION),
         capacity=options.capacity, resolution=options.resolution, noise=options.noise,
         filter_s=options.filter, seed=bench.seed,
     )  # fmt: skip
@@ -378,6 +390,9 @@ Builder = Callable[..., Part]
 #: Of the measuring wheel on the guide.
 GUIDE_COUNTS_PER_TURN: Final = 4096
 WHEEL_SPEED: Final = layout.READINGS.index("wheel_speed")
+TRACTION: Final = layout.READINGS.index("traction_force")
+#: Code of N in object 6131 (CiA 303-2).
+NEWTON: Final = 0x0021_0000
 
 #: Every device that the bench can show: the key of its options, and what builds it.
 BUILDERS: Final[Mapping[str, Builder]] = {
@@ -397,6 +412,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     "carriage": _carriage,
     "accelerometer": _accelerometer,
     "traction": _traction,
+    "cell": _cell,
     "scale": _scale,
     "card": _card,
     "ni_card": _ni_card,
@@ -423,6 +439,8 @@ class DeviceOptions(SimulationConfig):
     """NI card with the accelerometer of the carriage."""
     traction: TransmitterOptions | None = None
     """Load cell that measures the force of the floor on the wheel, on a Modbus transmitter."""
+    cell: NodeOptions | None = None
+    """The same on a CiA 404 transmitter, which counts 0.01 N."""
     scale: ScaleOptions | None = ScaleOptions()
     """Scale on which the quarter model rests, with its weights."""
     card: RegisterCardOptions | None = None

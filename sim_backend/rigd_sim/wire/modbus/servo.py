@@ -50,6 +50,7 @@ class Drive(ABC):
         self.stuck = False  #: True: it goes on as it was
         self.locked = False  #: True: its enable input is open
         self.held = False  #: True: its motor is held fast
+        self.elsewhere = False  #: True: its setpoint comes from elsewhere, and stands still
         self._command = command
         self._commanded = 0.0
         self._now = now
@@ -86,7 +87,8 @@ class Drive(ABC):
         """Command the motor, and note since when it is without torque."""
         if self.enabled or not self.safe_since_ns:
             self.safe_since_ns = 0 if self.enabled else time.monotonic_ns()
-        wanted = self.setpoint if self.enabled and not self.held else 0.0
+        asked = self._commanded if self.elsewhere else self.setpoint
+        wanted = asked if self.enabled and not self.held else 0.0
         if wanted != self._commanded:
             self._commanded = wanted
             self._command(wanted)
@@ -287,6 +289,7 @@ class SimModbusServo(ModbusPart):
         "stuck": "answers, and goes on as it was: it obeys no command, setpoint or watchdog",
         "locked": "its enable input is open: it is not enabled, and no longer if it was",
         "blocked": "its motor is held fast, and does not turn",
+        "setpoint_ignored": "keeps the speed that it has, as one set to take it from elsewhere",
     }
 
     def __init__(
@@ -352,6 +355,8 @@ class SimModbusServo(ModbusPart):
                 self._drive.locked = True
             case "blocked":
                 self._drive.held = True
+            case "setpoint_ignored":
+                self._drive.elsewhere = True
             case _:
                 return False
         return True
@@ -368,3 +373,5 @@ class SimModbusServo(ModbusPart):
             self._drive.locked = False
         if fault in (None, "blocked"):
             self._drive.held = False
+        if fault in (None, "setpoint_ignored"):
+            self._drive.elsewhere = False
