@@ -30,13 +30,12 @@ from rigd.record import Recording
 SHARED = 12
 #: After a fault is cleared, what it leaves behind shows within this time.
 SETTLE_S = 0.5
-#: Drives are safe at most so long after the run knows: the cycle commands them at once, a host may
-#: stall, and behind it stands their watchdog (0.1 s).
-SAFE_S = 0.5
 #: A crowded host makes some rows late; a fault marks at least this share more of them, and twice
 #: as many as before.
 USUAL_SHARE = 0.05
 MARKED = "marked rows"
+#: A cycle stamps what it finds with the time at which it was due, before it asked a slow device.
+EARLY_NS = 200_000_000
 #: How often a run is started until it moves.
 STARTS = 4
 
@@ -194,7 +193,9 @@ class Campaign:
         told = ""
         if ended_by_it:
             told = _sentence(self._told)
-        detected, at_ns = _detected(recording, _shown, self._offset_ns)
+            _shown = replace(_shown, ended_ns=time.monotonic_ns())  # its drives may be off first
+        earlier = [item for item in self._shown if item.began_ns < _shown.began_ns]
+        detected, at_ns = _detected(recording, _shown, self._offset_ns, earlier)
         after_s = None if at_ns is None else (at_ns - self._offset_ns - _shown.began_ns) * 1e-9
         safe_s = (safe_ns - _shown.began_ns) * 1e-9 if ended_by_it else None
         if _shown.case.must is Must.NAME:
@@ -315,7 +316,7 @@ def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
         yield f"the run was to end, exit code {int(Exit.TRIPPED)}; found {outcome.exit_code}"
     elif outcome.detected_s is None or outcome.detected_s > case.within_s:
         yield f"detected after {outcome.detected_s} s, expected {case.within_s} s"
-    elif outcome.safe_s is None or outcome.safe_s > outcome.detected_s + SAFE_S:
+    elif outcome.safe_s is None or outcome.safe_s > outcome.detected_s + case.safe_s:
         yield f"safe after {outcome.safe_s} s, detected after {outcome.detected_s:.3f} s"
 
 
@@ -332,24 +333,38 @@ def _whole(recording: Recording, stream: str) -> bool:
     return ended and not gaps(recording, stream)
 
 
-def _detected(recording: Recording, _shown: _Shown, offset_ns: int) -> tuple[str, int | None]:
+def _detected(
+    recording: Recording, _shown: _Shown, offset_ns: int, earlier: Sequence[_Shown]
+) -> tuple[str, int | None]:
     """Return by what the fault was detected and when first, on the clock of the run."""
     began, ended = _shown.began_ns + offset_ns, _shown.ended_ns + offset_ns
     for event in recording.events():
-        if event.kind in ("fault", "interlock") and began <= event.t_ns <= ended:
-            return ("device fault" if event.kind == "fault" else "interlock"), event.t_ns
+        if event.kind in ("fault", "interlock") and began - EARLY_NS <= event.t_ns <= ended:
+            kind = "device fault" if event.kind == "fault" else "interlock"
+            return kind, max(event.t_ns, began)
     part = _shown.case.part  # a bus has no rows of its own: those of all devices show it
     streams = [part] if part in recording.streams else sorted({*recording.streams} - {"cycle"})
-    marks = [_first_mark(recording, name, began, ended) for name in streams]
+    spoilt = [
+        (item.began_ns + offset_ns, item.ended_ns + offset_ns + round(SETTLE_S * 1e9))
+        for item in earlier
+    ]
+    marks = [_first_mark(recording, name, began, ended, spoilt) for name in streams]
     first = min((mark for mark in marks if mark is not None), default=None)
     return ("nothing", None) if first is None else (MARKED, first)
 
 
-def _first_mark(recording: Recording, stream: str, began: int, ended: int) -> int | None:
-    """Return when the rows of ``stream`` began to be marked much more often than before."""
+def _first_mark(
+    recording: Recording, stream: str, began: int, ended: int, spoilt: Sequence[tuple[int, int]]
+) -> int | None:
+    """Return when the rows of ``stream`` began to be marked much more often than before.
+
+    Those between the times ``spoilt`` do not count: other faults were shown then.
+    """
     rows = recording.read(stream)
     t_ns = rows["t_ns"].astype(np.int64)
     inside, before = (t_ns >= began) & (t_ns <= ended), t_ns < began
+    for since, until in spoilt:
+        before &= (t_ns < since) | (t_ns > until)
     marked = _marks(rows, t_ns, before)
     if not inside.any():
         return began

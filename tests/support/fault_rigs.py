@@ -1,13 +1,11 @@
 """The rigs on which faults are shown, how each moves meanwhile, and the cases of each.
 
-``support.fault_table`` has those of the shipped LuGre rig at the wire. Here stand a moving belt,
-a Modbus drive, devices that send and take lines, scales of every dialect, the relay of the
-approach-angle rig and the register card.
+``support.fault_table`` has those of the shipped LuGre rig at the wire. Here stand all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,9 +14,20 @@ from typing import Any, Final
 
 from support import fault_table
 from support.fault_table import BLOCK, END, GO_ON, MARK, NAME, Case, in_order
-from support.killing import DRIVING, PATIENT, SHAKING, Movement
+from support.killing import DRIVING, PATIENT, QUARTER, SHAKING, Movement
 from support.stopping import angle_rig
-from support.wire import ROOT, WireRig, free_ports, served_rig, wire_rig
+from support.wire import (
+    LABJACK,
+    NI,
+    OVEN,
+    ROBOT,
+    ROOT,
+    Shipped,
+    WireRig,
+    free_ports,
+    served_rig,
+    wire_rig,
+)
 
 _TO_AND_FRO: Final = """\
 procedure: to_and_fro
@@ -61,6 +70,40 @@ record: all
     moves=lambda parts: parts["supply"]["voltage"] > 2.0,
     stream="cycle",  # a supply is asked less often
     watchdog_s=1.0,  # it has none: after a kill another process makes it safe
+)
+HEATING: Final = Movement(
+    """\
+procedure: heat
+title: The oven follows a sine for as long as it is left alone
+doc: For tests.
+trial:
+  steps:
+    - step: heat
+      set: {oven.temperature: {sine: {offset: 50 degC, amplitude: 10 K, frequency: 0.02 Hz}}}
+      for: 7200 s
+record: all
+""",
+    drives=("oven",),
+    moves=lambda parts: parts["oven"]["output"] and parts["oven"]["set_temperature"] > 40.0,
+    stream="cycle",
+    watchdog_s=1.0,  # it has none: after a kill another process makes it safe
+)
+ROLLING: Final = Movement(
+    """\
+procedure: roll
+title: Drives for as long as it is left alone
+doc: A circle that does not end.
+trial:
+  steps:
+    - step: roll
+      set: {right_motor.speed: 200 rad/s, left_motor.speed: 100 rad/s}
+      for: 7200 s
+record: all
+""",
+    drives=("right_motor", "left_motor"),
+    moves=lambda parts: parts["right_motor"]["enabled"] and parts["right_motor"]["speed"] > 199,
+    stream="right_motor",
+    watchdog_s=0.1,
 )
 CARD_SHAKING: Final = replace(
     SHAKING,
@@ -215,11 +258,54 @@ def lines_rig(folder: Path, dialects: Sequence[str] = DIALECTS) -> Iterator[Wire
 
 
 @contextmanager
-def inverter_rig(folder: Path) -> Iterator[WireRig]:
-    """The bridge of the LuGre rig on a Modbus drive, and nothing else."""
+def inverter_rig(folder: Path, *, serial: bool = False) -> Iterator[WireRig]:
+    """The bridge of the LuGre rig on a Modbus drive, over TCP or RTU, and nothing else."""
     (port,) = free_ports(1)
-    text = _INVERTER_RIG.replace("PORT", str(port)).replace("ROOT", str(ROOT))
-    with served_rig(folder, text) as rig:
+    text = _INVERTER_RIG.replace("ROOT", str(ROOT))
+    if serial:
+        text = text.replace("{port: PORT}", "{}").replace("watchdog: 0.5 s", "watchdog: 0.8 s")
+        text = text.replace("host: 127.0.0.1", "serial_port: FOLDER/lateral_drive")
+        text = text.replace("port: PORT\n", "parity: none\n")  # a simulated port has no other
+    with served_rig(folder, text.replace("PORT", str(port))) as rig:
+        yield rig
+
+
+#: A sensor as its maker describes it, and one of a load cell, both on the bus of the encoders.
+_DBC: Final = """\
+VERSION ""
+NS_ :
+BS_:
+BU_: Sensor
+BO_ 291 WheelLoad: 2 Sensor
+ SG_ LoadForce : 0|16@1- (0.1,0) [-1000|1000] "N" Vector__XXX
+"""
+_SENSORS: Final = {
+    "floor: stone}\n": """\
+floor: stone}
+  cell: {bus: encoder_bus, node: 21}
+  can_sensors:
+    wheel_load: {bus: encoder_bus, dbc: sensor.dbc, message: WheelLoad, values: {LoadForce: 39}}
+""",
+    "\ninterlocks:": """
+  wheel_load:
+    driver: can-message
+    link: encoder_bus
+    options: {dbc: sensor.dbc, message: WheelLoad}
+
+  cell:
+    driver: cia404-transmitter
+    link: encoder_bus
+    options: {node: 21, unit: 1 N, physical_unit: 0x00210000, low: -300 N, high: 300 N}
+
+interlocks:""",
+}
+
+
+@contextmanager
+def sensors_rig(folder: Path) -> Iterator[WireRig]:
+    """The LuGre rig with a sensor of a DBC file and a CiA 404 transmitter."""
+    (folder / "sensor.dbc").write_text(_DBC)
+    with wire_rig(folder, "wire-sensors", PATIENT | _SENSORS) as rig:
         yield rig
 
 
@@ -287,7 +373,8 @@ def _of_inverter() -> Iterator[Case]:
         yield case(END, fault)
     for fault in ("watchdog_tripped", "overcurrent", "locked"):
         yield case(END, fault)
-    yield case(END, "blocked", "does not run as it is asked")
+    for fault in ("blocked", "setpoint_ignored"):
+        yield case(END, fault, "interlock follows")
     yield case(GO_ON, "silent", count=1)
     yield case(NAME, "stuck")
     for fault in ("watchdog_dead", "watchdog_unset"):
@@ -299,6 +386,114 @@ def _of_inverter() -> Iterator[Case]:
     # Its watchdog is proven while it is disabled; that it is not enabled shows as it is armed.
     yield Case(part, "locked", BLOCK, words=("did not become ready",), before=True, code=4,
                rig="inverter")  # fmt: skip
+
+
+def _of_serial_inverter() -> Iterator[Case]:
+    """As over TCP, but for what only one of the two lines has."""
+    for case in _of_inverter():
+        other = "crc" if case.fault == "wrong_transaction" else case.fault
+        yield replace(case, fault=other, rig="inverter-rtu", edit=None if case.edit is None else
+                      ("watchdog: 0.8 s", "watchdog: 0.9 s"))  # fmt: skip
+
+
+def _of_sensors() -> Iterator[Case]:
+    """A device on CAN that only measures, as an encoder does, and one that sends by itself."""
+    for common in fault_table.node("cell"):
+        yield replace(common, rig="sensors")
+    yield Case("cell", "overload", MARK, rig="sensors")
+
+    def case(must: fault_table.Must, fault: str, **options: Any) -> Case:
+        words = ("wheel_load",) if must is END else ()
+        return Case("wheel_load", fault, must, options, words, within_s=1.5, rig="sensors")
+
+    yield case(END, "silent")
+    yield case(END, "short")
+    yield case(GO_ON, "foreign")
+    yield case(GO_ON, "value", signal="LoadForce", value=100.0)
+    yield case(MARK, "value", signal="LoadForce", value=2000.0)
+    yield Case("wheel_load", "silent", BLOCK, words=("wheel_load",), before=True, rig="sensors")
+
+
+def _of_ni() -> Iterator[Case]:
+    def case(must: fault_table.Must, fault: str, *words: str, **options: Any) -> Case:
+        return Case("ni_card", fault, must, options, words, within_s=1.5, rig="ni")
+
+    yield case(END, "removal", "is gone")
+    yield case(END, "reset", "-200088")
+    yield case(END, "watchdog_expired", "watchdog|one-shot")
+    yield case(END, "drive_fault", "wheel_servo", drive="wheel")
+    yield case(END, "saturation", "more current than was commanded", input=0, rail="high")
+    yield case(MARK, "saturation", input=1, rail="high")
+    yield case(END, "stall", seconds=1.0)
+    yield case(GO_ON, "stall", seconds=0.005)
+    for fault in ("stuck_code", "open_input"):
+        yield case(GO_ON, fault, input=1)
+    for fault in ("counter_reset", "sign_flip"):
+        yield case(GO_ON, fault, counter=1)
+    yield case(GO_ON, "watchdog_dead")
+    for fault, told in (
+        ("watchdog_dead", "watchdog of the card was still up"),
+        ("removal", "card"),
+    ):
+        yield Case("ni_card", fault, BLOCK, words=(told,), before=True, rig="ni")
+
+
+def _of_labjack() -> Iterator[Case]:
+    def case(must: fault_table.Must, fault: str, *words: str, **options: Any) -> Case:
+        # What is not heard is made safe by its own watchdog alone, after 1 s.
+        return Case("labjack", fault, must, options, words, within_s=1.5, safe_s=1.5, rig="labjack")
+
+    for fault in ("silent", "deaf", "wrong_transaction", "wrong_function"):
+        yield case(END, fault)
+    yield case(GO_ON, "wrong_unit")  # its unit is no part of its address
+    for fault in ("exception", "busy", "truncated", "garbage", "late", "byte_gap", "cut"):
+        yield case(END, fault)
+    yield case(END, "watchdog_acts", "watchdog|one-shot")
+    yield case(END, "failed_input", "-9999 V")
+    yield case(END, "no_tick")
+    yield case(END, "drive_fault", "wheel_servo", drive="wheel")
+    for fault in ("counter_reset", "watchdog_dead", "other_product"):
+        yield case(GO_ON, fault)  # watchdog and product are looked at before the rig is armed
+    for fault, told in (("watchdog_dead", "watchdog of the card was still up"),
+                        ("other_product", "T8"), ("silent", "LabJack")):  # fmt: skip
+        yield Case("labjack", fault, BLOCK, words=(told,), before=True, rig="labjack")
+
+
+def _of_tracker() -> Iterator[Case]:
+    """Interlocks ask for a frame with each marker within 0.5 s."""
+
+    def case(must: fault_table.Must, fault: str, **options: Any) -> Case:
+        words = ("marker",) if must is END else ()
+        return Case("tracker", fault, must, options, words, within_s=1.5, watch_s=2.0, rig="robot")
+
+    for fault in ("silent", "lost", "dropped", "frozen", "restarted", "garbage", "nan", "field"):
+        yield case(END, fault)
+    for fault in ("late", "unit", "degrees", "long"):
+        yield case(END, fault)
+    yield case(END, "lost", body="front")
+    for fault in ("duplicate", "reordered", "stranger"):
+        yield case(MARK, fault)
+    yield case(MARK, "flood", rate_hz=2000.0)  # at ten times that, frames are lost by chance
+    yield case(MARK, "lost", probability=0.3)
+    yield case(GO_ON, "late", delay_s=0.1)
+    for fault in ("exchanged", "scale"):
+        yield case(GO_ON, fault)
+    yield Case("tracker", "silent", BLOCK, words=("tracker",), before=True, rig="robot")
+
+
+def _of_oven() -> Iterator[Case]:
+    case = partial(_port, "oven", "oven")
+    for fault in ("garbage", "partial", "merged", "lost", "late", "nul", "echo"):
+        yield case(END, fault)
+    yield case(GO_ON, "no_cr")
+    yield case(END, "garbage", probability=0.5)
+    for fault in ("setpoint_ignored", "tripped", "locked", "broken_wire"):
+        yield case(END, fault)
+    for fault in ("silent", "unplug"):  # it hears nothing, and has no watchdog
+        yield replace(case(NAME, fault), words=("oven could not be made safe|oven does not",))
+    yield Case("oven", "stuck", NAME, words=("oven",), rig="oven")
+    yield Case("oven", "locked", BLOCK, words=("oven",), before=True, code=4, rig="oven")
+    yield Case("oven", "silent", BLOCK, words=("oven",), before=True, rig="oven")
 
 
 def _of_relay() -> Iterator[Case]:
@@ -372,12 +567,21 @@ _ENDLESS: Final = {
 }
 
 
-def _at_start(rig: WireRig) -> None:
-    rig.ask(do="change", quantity="platform", value="start")
+def _change(rig: WireRig, quantity: str) -> None:
+    rig.ask(do="change", quantity=quantity, value="start")
 
 
-def _off(rig: WireRig) -> None:
-    rig.ask(do="fault", part="supply", fault="tripped")
+def _off(part: str) -> Callable[[WireRig], None]:
+    def by_hand(rig: WireRig) -> None:
+        rig.ask(do="fault", part=part, fault="tripped")
+
+    return by_hand
+
+
+def _shipped(
+    name: str, shipped: Shipped, replaced: Mapping[str, str] | None = None
+) -> Callable[[Path], AbstractContextManager[WireRig]]:
+    return lambda folder: wire_rig(folder, name, replaced, shipped)
 
 
 def _left(rig: WireRig) -> None:
@@ -418,15 +622,42 @@ RIGS: Final[dict[str, FaultRig]] = {
         lambda folder: wire_rig(folder, "wire-belt", PATIENT),
         BELT,
         (
-            Case("lateral_belt", "blocked", END, words=("does not run as it is asked",),
+            Case("lateral_belt", "blocked", END, words=("interlock lateral_belt_follows",),
                  within_s=3.5, rig="belt"),
-            Case("servo_bus", "drop", END, {"id": 0x203}, ("does not run as it is asked",),
+            Case("servo_bus", "drop", END, {"id": 0x203}, ("interlock lateral_belt_follows",),
                  within_s=3.5, rig="belt"),
         ),
         {"lateral_belt": "CAN servo, moving", "servo_bus": "CAN bus, belt moving"},
     ),
     "inverter": FaultRig(
         inverter_rig, INVERTER, tuple(in_order(_of_inverter())), {"lateral_drive": "Modbus servo"}
+    ),
+    "inverter-rtu": FaultRig(
+        partial(inverter_rig, serial=True),
+        replace(INVERTER, watchdog_s=0.9),
+        tuple(in_order(_of_serial_inverter())),
+        {"lateral_drive": "Modbus servo, RTU"},
+    ),
+    "sensors": FaultRig(
+        sensors_rig, SHAKING, tuple(in_order(_of_sensors())),
+        {"cell": "CiA 404 transmitter", "wheel_load": "sensor of a DBC file"},
+    ),
+    "ni": FaultRig(
+        _shipped("ni-faults", NI), NI_SHAKING, tuple(in_order(_of_ni())),
+        {"ni_card": "NI card that drives"},
+    ),
+    "labjack": FaultRig(
+        _shipped("labjack-faults", LABJACK), LABJACK_SHAKING, tuple(in_order(_of_labjack())),
+        {"labjack": "LabJack"},
+    ),
+    "robot": FaultRig(
+        _shipped("robot-faults", ROBOT, {"cycle: 1 kHz": QUARTER["cycle: 1 kHz"]}),
+        ROLLING, tuple(in_order(_of_tracker())), {"tracker": "camera tracker"},
+        set_up=lambda rig: _change(rig, "robot"),
+    ),
+    "oven": FaultRig(
+        _shipped("oven-faults", OVEN), HEATING, tuple(in_order(_of_oven())), {"oven": "scpi"},
+        by_hand=_off("oven"),
     ),
     "lines": FaultRig(
         lines_rig,
@@ -444,16 +675,16 @@ RIGS: Final[dict[str, FaultRig]] = {
             "supply": "line-outputs",
             "gauge": "lines, asked",
             "climate": "lines, unasked",
-            **{scale_of(name): f"scale, {name}" for name in DIALECTS},
+            **{scale_of(name): f"scale, {name}" for name in DIALECTS[1:]},
         },
-        by_hand=_off,
+        by_hand=_off("supply"),
     ),
     "angle": FaultRig(
         lambda folder: angle_rig(folder, "wire-relay", _ENDLESS),
         DRIVING,
         tuple(in_order(_of_relay())),
         {"relay": "NI relay"},
-        set_up=_at_start,
+        set_up=lambda rig: _change(rig, "platform"),
     ),
     "card": FaultRig(
         _card_rig, CARD_SHAKING, tuple(in_order(_of_card())), {"card": "register card"}

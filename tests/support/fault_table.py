@@ -31,6 +31,9 @@ class Case:
     options: Mapping[str, Any] = field(default_factory=dict)
     words: tuple[str, ...] = ()  #: patterns that the message to the operator must contain
     within_s: float = 0.5  #: END: from the injection until the run knows
+    #: END: from then until every drive is safe. The cycle commands them at once, a host may stall,
+    #: and behind it stands their watchdog.
+    safe_s: float = 0.5
     watch_s: float = 1.0  #: how long the fault is shown if the run goes on
     before: bool = False  #: shown before the run starts
     edit: tuple[str, str] | None = None  #: no fault of a device, but of the rig file: text, wrong
@@ -48,7 +51,11 @@ class Case:
     @property
     def spoils(self) -> bool:
         """Whether the simulation must be started again: what it did is not undone by clearing."""
-        moved = self.rig in ("belt", "inverter")  # runs that end early would add up to its travel
+        moved = self.rig in (
+            "belt",
+            "inverter",
+            "inverter-rtu",
+        )  # runs that end early would add up to its travel
         if self.fault == "stream" and self.part in MENU_STREAMS:
             return True
         return self.fault == "cut" or (self.must is Must.END and (moved or self.fault == "jump"))
@@ -64,7 +71,7 @@ SILENT: Final = "gave no row|is stale"
 END, MARK, BLOCK, NAME, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.NAME, Must.GO_ON
 
 
-def _node(part: str) -> Iterator[Case]:
+def node(part: str) -> Iterator[Case]:
     """Faults of every CANopen node."""
     yield Case(part, "silent", END)
     yield Case(part, "reset", END, words=(part, "restart"))
@@ -89,7 +96,7 @@ def _node(part: str) -> Iterator[Case]:
 
 
 def _servo(part: str) -> Iterator[Case]:
-    yield from _node(part)
+    yield from node(part)
     yield Case(part, "watchdog_dead", BLOCK, words=(part, "did not switch itself off"), before=True)
     yield Case(part, "fault", END, words=(part, "fault"))
     yield Case(part, "setpoint_ignored", END, words=(part, "ignores its target"))
@@ -102,7 +109,7 @@ def _servo(part: str) -> Iterator[Case]:
 
 
 def _encoder(part: str) -> Iterator[Case]:
-    yield from _node(part)
+    yield from node(part)
     # What it counts wrongly shows if an interlock watches it, or another sensor is compared.
     yield Case(part, "missed_counts", GO_ON, {"fraction": 0.5})
     yield Case(part, "sign_flip", GO_ON)

@@ -87,6 +87,7 @@ def test_killed_cycle_leaves_supply_off(bench: WireRig, tmp_path: Path) -> None:
     ("rig", "fault"),
     [("belt", "servo_bus drop"), ("belt", "lateral_belt blocked"),
      ("inverter", "lateral_drive blocked"), ("inverter", "lateral_drive stuck"),
+     ("inverter", "lateral_drive setpoint_ignored"), ("inverter-rtu", "lateral_drive crc"),
      ("lines", "supply setpoint_ignored"), ("angle", "relay one_shot_dead")],
 )  # fmt: skip
 def test_fault_of_an_actuator_is_named(rig: str, fault: str, tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import Ended, rigd
-from support.killing import Movement, bound_s, kill_cycle
+from support.fault_rigs import ROLLING
+from support.killing import bound_s, kill_cycle
 from support.wire import ROBOT, WireRig, wire_rig
 
 import rigd as library
@@ -32,23 +33,6 @@ trial:
       for: 2 s
 record: all
 """
-ROLLING = Movement(
-    """\
-procedure: roll
-title: Drives for as long as it is left alone
-doc: A circle that does not end.
-trial:
-  steps:
-    - step: roll
-      set: {right_motor.speed: 200 rad/s, left_motor.speed: 100 rad/s}
-      for: 7200 s
-record: all
-""",
-    drives=("right_motor", "left_motor"),
-    moves=lambda parts: parts["right_motor"]["enabled"] and parts["right_motor"]["speed"] > 199,
-    stream="right_motor",
-    watchdog_s=0.1,
-)
 
 
 @pytest.fixture(scope="module")
