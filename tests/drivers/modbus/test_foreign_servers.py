@@ -1,12 +1,17 @@
-"""The driver against servers of other authors: pyModbusTCP on TCP, modbus-tk on a serial line.
+"""The driver against servers of other authors.
+
+pyModbusTCP and, where the system has it, libmodbus on TCP; modbus-tk on a serial line.
 
 The driver's codec is pymodbus's, so pymodbus's own server would prove nothing about it.
 """
 
 from __future__ import annotations
 
+import ctypes
+import ctypes.util
 import os
 import select
+import threading
 import tty
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +20,7 @@ from pathlib import Path
 import pytest
 from modbus_tk import defines, modbus_rtu
 from pyModbusTCP.server import DataBank, ModbusServer
+from support.wire import free_ports
 
 from rigd.config.loader import parse_rig
 from rigd.sdk import DeviceError
@@ -109,7 +115,57 @@ def rtu() -> Iterator[Client]:
     os.close(slave)
 
 
-@pytest.fixture(params=["tcp", "rtu"])
+class Mapping(ctypes.Structure):
+    """``modbus_mapping_t`` of libmodbus 3.1."""
+
+    _fields_ = (
+        *((f"count_{number}", ctypes.c_int) for number in range(8)),
+        ("bits", ctypes.c_void_p),
+        ("input_bits", ctypes.c_void_p),
+        ("inputs", ctypes.POINTER(ctypes.c_uint16)),
+        ("holding", ctypes.POINTER(ctypes.c_uint16)),
+    )
+
+
+@pytest.fixture
+def libmodbus() -> Iterator[Client]:
+    """A client of a server on libmodbus, which is no package of Python."""
+    name = ctypes.util.find_library("modbus")
+    if name is None:
+        pytest.skip("libmodbus is not installed (Debian: libmodbus5)")
+    library = ctypes.CDLL(name)
+    library.modbus_new_tcp.restype = ctypes.c_void_p
+    library.modbus_mapping_new.restype = ctypes.POINTER(Mapping)
+    (port,) = free_ports(1)
+    context = ctypes.c_void_p(library.modbus_new_tcp(b"127.0.0.1", port))
+    mapping = library.modbus_mapping_new(0, 0, REGISTERS, REGISTERS)
+    for values, first, words in (("holding", 7, HOLDING), ("inputs", 3, INPUTS)):
+        for number, word in enumerate(words, start=first):
+            getattr(mapping.contents, values)[number] = word
+    listening = ctypes.c_int(library.modbus_tcp_listen(context, 1))
+    assert listening.value >= 0
+
+    def serve() -> None:
+        library.modbus_tcp_accept(context, ctypes.byref(listening))
+        request = ctypes.create_string_buffer(260)
+        while (size := library.modbus_receive(context, request)) >= 0:
+            library.modbus_reply(context, request, size, mapping)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    config = ConnectionConfig.model_validate({"host": "127.0.0.1", "port": port, "timeout": "1 s"})
+    client = config.client(0.0)
+    client.open()
+    yield client
+    client.close()
+    thread.join()
+    os.close(listening.value)
+    library.modbus_close(context)
+    library.modbus_mapping_free(mapping)
+    library.modbus_free(context)
+
+
+@pytest.fixture(params=["tcp", "libmodbus", "rtu"])
 def client(request: pytest.FixtureRequest) -> Client:
     """One of them, opened."""
     found = request.getfixturevalue(request.param)
