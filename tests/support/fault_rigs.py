@@ -389,11 +389,11 @@ def _of_inverter() -> Iterator[Case]:
 
 
 def _of_serial_inverter() -> Iterator[Case]:
-    """As over TCP, but for what only one of the two lines has."""
+    """As over TCP, but for what only one of the two lines has; its watchdog acts after 0.8 s."""
     for case in _of_inverter():
-        other = "crc" if case.fault == "wrong_transaction" else case.fault
-        yield replace(case, fault=other, rig="inverter-rtu", edit=None if case.edit is None else
-                      ("watchdog: 0.8 s", "watchdog: 0.9 s"))  # fmt: skip
+        fault = "crc" if case.fault == "wrong_transaction" else case.fault
+        edit = None if case.edit is None else ("watchdog: 0.8 s", "watchdog: 0.9 s")
+        yield replace(case, fault=fault, edit=edit, safe_s=0.9, rig="inverter-rtu")
 
 
 def _of_sensors() -> Iterator[Case]:
