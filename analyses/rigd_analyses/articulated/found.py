@@ -35,8 +35,10 @@ FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
 WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
-CLOSE_S: Final = 1.0  #: of the same trials, in which a coarse mu_d is sought first
-CLOSE: Final = tuple(np.exp(0.02 * np.arange(-4, 5)))  #: then shares of it
+#: In so much of these trials, one after the other while the fit is wrong; a coarse mu_d in the
+#: first.
+SOUGHT_S: Final = (1.0, 2.0, 4.0, math.inf)
+CLOSE: Final = tuple(np.exp(0.02 * np.arange(-4, 5)))  #: shares of it that are tried
 CLOSE_RATIOS: Final = tuple(np.exp(0.02 * np.arange(1, 47)))  #: with as many mu_s over it
 KINETIC: Final = (0.1, 0.15, 0.22, 0.33, 0.45, 0.55, 0.65, 0.8, 1.0, 1.4)  #: sought mu_d
 RATIOS: Final = (1.05, 1.2, 1.35, 1.5, 1.7, 2.0, 2.5)  #: and mu_s over it
@@ -101,10 +103,10 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
         for k, item in enumerate(system.trials)
     )
-    for way in (_close, _begin_sliding) if sliding else ():
+    for seconds in SOUGHT_S if sliding else ():
         if 2.0 * branch[1].cost <= WRONG * counted:
             break
-        other = _fitted(system, _theta(system, way(system, sliding, gripping)))
+        other = _fitted(system, _theta(system, _close(system, sliding, gripping, seconds)))
         branch = min(branch, other, key=lambda item: item[1].cost)
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
@@ -112,7 +114,7 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
     ended_at = _widened(conclude(model, ended, SCORES), sd)
     if not ended_at.converged:  # small steps along a ridge end before its lowest place
         model, ended, sd = _rescanned(system, sliding, _fitted(system, ended.theta))
-        ended_at = _widened(conclude(model, ended, SCORES), sd)
+        ended_at = _with_step(_widened(conclude(model, ended, SCORES), sd))
     return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
@@ -289,20 +291,20 @@ def _theta(system: RobotSystem, point: FloatArray) -> FloatArray:
     return np.concatenate([point, np.tile(local, len(system.trials))])
 
 
-def _close(system: RobotSystem, sliding: Sequence[int], point: FloatArray) -> FloatArray:
-    """Return ``point`` with the best of many mu_d and mu_s, close to each other.
+def _close(
+    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float
+) -> FloatArray:
+    """Return ``point`` with the best of many mu_d and mu_s, for the begin of the sliding trials.
 
     Whether a contact slides for a moment more or less decides over the rest of the way: between two
     coarse steps the cost of the right ones may not be seen, but for the first second.
     """
-    kinetic = _begin_sliding(system, sliding, point, CLOSE_S)[FRICTION[0]]
-    return _begin_sliding(
-        system, sliding, point, SLIDING_S, kinetic * np.array(CLOSE), CLOSE_RATIOS
-    )
+    kinetic = _begin_sliding(system, sliding, point, SOUGHT_S[0])[FRICTION[0]]
+    return _begin_sliding(system, sliding, point, seconds, kinetic * np.array(CLOSE), CLOSE_RATIOS)
 
 
 def _begin_sliding(
-    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float = math.inf,
+    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float,
     kinetic: Iterable[float] = KINETIC, ratios: Iterable[float] = RATIOS,
 ) -> FloatArray:  # fmt: skip
     """Return ``point`` with the best of some mu_d and mu_s for the begin of the sliding trials."""
@@ -410,6 +412,19 @@ def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
         if not total < most:
             return math.inf
     return total
+
+
+def _with_step(found: OutputErrorFit) -> OutputErrorFit:
+    """Return a fit that ended at a step of the cost, with intervals that hold what is left to go.
+
+    The slopes on one side of a step point across it, and the cost behind it is higher: no further
+    step ends. One that is longer than chance allows stays, and the fit has not converged.
+    """
+    if found.converged or not np.all(np.abs(found.left) <= Z_95):
+        return found
+    move = found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    covariance = found.covariance + np.outer(move, move)
+    return replace(found, covariance=covariance, left=np.zeros_like(found.left))
 
 
 def _widened(found: OutputErrorFit, sd: float) -> OutputErrorFit:

@@ -24,6 +24,7 @@ from rigd.analysis.result import FitOutcome
         15,  # the last frame of a trial has its markers exchanged
         23,  # small steps along a ridge, which end before its lowest place
         74,  # mu_d and mu_s between coarse ones, all of which cost too much
+        164,  # the fit ends at a step of the cost
     ],
 )
 def test_right_robot_is_answered_and_intervals_hold(number: int, tmp_path: Path) -> None:
