@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import control
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -297,3 +299,24 @@ def test_relay_out_of_reach_gives_up_in_time() -> None:
     assert not any(reasons[:501])
     assert "has had press.current at 0.2 A for 0.5 s" in reasons[501]
     assert held.wanted == held.rest
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3, 1.0])
+def test_pid_equals_transfer_function_of_python_control(weight: float) -> None:
+    kp, ki, kd, lag, h = 0.02, 0.6, 4e-5, 0.004, 1e-3
+    z = control.tf("z")
+    z.dt = h
+    integral, slope = ki * h * z / (z - 1), kd * (z - 1) / ((lag + h) * z - lag)
+    random = np.random.default_rng(3)
+    goals, readings = random.uniform(-1.0, 1.0, size=(2, 200))
+    goals[0] = readings[0] = 0.0  # where it begins
+    asked = control.forced_response(kp * weight + integral, U=goals).outputs
+    asked = asked - control.forced_response(kp + integral + slope, U=readings).outputs
+    held = Held(config(kp=kp, ki=ki, kd=kd, filter_s=lag, weight=weight))
+    found = []
+    for goal, reading in zip(goals.tolist(), readings.tolist(), strict=True):
+        held.values[0] = reading
+        assert held.step(hold=goal) == ""
+        found.append(held.bank.row("hold")[6])
+    assert max(abs(np.diff(asked))) < 0.1  # within the rate
+    assert found == pytest.approx(asked, rel=1e-9, abs=1e-12)

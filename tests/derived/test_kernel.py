@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -140,3 +141,15 @@ def test_long_window_keeps_its_digits() -> None:
     values = np.concatenate((1e9 * rng.normal(size=2000), rng.normal(size=3000)))
     found = Bound("mean(dev_a.x, 1 s)").play(values.tolist())
     assert found[-1] == pytest.approx(float(np.mean(values[-1000:])), abs=1e-12)
+
+
+def test_low_pass_equals_sampled_filter_of_python_control() -> None:
+    omega = 2 * math.pi * 80
+    sampled = control.tf([omega**2], [1, math.sqrt(2) * omega, omega**2]).sample(1e-3, "zoh")
+    values = np.random.default_rng(5).normal(size=300)
+    values[0] = 0.0
+    # A reading counts from the one before on.
+    expected = control.forced_response(sampled, U=np.append(values[1:], 0.0)).outputs
+    assert Bound("lowpass(dev_a.x, 80 Hz)").play(values.tolist()) == pytest.approx(
+        expected, rel=1e-9, abs=1e-12
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import control
 import numpy as np
 from numpy.typing import NDArray
 
@@ -175,3 +176,21 @@ def test_overflow_begins_anew() -> None:
     bench.step(0.0, 0.1, 0.2)
     assert math.isnan(bench.step(1e308, 1e308, -1e308)[0])
     assert math.isfinite(bench.step(0.0, 0.1, 0.2)[0])
+
+
+def test_filter_settles_at_gain_of_python_control() -> None:
+    later, before, _ = control.dlqe(F, np.eye(2), H, Q, R)
+    gain = np.linalg.solve(F, later)  # that of the next state, a period earlier
+    after = before - gain @ H @ before
+    bench = Bench()
+    for _ in range(400):
+        row = bench.step(0.0, 0.0, 0.0)
+    assert np.allclose([row[1], row[3]], np.sqrt(np.diag(after)), rtol=1e-9)
+    state = np.array([row[0], row[2]])
+    for place in (0, 1):
+        reading = np.where(np.arange(2) == place, 1.0, 0.0)
+        expected = F @ state
+        expected = expected + gain @ (reading - H @ expected)
+        row = bench.step(0.0, *reading.tolist())
+        state = np.array([row[0], row[2]])
+        assert np.allclose(state, expected, rtol=1e-9, atol=1e-12)
