@@ -123,7 +123,7 @@ def _exchanged(first: int, after_s: float) -> Callable[[Content], None]:
 def _late(seconds: float) -> Callable[[Content], None]:
     def spoil(content: Content) -> None:
         for name in MARKERS:
-            content.rows[name]["t_ns"] += np.uint64(seconds * SECOND_NS)
+            content.rows[name]["t_ns"] += round(seconds * SECOND_NS)
 
     return spoil
 
