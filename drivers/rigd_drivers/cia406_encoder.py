@@ -149,7 +149,7 @@ class Cia406Encoder(CanSensor[EncoderConfig]):
         values = self.newest()
         if values is None:
             return None
-        counts = self._unwrap.follow(self._within_span(values[0]))
+        counts = self._unwrap.follow(self._within_span(values[0], self._unwrap.span))
         found = self.opened().state
         state = 0 if found is None else int(found)
         value = (counts - self._zero) * self._scale
@@ -178,14 +178,15 @@ class Cia406Encoder(CanSensor[EncoderConfig]):
 
     def _begin(self, span: int, shown: int) -> None:
         """Count from what the encoder shows."""
-        self._unwrap = Unwrap(span)
-        count = self._unwrap.follow(self._within_span(shown))
+        unwrap = Unwrap(span)
+        count = unwrap.follow(self._within_span(shown, span))
+        self._unwrap = unwrap
         self._zero = count if self.config.zero is None else self.config.zero
 
-    def _within_span(self, count: int) -> int:
-        if count >= self._unwrap.span:
+    def _within_span(self, count: int, span: int) -> int:
+        if count >= span:
             raise ProtocolError(
-                f"{self._node} counts to {count}, beyond its range of {self._unwrap.span}",
+                f"{self._node} counts to {count}, beyond its range of {span}",
                 hint="correct `bits`",
             )
         return count

@@ -16,7 +16,7 @@ from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import UNEXPLAINED, judge_fit
 from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import slopes, to_scaled
+from rigd.analysis.model import slopes, to_natural, to_scaled
 from rigd.analysis.output_error import BETTER, NEAR, Branch, OutputErrorFit, conclude
 from rigd.analysis.result import FitOutcome, FloatArray, Gate
 from rigd.analysis.system import SomeTrials, System
@@ -35,8 +35,8 @@ FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
 WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
-#: In so much of these trials, one after the other while the fit is wrong; a coarse mu_d in the
-#: first.
+#: s of these trials in which that is done, one after the other while the fit is wrong; a coarse
+#: mu_d is sought in the first.
 SOUGHT_S: Final = (1.0, 2.0, 4.0, math.inf)
 CLOSE: Final = tuple(np.exp(0.02 * np.arange(-4, 5)))  #: shares of it that are tried
 CLOSE_RATIOS: Final = tuple(np.exp(0.02 * np.arange(1, 47)))  #: with as many mu_s over it
@@ -50,6 +50,7 @@ AGAIN: Final = tuple(
 )
 RULED_OUT: Final = 1.92  #: of the cost: half the 95 % point of chi-squared
 MOST_BETTER: Final = 3
+MOST_FURTHER: Final = 3  #: fits after one that has not converged
 #: Shares of mu_s N over which contacts may let go gradually, half of each; and by how many of these
 #: mu_s is larger then.
 WIDTHS: Final = (0.02, 0.035, 0.05, 0.075, 0.1, 0.15)
@@ -103,18 +104,27 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
         for k, item in enumerate(system.trials)
     )
-    for seconds in SOUGHT_S if sliding else ():
-        if 2.0 * branch[1].cost <= WRONG * counted:
-            break
-        other = _fitted(system, _theta(system, _close(system, sliding, gripping, seconds)))
-        branch = min(branch, other, key=lambda item: item[1].cost)
+    if sliding and 2.0 * branch[1].cost > WRONG * counted:
+        kinetic = _begin_sliding(system, sliding, gripping, SOUGHT_S[0])[FRICTION[0]]
+        for seconds in SOUGHT_S:
+            close = kinetic * np.array(CLOSE)
+            point = _begin_sliding(system, sliding, gripping, seconds, close, CLOSE_RATIOS)
+            other = _fitted(system, _theta(system, point))
+            branch = min(branch, other, key=lambda item: item[1].cost)
+            if 2.0 * branch[1].cost <= WRONG * counted:
+                break
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
-    model, ended, sd = _rescanned(system, sliding, branch)
-    ended_at = _widened(conclude(model, ended, SCORES), sd)
-    if not ended_at.converged:  # small steps along a ridge end before its lowest place
-        model, ended, sd = _rescanned(system, sliding, _fitted(system, ended.theta))
-        ended_at = _with_step(_widened(conclude(model, ended, SCORES), sd))
+    for _ in range(MOST_FURTHER):
+        model, ended, sd = _rescanned(system, sliding, branch)
+        ended_at = _widened(conclude(model, ended, SCORES), sd)
+        # Small steps along a ridge end before its lowest place; a step of the cost may be beside.
+        starts = () if ended_at.converged else (ended.theta, _beyond(ended_at))
+        further = [(model, ended), *(_fitted(system, start) for start in starts)]
+        branch = min(further, key=lambda item: item[1].cost)
+        if branch[1].cost > ended.cost - ENOUGH * ended.cost:
+            break
+    ended_at = _with_step(ended_at)
     return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
@@ -291,23 +301,15 @@ def _theta(system: RobotSystem, point: FloatArray) -> FloatArray:
     return np.concatenate([point, np.tile(local, len(system.trials))])
 
 
-def _close(
-    system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float
-) -> FloatArray:
-    """Return ``point`` with the best of many mu_d and mu_s, for the begin of the sliding trials.
-
-    Whether a contact slides for a moment more or less decides over the rest of the way: between two
-    coarse steps the cost of the right ones may not be seen, but for the first second.
-    """
-    kinetic = _begin_sliding(system, sliding, point, SOUGHT_S[0])[FRICTION[0]]
-    return _begin_sliding(system, sliding, point, seconds, kinetic * np.array(CLOSE), CLOSE_RATIOS)
-
-
 def _begin_sliding(
     system: RobotSystem, sliding: Sequence[int], point: FloatArray, seconds: float,
     kinetic: Iterable[float] = KINETIC, ratios: Iterable[float] = RATIOS,
 ) -> FloatArray:  # fmt: skip
-    """Return ``point`` with the best of some mu_d and mu_s for the begin of the sliding trials."""
+    """Return ``point`` with the best of some mu_d and mu_s for the begin of the sliding trials.
+
+    Whether a contact slides for a moment more or less decides over the rest of the way: between two
+    coarse steps the cost of the right ones may not be seen, but for the first second.
+    """
     part = replace(system, trials=tuple(system.trials[k].first(seconds) for k in sliding))
     model = OutputErrorModel(part, noise_at(part, _theta(part, point)))
     best, least = point, math.inf
@@ -414,13 +416,21 @@ def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
     return total
 
 
+def _beyond(found: OutputErrorFit) -> FloatArray:
+    """Return the parameters (p,) at which nothing would be left to go."""
+    move = found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    return to_natural(found.model.parameters, found.fit.scaled + np.nan_to_num(move))
+
+
 def _with_step(found: OutputErrorFit) -> OutputErrorFit:
     """Return a fit that ended at a step of the cost, with intervals that hold what is left to go.
 
-    The slopes on one side of a step point across it, and the cost behind it is higher: no further
-    step ends. One that is longer than chance allows stays, and the fit has not converged.
+    The slopes on one side of a step point across it, and the cost behind it is higher. Where it is
+    not, or if more is left than chance allows, the fit has not converged.
     """
     if found.converged or not np.all(np.abs(found.left) <= Z_95):
+        return found
+    if found.model.cost(_beyond(found)) < found.fit.cost:
         return found
     move = found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     covariance = found.covariance + np.outer(move, move)

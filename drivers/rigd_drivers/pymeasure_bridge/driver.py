@@ -31,6 +31,8 @@ from rigd_drivers.scpi.replies import LARGEST
 
 #: Longest time until the output shows that it is on, in s.
 READY_S: Final = 1.5
+#: So long an opening that failed waits for its process, in s: the daemon waits 2 s in all.
+_FAILED_S: Final = 1.0
 #: Pause between two looks at `state`, in s.
 PAUSE_S: Final = 0.05
 #: The driver fails before the daemon calls the device silent, so that its message is seen; in s.
@@ -95,7 +97,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             await self._raise_errors("it is opened")
         except BaseException:  # also when cancelled: nothing may stay open, nor on by `start`
             self._process = None
-            await process.end()
+            await process.end(_FAILED_S)
             raise
 
     async def run(self, emit: EmitRow) -> None:

@@ -116,7 +116,7 @@ class Process:
                 raise LinkError(answer["text"])
         raise DeviceError(answer["text"])
 
-    async def end(self) -> None:
+    async def end(self, limit_s: float = _END_S) -> None:
         """Close the connection, and wait until the process has made safe and closed the instrument.
 
         A process that takes longer than the driver may wait is not disturbed: it may be making the
@@ -125,7 +125,7 @@ class Process:
         child = self._forget()
         if child is None:
             return
-        until_s = asyncio.get_running_loop().time() + _END_S
+        until_s = asyncio.get_running_loop().time() + limit_s
         try:
             while child.poll() is None and asyncio.get_running_loop().time() < until_s:
                 await asyncio.sleep(_LOOK_S)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import combinations
@@ -41,9 +41,10 @@ class Compared:
     """One parameter of one group of trials in all campaigns.
 
     ``estimates`` are those of the campaigns, None if one lacks it. ``differences`` are those from
-    the first campaign that has a number, by name of campaign: of the logarithm if ``log``. ``test``
-    is that of all being equal, ``p_holm`` its p value for all parameters together. Without a test,
-    ``why`` states what is missing: numbers, or runs that show how runs differ.
+    ``base``, the first campaign with a number (and several runs, if two have them), by name of
+    campaign: of the logarithm if ``log``. ``test`` is that of all that may be judged being equal,
+    ``p_holm`` its p value for all parameters together. Without a test, ``why`` states what is
+    missing: numbers, or runs that show how runs differ.
     """
 
     group: str
@@ -190,10 +191,10 @@ def _compared(
     if not all(math.isfinite(item.own) or math.isfinite(min(item.below, item.above))
                for item in levels.values()):  # fmt: skip
         return _with_reason(row)
-    base, *others = levels
     dates = {item.name: item.dates for item in campaigns}
     one_run = [key for key, item in known.items() if item.is_within_run]
     judged = {key: level for key, level in levels.items() if key not in one_run}
+    base = next(iter(judged if len(judged) > 1 else levels))
     slope = None
     if all(dates[key] for key in judged):
         at = np.array([_middle(dates[key]) for key in judged]) / YEAR_S
@@ -202,20 +203,21 @@ def _compared(
     return replace(
         row,
         base=base,
-        differences={key: difference(levels[base], levels[key]) for key in others},
+        differences={key: difference(levels[base], levels[key]) for key in levels if key != base},
         test=homogeneity(list(judged.values())) if len(judged) > 1 else None,
         slope=slope,
-        why="; ".join(filter(None, (_reason(row, missing), _of_one_run(one_run)))),
+        why="; ".join(filter(None, (_reason(row, missing), _of_one_run(one_run, judged)))),
     )
 
 
-def _of_one_run(names: Sequence[str]) -> str:
+def _of_one_run(names: Sequence[str], judged: Collection[str]) -> str:
     """Return why groups of one run have no part in the verdict; empty if there is none."""
     if not names:
         return ""
     return (
-        f"{', '.join(names)}: one run, which shows how trials differ and not how runs do, so the "
-        "verdict leaves it out; give two runs of each group or more"
+        f"{', '.join(names)}: one run, which shows how trials differ and not how runs do; "
+        f"{'the verdict is that of the others; ' if len(judged) > 1 else ''}"
+        "give two runs of each group or more"
     )
 
 

@@ -152,7 +152,7 @@ def libmodbus() -> Iterator[Client]:
         while (size := library.modbus_receive(context, request)) >= 0:
             library.modbus_reply(context, request, size, mapping)
 
-    thread = threading.Thread(target=serve)
+    thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     config = ConnectionConfig.model_validate({"host": "127.0.0.1", "port": port, "timeout": "1 s"})
     client = config.client(0.0)

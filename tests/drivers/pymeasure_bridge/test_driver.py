@@ -24,7 +24,7 @@ from rigd_drivers.pymeasure_bridge import driver as module
 from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
 from rigd_drivers.pymeasure_bridge.driver import Pymeasure
 from rigd_drivers.pymeasure_bridge.helper import Session
-from rigd_drivers.pymeasure_bridge.process import OPEN_S, Process
+from rigd_drivers.pymeasure_bridge.process import _END_S, OPEN_S, Process
 
 SUPPLY: dict[str, Any] = {
     "instrument": "pymeasure.instruments.keithley.Keithley2260B",
@@ -412,22 +412,22 @@ class Switch(Instrument):
         super().__init__(FakeAdapter(), "switch", includeSCPI=False)
         self._file = pathlib.Path(address)
 
-    state = property(lambda self: self._file.read_text())
+    state = property(lambda self: self._file.read_text().split()[-1])
     level = property(lambda self: 1.0, lambda self, value: None)
 
     def on(self):
-        self._file.write_text("on")
+        self._file.write_text("off on")
 
     def off(self):
-        time.sleep(2.5)
-        self._file.write_text("off")
+        time.sleep(SLOW_S)
+        self._file.write_text(self._file.read_text() + " off")
 """
 
 
 @pytest.fixture
 def switch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Return the options of an instrument that takes 2.5 s to switch off."""
-    (tmp_path / "slow_switch.py").write_text(SWITCH)
+    """Return the options of an instrument that takes longer to switch off than is waited for."""
+    (tmp_path / "slow_switch.py").write_text(SWITCH.replace("SLOW_S", str(_END_S + 0.5)))
     (tmp_path / "state").write_text("off")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return {"instrument": "slow_switch.Switch", "address": str(tmp_path / "state")}
@@ -435,9 +435,9 @@ def switch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 def wait_until_off(switch: dict[str, Any]) -> None:
     deadline = time.monotonic() + 30
-    while (state := Path(switch["address"]).read_text()) != "off" and time.monotonic() < deadline:
+    while (states := Path(switch["address"]).read_text()) != "off on off":
+        assert time.monotonic() < deadline, states
         time.sleep(0.01)
-    assert state == "off"
 
 
 def test_end_lets_a_slow_safe_finish(switch: dict[str, Any]) -> None:
