@@ -119,7 +119,9 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         model, ended, sd = _rescanned(system, sliding, branch)
         ended_at = _widened(conclude(model, ended, SCORES), sd)
         # Small steps along a ridge end before its lowest place; a step of the cost may be beside.
-        starts = () if ended_at.converged else (ended.theta, _beyond(ended_at))
+        if ended_at.converged or 2.0 * ended.cost > WRONG * counted:
+            break
+        starts = (ended.theta, _beyond(ended_at))
         further = [(model, ended), *(_fitted(system, start) for start in starts)]
         branch = min(further, key=lambda item: item[1].cost)
         if branch[1].cost > ended.cost - ENOUGH * ended.cost:
