@@ -104,14 +104,18 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
         for k, item in enumerate(system.trials)
     )
-    if sliding and 2.0 * branch[1].cost > WRONG * counted:
+
+    def is_wrong(ended: Fit) -> bool:
+        return 2.0 * ended.cost > WRONG * counted
+
+    if sliding and is_wrong(branch[1]):
         kinetic = _begin_sliding(system, sliding, gripping, SOUGHT_S[0])[FRICTION[0]]
         for seconds in SOUGHT_S:
             close = kinetic * np.array(CLOSE)
             point = _begin_sliding(system, sliding, gripping, seconds, close, CLOSE_RATIOS)
             other = _fitted(system, _theta(system, point))
             branch = min(branch, other, key=lambda item: item[1].cost)
-            if 2.0 * branch[1].cost <= WRONG * counted:
+            if not is_wrong(branch[1]):
                 break
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
@@ -119,14 +123,15 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         model, ended, sd = _rescanned(system, sliding, branch)
         ended_at = _widened(conclude(model, ended, SCORES), sd)
         # Small steps along a ridge end before its lowest place; a step of the cost may be beside.
-        if ended_at.converged or 2.0 * ended.cost > WRONG * counted:
+        if ended_at.converged or is_wrong(ended):
             break
         starts = (ended.theta, _beyond(ended_at))
         further = [(model, ended), *(_fitted(system, start) for start in starts)]
         branch = min(further, key=lambda item: item[1].cost)
         if branch[1].cost > ended.cost - ENOUGH * ended.cost:
             break
-    ended_at = _with_step(ended_at)
+    if not is_wrong(ended):
+        ended_at = _with_step(ended_at)
     return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
@@ -418,10 +423,14 @@ def _cost(model: OutputErrorModel, theta: FloatArray, most: float) -> float:
     return total
 
 
+def _to_go(found: OutputErrorFit) -> FloatArray:
+    """Return the step (p,), scaled, that is left."""
+    return np.nan_to_num(found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0)))
+
+
 def _beyond(found: OutputErrorFit) -> FloatArray:
     """Return the parameters (p,) at which nothing would be left to go."""
-    move = found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    return to_natural(found.model.parameters, found.fit.scaled + np.nan_to_num(move))
+    return to_natural(found.model.parameters, found.fit.scaled + _to_go(found))
 
 
 def _with_step(found: OutputErrorFit) -> OutputErrorFit:
@@ -434,8 +443,7 @@ def _with_step(found: OutputErrorFit) -> OutputErrorFit:
         return found
     if found.model.cost(_beyond(found)) < found.fit.cost:
         return found
-    move = found.left * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    covariance = found.covariance + np.outer(move, move)
+    covariance = found.covariance + np.outer(_to_go(found), _to_go(found))
     return replace(found, covariance=covariance, left=np.zeros_like(found.left))
 
 
