@@ -34,8 +34,8 @@ SETTLE_S = 0.5
 #: as many as before.
 USUAL_SHARE = 0.05
 MARKED = "marked rows"
-#: A cycle stamps what it finds with the time at which it was due, before it asked a slow device.
-EARLY_NS = 200_000_000
+#: What names the cause of an end: kinds of events, and what the tables call them.
+EVENTS = {"fault": "device fault", "interlock": "interlock"}
 #: How often a run is started until it moves.
 STARTS = 4
 
@@ -209,7 +209,7 @@ class Campaign:
         self._state = own_state(self._place)
         rig = self._rig.rig
         for case in cases:
-            if case.edit is None or not case.fault.startswith("wrong_"):
+            if case.injected:
                 self._inject(case)
             if case.edit is not None:
                 right, wrong = case.edit
@@ -314,6 +314,8 @@ def verdict(case: Case, outcome: Outcome) -> list[str]:
 def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
     if outcome.exit_code != Exit.TRIPPED:
         yield f"the run was to end, exit code {int(Exit.TRIPPED)}; found {outcome.exit_code}"
+    elif outcome.detected_by not in EVENTS.values():
+        yield f"the recording names no cause of the end, but: {outcome.detected_by}"
     elif outcome.detected_s is None or outcome.detected_s > case.within_s:
         yield f"detected after {outcome.detected_s} s, expected {case.within_s} s"
     elif outcome.safe_s is None or outcome.safe_s > outcome.detected_s + case.safe_s:
@@ -336,12 +338,17 @@ def _whole(recording: Recording, stream: str) -> bool:
 def _detected(
     recording: Recording, _shown: _Shown, offset_ns: int, earlier: Sequence[_Shown]
 ) -> tuple[str, int | None]:
-    """Return by what the fault was detected and when first, on the clock of the run."""
+    """Return by what the fault was detected and when first, on the clock of the run.
+
+    A cycle stamps what it finds with the time at which it was due: the cycle in which the fault was
+    shown is the earliest that can find it.
+    """
     began, ended = _shown.began_ns + offset_ns, _shown.ended_ns + offset_ns
+    due_ns = recording.read("cycle")["t_ns"].astype(np.int64)
+    earliest = int(due_ns[due_ns <= began].max(initial=0))
     for event in recording.events():
-        if event.kind in ("fault", "interlock") and began - EARLY_NS <= event.t_ns <= ended:
-            kind = "device fault" if event.kind == "fault" else "interlock"
-            return kind, max(event.t_ns, began)
+        if event.kind in EVENTS and earliest <= event.t_ns <= ended:
+            return EVENTS[event.kind], max(event.t_ns, began)
     part = _shown.case.part  # a bus has no rows of its own: those of all devices show it
     streams = [part] if part in recording.streams else sorted({*recording.streams} - {"cycle"})
     spoilt = [
@@ -369,9 +376,10 @@ def _first_mark(
     if not inside.any():
         return began
     usual = float(marked[before].mean()) if before.any() else 0.0
-    gaps = np.diff(t_ns)
-    longest = int(gaps[(t_ns[1:] >= began) & (t_ns[1:] <= ended)].max(initial=0))
-    silent = longest > 3 * max(int(gaps[t_ns[1:] < began].max(initial=0)), 20_000_000)
+    between = np.diff(t_ns)
+    longest = int(between[inside[1:]].max(initial=0))
+    sound = int(between[before[1:] & before[:-1]].max(initial=0))
+    silent = longest > 3 * max(sound, 20_000_000)
     if not silent and float(marked[inside].mean()) < 2 * usual + USUAL_SHARE:
         return None
     return int(t_ns[inside & marked].min(initial=ended))

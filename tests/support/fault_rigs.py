@@ -354,7 +354,8 @@ def _of_scale(dialect: str) -> Iterator[Case]:
     for case in fault_table.scale():
         if case.edit is None:
             if (dialect, case.fault) == ("ohaus", "nul"):
-                case = replace(case, must=END)  # its lines have no fixed form that NULs leave
+                # Its lines have no fixed form that NULs leave.
+                case = replace(case, must=END, words=("scale",))
             yield replace(case, part=scale_of(dialect), rig="lines",
                           words=tuple(word.replace("scale", scale_of(dialect))
                                       for word in case.words))  # fmt: skip

@@ -49,6 +49,11 @@ class Case:
         return f"{where}{self.part} {self.fault}" + (f"({options})" if options else "") + when
 
     @property
+    def injected(self) -> bool:
+        """Whether the simulation shows it, not a rig file that names what is not there."""
+        return self.edit is None or not self.fault.startswith("wrong_")
+
+    @property
     def spoils(self) -> bool:
         """Whether the simulation must be started again: what it did is not undone by clearing."""
         moved = self.rig in (
@@ -65,7 +70,8 @@ class Case:
 MENU_STREAMS: Final = ("scale_and_d_indicator", "scale_sartorius_sbi", "scale_ohaus")
 SERVOS: Final = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 ENCODERS: Final = ("wheel_encoder", "carriage")
-BUSES: Final = ("servo_bus", "encoder_bus")
+#: Each bus with the devices that a message may name as it fails.
+BUSES: Final = {"servo_bus": SERVOS, "encoder_bus": ENCODERS}
 #: Whichever sees it first: an interlock that watches the channel, or the cycle.
 SILENT: Final = "gave no row|is stale"
 END, MARK, BLOCK, NAME, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.NAME, Must.GO_ON
@@ -73,7 +79,7 @@ END, MARK, BLOCK, NAME, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.NAME, Must
 
 def node(part: str) -> Iterator[Case]:
     """Faults of every CANopen node."""
-    yield Case(part, "silent", END)
+    yield Case(part, "silent", END, words=(part,))
     yield Case(part, "reset", END, words=(part, "restart"))
     yield Case(part, "emergency", END, {"code": 0x7305}, words=(part, "0x7305"))
     yield Case(part, "tpdo_missing", END, words=(part, SILENT))
@@ -118,10 +124,11 @@ def _encoder(part: str) -> Iterator[Case]:
 
 
 def _bus(part: str) -> Iterator[Case]:
+    silent = ("|".join((part, *BUSES[part])),)
     yield Case(part, "drop", MARK, {"probability": 0.1})
-    yield Case(part, "drop", END)
+    yield Case(part, "drop", END, words=silent)
     yield Case(part, "delay", GO_ON, {"delay_s": 0.005})  # as a node that is slow
-    yield Case(part, "delay", END, {"delay_s": 0.5})
+    yield Case(part, "delay", END, {"delay_s": 0.5}, silent)
     yield Case(part, "jitter", MARK, {"jitter_s": 0.005})
     yield Case(part, "reorder", GO_ON, {"probability": 0.2})
     yield Case(part, "duplicate", END, words=("more often than SYNC",))
@@ -130,12 +137,13 @@ def _bus(part: str) -> Iterator[Case]:
     yield Case(part, "bus_off", END, words=("bus-off",))
     yield Case(part, "wrong_bitrate", END, words=("bitrate",))
     yield Case(part, "wrong_bitrate", BLOCK, words=("bitrate",), before=True)
-    yield Case(part, "stalled", END)
+    yield Case(part, "stalled", END, words=silent)
 
 
 def _card() -> Iterator[Case]:
     def case(fault: str, must: Must, within_s: float = 1.5, **options: Any) -> Case:
-        return Case("accelerometer", fault, must, options, within_s=within_s)
+        words = ("accelerometer",) if must is END else ()
+        return Case("accelerometer", fault, must, options, words, within_s=within_s)
 
     yield case("overrun", END)
     yield case("short_block", GO_ON)

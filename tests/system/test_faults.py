@@ -13,10 +13,11 @@ from inspect import isabstract
 from pathlib import Path
 
 import pytest
+from support.campaign import MARKED as MARKED_ROWS
 from support.campaign import Campaign, Outcome, verdict
 from support.command import rigd
-from support.fault_rigs import RIGS, FaultRig
-from support.fault_table import Case, Must, cases
+from support.fault_rigs import RIGS, FaultRig, every_case
+from support.fault_table import SECOND, Case, Must, cases
 from support.killing import QUARTER, own_state
 from support.stalls import longest_stall
 from support.wire import WireRig, all_parts, wire_rig
@@ -121,12 +122,18 @@ def test_every_fault_of_every_device_is_in_table(
         (tmp_path / name).mkdir()
         parts = simulated(rig, tmp_path / name)
         for part in rig.kinds:
-            injected = {item.fault for item in rig.cases if item.part == part}
+            injected = {item.fault for item in rig.cases if item.part == part and item.injected}
+            assert injected - {SECOND} <= parts[part].faults.keys(), (name, part)
             missing = parts[part].faults.keys() - injected
             assert name in AGAIN or missing <= IMPOSSIBLE.get(name, set()), (name, part)
             if name not in AGAIN:
                 shown.update(type(parts[part]).__mro__)
     assert {part for part in all_parts() if part.faults and not isabstract(part)} <= shown
+
+
+def test_every_end_and_refusal_names_its_cause() -> None:
+    named = (Must.END, Must.NAME, Must.BLOCK)
+    assert not [item.name for item in every_case() if item.must in named and not item.words]
 
 
 def test_slice_holds_only_faults_of_its_class() -> None:
@@ -162,9 +169,10 @@ def test_verdict_reports_each_deviation_from_expected() -> None:
                     "wheel_servo: emergency 0x7305")  # fmt: skip
     assert not verdict(case, sound)
     late = Outcome(**{**vars(sound), "detected_s": 3.0})
+    unnamed = Outcome(**{**vars(sound), "detected_by": MARKED_ROWS})
     missed = Outcome("nothing", None, None, False, True, None, "")
     torn = Outcome(**{**vars(sound), "whole": False})
-    assert [bool(verdict(case, item)) for item in (late, missed, torn)] == [True] * 3
+    assert [bool(verdict(case, item)) for item in (late, missed, torn, unnamed)] == [True] * 4
     refused = KNOWN["scale unit(unit=lb) before"]
     driven = Outcome("refused", 1.0, None, True, True, int(Exit.BLOCKED), "shows lb, not kg")
     assert verdict(refused, driven) == ["a drive was driven"]
