@@ -80,7 +80,7 @@ SIDE_BY_SIDE = places(
     "docs", "dry_run",
     "drivers", "engine/recorder/test_exactly_once.py", "engine/shared",
     "engine/slow/test_latest.py", "engine/test_any_loops.py", "engine/test_asking.py",
-    "engine/test_cycle.py",
+    "engine/test_compiled_ahead.py", "engine/test_cycle.py",
     "engine/test_derived.py", "engine/test_faults.py", "engine/test_interlocks.py",
     "engine/test_limiter.py",
     "engine/test_plant_blocks.py", "engine/test_player.py", "engine/test_run.py",

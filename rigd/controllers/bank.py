@@ -86,7 +86,9 @@ class Bank:
         self._outcomes: list[tuple[int, int, int, int]] = []
         for place, limit in enumerate(own):  # a setpoint begins at rest
             self._tables[3][place, 0] = limit.rest
-        kernel.warm()
+        # Loads the compiled form, or compiles it: no cycle has time for that. What numba compiles
+        # depends on the layout of these tables, and that on their number.
+        kernel.control(0, *(table.copy(order="K") for table in self._tables))
 
     def bind(
         self,

@@ -297,9 +297,3 @@ def _report(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
     results[c, R_F], results[c, R_OUTPUT] = memory[c, _F], memory[c, _U]
     results[c, R_SATURATED], results[c, R_ACTIVE] = memory[c, _SIDE], 1.0
     results[c, R_TARGET] = memory[c, _TARGET]
-
-
-def warm() -> None:
-    """Load the compiled functions, or compile them: no cycle has time for that."""
-    table, times = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int64)
-    control(0, table, table.T, times.T, table, times, table)
