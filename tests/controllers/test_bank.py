@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.held import OUTPUT, TARGET, Held, config
+from support.held import OUTPUT, PERIOD_NS, TARGET, Held, config
 
 from rigd.controllers.chain import acting, sequence
 from rigd.model.limits import SetpointLimit
@@ -186,12 +186,19 @@ def test_input_without_number_gives_up_at_once(place: int, value: float) -> None
     assert held.step().startswith(f"controller hold: {name} is not a number")
 
 
-def test_stale_reading_gives_up_after_its_time() -> None:
-    held = Held(config(kp=0.1, stale_s=0.02))
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_stale_input_gives_up_after_its_time(place: int) -> None:
+    inputs = ("load.force", "some.forward", "some.schedule")
+    held = Held(config(kp=0.1, stale_s=0.02, forward=inputs[1], schedule=inputs[2]))
     assert held.step(hold=5.0) == ""
-    found = [held.step(fresh=False) for _ in range(21)]
+    taken, found = held.t_ns, []
+    for _ in range(21):
+        held.stamps[:] = [held.t_ns + PERIOD_NS] * len(held.stamps)
+        held.stamps[place] = taken
+        found.append(held.step(fresh=False))
     assert found[:-1] == [""] * 20
-    assert found[-1] == ("controller hold: load.force is stale: its last reading is over 20 ms old")
+    old = f"controller hold: {inputs[place]} is stale: its last reading is over 20 ms old"
+    assert found[-1] == old
 
 
 def test_frozen_reading_gives_up_after_its_time() -> None:
