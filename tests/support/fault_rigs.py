@@ -425,7 +425,7 @@ def _of_ni() -> Iterator[Case]:
     yield case(END, "drive_fault", "wheel_servo", drive="wheel")
     yield case(END, "saturation", "more current than was commanded", input=0, rail="high")
     yield case(MARK, "saturation", input=1, rail="high")
-    yield case(END, "stall", seconds=1.0)
+    yield case(END, "stall", "NI card", seconds=1.0)
     yield case(GO_ON, "stall", seconds=0.005)
     for fault in ("stuck_code", "open_input"):
         yield case(GO_ON, fault, input=1)
@@ -445,13 +445,13 @@ def _of_labjack() -> Iterator[Case]:
         return Case("labjack", fault, must, options, words, within_s=1.5, safe_s=1.5, rig="labjack")
 
     for fault in ("silent", "deaf", "wrong_transaction", "wrong_function"):
-        yield case(END, fault)
+        yield case(END, fault, "LabJack")
     yield case(GO_ON, "wrong_unit")  # its unit is no part of its address
     for fault in ("exception", "busy", "truncated", "garbage", "late", "byte_gap", "cut"):
-        yield case(END, fault)
+        yield case(END, fault, "LabJack")
     yield case(END, "watchdog_acts", "watchdog|one-shot")
     yield case(END, "failed_input", "-9999 V")
-    yield case(END, "no_tick")
+    yield case(END, "no_tick", "LabJack")
     yield case(END, "drive_fault", "wheel_servo", drive="wheel")
     for fault in ("counter_reset", "watchdog_dead", "other_product"):
         yield case(GO_ON, fault)  # watchdog and product are looked at before the rig is armed
@@ -509,14 +509,14 @@ def _of_relay() -> Iterator[Case]:
 
 
 def _of_card() -> Iterator[Case]:
-    def case(must: fault_table.Must, fault: str, **options: Any) -> Case:
-        return Case("card", fault, must, options, within_s=1.5, rig="card")
+    def case(must: fault_table.Must, fault: str, *words: str, **options: Any) -> Case:
+        return Case("card", fault, must, options, words, within_s=1.5, rig="card")
 
-    yield case(END, "eolc_stuck")
-    yield case(END, "fifo_short")
-    yield case(END, "card_removed")
-    yield case(END, "drive_fault", drive="wheel")
-    yield case(END, "saturation", input=7)  # the reference
+    yield case(END, "eolc_stuck", "card: .*EOLC")
+    yield case(END, "fifo_short", "card: analogue input 7")
+    yield case(END, "card_removed", "MF624 is gone")
+    yield case(END, "drive_fault", "wheel_servo", drive="wheel")
+    yield case(END, "saturation", "card: analogue input 7", input=7)  # the reference
     yield case(MARK, "saturation", input=1)
     for fault in ("stuck_code", "open_input"):
         yield case(GO_ON, fault, input=1)
