@@ -1,6 +1,6 @@
-"""The control loop of Deimos (deimos-daq on PyPI) on its own simulated card, for ``cycle.py``.
+"""The control loop of Deimos (deimos-daq on PyPI) on its own simulated card, for other benches.
 
-    python deimos_loop.py FOLDER RATE_HZ SECONDS performant|efficient PRIORITY
+    python deimos_loop.py FOLDER RATE_HZ SECONDS performant|efficient PRIORITY [GROUPS]
 
 After its own example for software in place of hardware (`hootl`): one DAQ over UDP, a CSV file as
 the recorder. As in rigd's run, a Python thread keeps the interpreter busy, and the newest row is
@@ -10,7 +10,8 @@ else but the standard library.
 A cycle of Deimos begins ``period - ctrl.cycle_time_margin_ns`` late. None is skipped: those that
 are late follow one another at once, unmarked. A row whose card has not answered since the one
 before counts in ``loss_of_contact_counter``. PRIORITY is that of its control thread (SCHED_FIFO),
-which Deimos itself leaves at 0.
+which Deimos itself leaves at 0. GROUPS are those of four computed channels each, in its calc graph:
+an input through a Butterworth low-pass of second order, a line, a parabola and a line again.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from deimos import (  # type: ignore[import-not-found]  # in an environment of i
     LoopMethod,
     Overflow,
     Termination,
+    calc,
     dispatcher,
     peripheral,
     socket,
@@ -42,7 +44,7 @@ CSV_MB = 2000
 MARGIN, UNANSWERED = "ctrl.cycle_time_margin_ns", "card.metrics.loss_of_contact_counter"
 
 
-def controller(folder: Path, rate_hz: float, seconds: float, method: str) -> Any:
+def controller(folder: Path, rate_hz: float, seconds: float, method: str, groups: int) -> Any:
     """Return a controller with one card, recording to a CSV file."""
     made = Controller(op_name="loop", op_dir=str(folder), rate_hz=rate_hz)
     made.termination_criteria = Termination.timeout_s(seconds)
@@ -53,6 +55,11 @@ def controller(folder: Path, rate_hz: float, seconds: float, method: str) -> Any
     made.add_socket("udp", socket.UdpSocket())
     made.add_dispatcher("csv", dispatcher.CsvDispatcher(CSV_MB, Overflow.new_file()))
     made.add_peripheral("card", peripheral.DeimosDaqRev6(1))
+    for n in range(groups):
+        made.add_calc(f"low{n}", calc.Butter2("card.ain0", 50.0 + n))
+        made.add_calc(f"scaled{n}", calc.Affine(f"low{n}.y", 2.0, 1.0))
+        made.add_calc(f"curve{n}", calc.Polynomial(f"scaled{n}.y", [0.1, 0.2, 0.3], ""))
+        made.add_calc(f"back{n}", calc.InverseAffine(f"curve{n}.y", 2.0, 1.0))
     return made
 
 
@@ -66,9 +73,9 @@ def threads_cpu() -> dict[str, float]:
     """Return the CPU time of this process's threads, s, by name."""
     used: dict[str, float] = {}
     for task in Path("/proc/self/task").iterdir():
-        fields = (task / "stat").read_text().rpartition(") ")[2].split()
+        spent_ns = int((task / "schedstat").read_text().split()[0])
         name = (task / "comm").read_text().strip()
-        used[name] = used.get(name, 0.0) + (int(fields[11]) + int(fields[12])) / 100
+        used[name] = used.get(name, 0.0) + 1e-9 * spent_ns
     return used
 
 
@@ -83,7 +90,8 @@ def control_thread() -> int:
 def main() -> None:
     """Run, then read what was recorded."""
     folder, rate_hz, seconds = Path(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
-    made = controller(folder, rate_hz, seconds, sys.argv[4])
+    groups = int(sys.argv[6]) if len(sys.argv) > 6 else 0
+    made = controller(folder, rate_hz, seconds, sys.argv[4], groups)
     over = threading.Event()
     with made.attach_hootl_driver("card", peripheral.HootlTransport.udp()):
         handle = made.run_nonblocking()

@@ -1,17 +1,28 @@
 """What derived channels cost: 32 of them, in a cycle and in a simulated run, beside none.
 
-The rig without them and the rig with them play the same trial in turn, in CPU time. The peer of the
-graph is the same arithmetic in plain Python, one closure for each channel, as a script of a lab has
-it; and the filter of scipy that takes a sample at a time.
+The rig without them and the rig with them play the same trial in turn, in CPU time. The peers of
+the graph are the same arithmetic in plain Python, one closure for each channel, as a script of a
+lab has it, with the filter of scipy that takes a sample at a time; and the calc graph of Deimos,
+in Rust, with simpler channels that both have (``deimos_loop.py``). Deimos plays in real time: what
+its control loop and its recorder take with the channels, less what they take without. Its times
+are to a few us: the machine's other work moves them.
+
+    python benchmarks/derived.py --no-deimos       without what must be installed from an index
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import statistics
+import subprocess
+import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cycle_peers import install_deimos
 from figures import at_least, at_most, noted
 from scipy import signal
 
@@ -34,6 +45,16 @@ FOUR = """\
   {g}.done{n}: {{is: integral(abs({g}.slip{n}) * 5 N), reset: trial}}
   {g}.mean{n}: {{is: "mean({g}.slip{n}, 0.1 s)", where: {g}.speed{n} > 1 mm/s}}
 """
+#: The same in rigd and in the calc graph of Deimos.
+SIMPLE = """\
+  {g}.low{n}: {{is: carriage.position, lowpass: 5{n} Hz}}
+  {g}.scaled{n}: {{is: 2 * {g}.low{n} + 1 m}}
+  {g}.curve{n}: {{is: 0.1 m + (0.2 + 0.3 * {g}.scaled{n} / 1 m) * {g}.scaled{n}}}
+  {g}.back{n}: {{is: ({g}.curve{n} - 1 m) / 2}}
+"""
+DEIMOS_ROUNDS, DEIMOS_SECONDS = 3, 10.0
+#: Of its process, what stands for nothing of rigd: its simulated card, and the script itself.
+NOT_DEIMOS = ("hootl-runner", "python")
 
 
 class Nowhere:
@@ -52,10 +73,10 @@ class Nowhere:
         """Do nothing."""
 
 
-def rig_with(groups: int) -> RigConfig:
+def rig_with(groups: int, four: str = FOUR) -> RigConfig:
     """Return the rig of the first paper with 32 derived channels in ``groups`` groups, or none."""
     path = shipped_folder("configs") / "sim_lugre.yaml"
-    derived = "".join(FOUR.format(g=f"s{n % groups}", n=n) for n in range(8)) if groups else ""
+    derived = "".join(four.format(g=f"s{n % groups}", n=n) for n in range(8)) if groups else ""
     text = f"derived:\n{derived}interlocks:\n" if groups else "interlocks:\n"
     return parse_rig(path.read_text().replace("interlocks:\n", text, 1), path)
 
@@ -105,8 +126,44 @@ def plain_python(count: int) -> float:
     return 1e6 * (time.process_time() - began) / count
 
 
+def deimos(python: Path, groups: int) -> tuple[float, float]:
+    """Return the CPU time of a cycle of Deimos in us: of its control loop, and of all it does."""
+    script = Path(__file__).with_name("deimos_loop.py")
+    with tempfile.TemporaryDirectory() as folder:
+        command = [python, script, folder, "1000", str(DEIMOS_SECONDS), "efficient", "0", groups]
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    used, cycles = found["cpu_s"], len(found["late_us"])
+    whole = sum(spent for name, spent in used.items() if name not in NOT_DEIMOS)
+    return 1e6 * used["controller-run"] / cycles, 1e6 * whole / cycles
+
+
+def beside_deimos() -> None:
+    """Report what 32 simple channels add to a cycle here and there."""
+    rigs = [rig_with(groups, SIMPLE) for groups in (0, 1, 8)]
+    for rig in rigs:
+        play(rig)
+    ours, theirs = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        python = install_deimos(Path(folder))
+        for _ in range(DEIMOS_ROUNDS):
+            bare, single, eight = (play(rig) for rig in rigs)
+            ours.append((single - bare, eight - bare))
+            without, with_ = deimos(python, 0), deimos(python, 8)
+            theirs.append((with_[0] - without[0], with_[1] - without[1]))
+    single, eight = (statistics.median(column) for column in zip(*ours, strict=True))
+    loop, whole = (statistics.median(column) for column in zip(*theirs, strict=True))
+    noted("32 simple channels in a group, added to a cycle of rigd, rows included", single, "us")
+    noted("32 simple channels in eight groups, added to a cycle of rigd", eight, "us")
+    noted("the same in Deimos, added to its control loop", loop, "us")
+    noted("the same in Deimos, added to loop and recorder (CSV)", whole, "us")
+
+
 def main() -> None:
     """Play both rigs in turn and report what the channels add."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--no-deimos", action="store_true", help="leave Deimos out")
+    args = parser.parse_args()
     rigs = [rig_with(groups) for groups in (0, 1, 8)]
     for rig in rigs:
         play(rig)
@@ -122,6 +179,8 @@ def main() -> None:
     peer = plain_python(400)
     noted("the same 32 channels in plain Python with scipy's filter", peer, "us per cycle")
     at_least("plain Python / rigd", peer / (eight - bare), 5)
+    if not args.no_deimos:
+        beside_deimos()
 
 
 if __name__ == "__main__":
