@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rigd.analysis.report.layout import Panel, featured, panels
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.plots.curve import curves
-from rigd.analysis.report.plots.trial import fits_side_by_side, signal_overlay
+from rigd.analysis.report.plots.trial import DASHES, fits_side_by_side, signal_overlay
 from rigd.analysis.report.section import ReportSection
 from rigd.analysis.report.summary import KNOWN_FIRST, SummaryRow, summary_rows
 from rigd.analysis.report.svg import Drawing, draw
@@ -44,7 +44,10 @@ class GroupComparison:
 
 
 def comparison(sections: Sequence[ReportSection]) -> GroupComparison:
-    """Return what all ``sections`` have in common."""
+    """Return what all ``sections`` have in common.
+
+    Signals and fits of a single group stand in its own chapter only.
+    """
     chosen = [(i, s, featured(s.result.trials)) for i, s in enumerate(sections) if s.result.trials]
     return GroupComparison(
         labels=tuple(section.label for section in sections),
@@ -53,8 +56,8 @@ def comparison(sections: Sequence[ReportSection]) -> GroupComparison:
         ),
         lines=_lines(sections),
         curves=_curves(sections),
-        signals=_signals(chosen) if chosen else (),
-        fits=_fits(chosen) if chosen else (),
+        signals=_signals(chosen) if len(chosen) > 1 else (),
+        fits=_fits(chosen) if len(chosen) > 1 else (),
     )
 
 
@@ -130,11 +133,12 @@ def _fits(chosen: Chosen) -> tuple[Drawing, ...]:
 
 
 def _common_panels(chosen: Chosen) -> list[Panel]:
-    """Return the panels that every group has, each with the same signals."""
+    """Return the panels that every group has, each with the same signals, a dash for each."""
     all_panels = [panels(section.result.trials) for _, section, _ in chosen]
     return [
         panel
         for panel in all_panels[0]
-        if all(panel in others for others in all_panels)
+        if len(panel.names) <= len(DASHES)
+        and all(panel in others for others in all_panels)
         and all(name in trial.signals for name in panel.names for _, _, trial in chosen)
     ]

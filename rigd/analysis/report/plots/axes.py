@@ -24,7 +24,7 @@ FEW_DECADES: Final = 3
 class Margins:
     """The margins of axes in inches; ``across`` and ``down`` are the gaps between them."""
 
-    left: float = 0.66
+    left: float = 0.74
     right: float = 0.12
     top: float = 0.24
     bottom: float = 0.45

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import cycle
 from typing import Final
 
 import numpy as np
@@ -102,12 +101,12 @@ def signal_overlay(
     figure, (ax,) = grid(1, 1, 5.4, 2.8)
     single = len(panel.names) == 1
     for (section, trial), index in zip(chosen, colours, strict=True):
-        for name, dash in zip(panel.names, cycle(DASHES), strict=False):
+        for name, dash in zip(panel.names, DASHES, strict=False):
             ax.plot(
                 *thin(trial.t_s, trial.signals[name].values),
                 color=series(index),
                 linestyle=dash,
-                label=f"{section.label}, {trial.condition if single else words(name)}",
+                label=_of(section, trial.condition if single else words(name)),
             )
     label(ax, *TIME, panel.names[0] if single else _common(panel.names), panel.unit)
     ax.legend(loc="best")
@@ -119,11 +118,16 @@ def fits_side_by_side(chosen: Sequence[tuple[ReportSection, TrialFit]]) -> Figur
     figure, axes = grid(1, len(chosen), 11.0, 2.7, margins=SHARED, share=True)
     for ax, (section, trial) in zip(axes, chosen, strict=True):
         draw_fit(ax, trial, legend=ax is axes[0])
-        ax.set_title(f"{section.label}, {trial.condition}")
+        ax.set_title(_of(section, trial.condition))
         if ax is not axes[0]:
             ax.set_ylabel("")
     few_ticks(axes)
     return figure
+
+
+def _of(section: ReportSection, what: str) -> str:
+    """Return the name of a line: its group, and ``what`` unless that is empty."""
+    return f"{section.label}, {what}" if what else section.label
 
 
 def draw_signals(ax: Axes, trial: TrialFit, panel: Panel) -> None:
