@@ -448,7 +448,7 @@ def _of_labjack() -> Iterator[Case]:
         yield case(END, fault, "LabJack")
     yield case(GO_ON, "wrong_unit")  # its unit is no part of its address
     for fault in ("exception", "busy", "truncated", "garbage", "late", "byte_gap", "cut"):
-        yield case(END, fault, "LabJack")
+        yield case(END, fault, "card: .*(LabJack|connection)")
     yield case(END, "watchdog_acts", "watchdog|one-shot")
     yield case(END, "failed_input", "-9999 V")
     yield case(END, "no_tick", "LabJack")
