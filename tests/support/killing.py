@@ -179,6 +179,9 @@ class Victim:
         procedure = folder / "procedure.yaml"
         procedure.write_text(movement.procedure)
         self._log = (folder / "run.log").open("w+b")
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            # A bench in the background of a script has it so; rigd would inherit and respect it.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         self.process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
