@@ -95,6 +95,12 @@ class ModbusDriveOptions(SimulationConfig):
     travel_per_turn: Annotated[float, In("m/rad"), Gt(0)] = 0.1 / (2 * math.pi)
     """Travel of the belt per turn of the motor shaft."""
 
+    @model_validator(mode="after")
+    def _host_has_port(self) -> Self:
+        if self.port is None and "host" in self.model_fields_set:
+            raise ValueError("'host' is of Modbus TCP: give its 'port' too, or leave it out")
+        return self
+
 
 class EncoderOptions(NodeOptions):
     """An absolute encoder; the plant's sensors set its counts per turn."""

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from rigd_sim.wire.lugre import ModbusDriveOptions
 from rigd_sim.wire.modbus import SerialLine, SimModbusServo, SimModbusTransmitter, TcpLine
 from rigd_sim.wire.modbus.bank import Bank
 from rigd_sim.wire.modbus.frames import Ask, NotModbus, build_rtu, build_tcp, take_rtu, take_tcp
@@ -321,3 +322,9 @@ def test_every_fault_of_drive_shows_in_its_state() -> None:
     assert part.state()["fault_code"] == 9
     part.inject("watchdog_tripped")
     assert part.state()["fault_code"] == 5
+
+
+def test_host_without_port_is_refused() -> None:
+    assert ModbusDriveOptions(host="127.0.0.1", port=15020).port == 15020
+    with pytest.raises(ValueError, match="give its 'port' too"):
+        ModbusDriveOptions(host="127.0.0.1")
