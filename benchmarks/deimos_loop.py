@@ -104,14 +104,19 @@ def main() -> None:
             while handle.is_running():
                 handle.latest_row()
                 with suppress(FileNotFoundError, ProcessLookupError):  # threads end with the loop
-                    used = threads_cpu()
+                    for name, spent_s in threads_cpu().items():
+                        used[name] = max(spent_s, used.get(name, 0.0))
                 time.sleep(1 / VIEWS_HZ)
             handle.join()
         finally:
             over.set()
     late_us, unanswered = [], 0
     with (folder / "loop.csv").open(newline="") as file:
-        for row in csv.DictReader(file):
+        rows = csv.DictReader(file)
+        computed = [name for name in rows.fieldnames or () if name.startswith("back")]
+        if len(computed) != groups:
+            raise SystemExit(f"Deimos has recorded {computed}, expected {groups} groups")
+        for row in rows:
             late_us.append(1e6 / rate_hz - float(row[MARGIN]) * 1e-3)
             unanswered += float(row[UNANSWERED]) > 0
     found = {"late_us": late_us, "unanswered": unanswered, "cpu_s": used}

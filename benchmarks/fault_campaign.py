@@ -28,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.campaign import Campaign, Outcome, verdict
 from support.fault_rigs import RIGS, every_case, kind_of
 from support.fault_table import Case
+from support.killing import heed_ctrl_c
 
 Row = dict[str, Any]
 
@@ -125,6 +126,7 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it")
     parser.add_argument("--markdown", action="store_true", help="print the table so, play nothing")
     args = parser.parse_args()
+    heed_ctrl_c()
     rows: list[Row] = []
     if args.table is not None and args.table.exists():
         rows = [json.loads(line) for line in args.table.read_text().splitlines()]

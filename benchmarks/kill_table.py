@@ -39,6 +39,7 @@ from support.killing import (
     Movement,
     Victim,
     bound_s,
+    heed_ctrl_c,
     own_state,
 )
 from support.wire import LABJACK, LUGRE, NI, WireRig, wire_rig
@@ -98,6 +99,7 @@ def main() -> int:
     parser.add_argument("--labjack", action="store_true", help="the rig on a LabJack")
     parser.add_argument("--seed", type=int, default=None)
     args = parser.parse_args()
+    heed_ctrl_c()
     draw = random.Random(args.seed)
     rows: list[Row] = []
     if args.table is not None and args.table.exists():

@@ -8,8 +8,9 @@ import pytest
 from support import warm
 
 TESTS = Path(__file__).resolve().parents[1]
-#: Plays a cycle of the rig of the first paper with derived channels, COUNT controllers, the
-#: filter of slip and a linear one, in a process that has compiled or loaded nothing yet.
+#: Plays three cycles at rest of the rig of the first paper, with derived channels, COUNT
+#: controllers, the filter of slip and a linear one, in a process that has compiled or loaded
+#: nothing yet. What the simulated plant compiles does not count: a rig in real time has none.
 CODE = """\
 from numba.core.dispatcher import Dispatcher
 from support.bench import ListSink

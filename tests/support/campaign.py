@@ -192,7 +192,7 @@ class Campaign:
     ) -> Outcome:
         told = ""
         if ended_by_it:
-            told = _sentence(self._told)
+            told = " ".join(self._told.split())
             _shown = replace(_shown, ended_ns=time.monotonic_ns())  # its drives may be off first
         earlier = [item for item in self._shown if item.began_ns < _shown.began_ns]
         detected, at_ns = _detected(recording, _shown, self._offset_ns, earlier)
@@ -290,8 +290,9 @@ def verdict(case: Case, outcome: Outcome) -> list[str]:
         wrong.append("the recording is not whole")
     wrong += [f"the operator is shown: {word}" for word in ("Traceback", "internal error")
               if word in outcome.told]  # fmt: skip
+    cause = cause_in(outcome.told, case.must)
     wrong += [f"the operator is not told {word!r}" for word in case.words
-              if not re.search(word, outcome.told)]  # fmt: skip
+              if not re.search(word, cause)]  # fmt: skip
     match case.must:
         case Must.BLOCK:
             if outcome.exit_code != case.code:
@@ -322,11 +323,23 @@ def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
         yield f"safe after {outcome.safe_s} s, detected after {outcome.detected_s:.3f} s"
 
 
-def _sentence(told: str) -> str:
-    """Return the text of a run on its end, without what stands before and after."""
+def cause_in(told: str, must: Must) -> str:
+    """Return what a command told of the cause: without what it began with, and what to do next.
+
+    The names of procedure, rig and files would match words that are sought. Of a run that a fault
+    ended, also without how it ended and which devices could not be made safe.
+    """
     text = " ".join(told.split())
-    text = text.partition("no sweep ")[2] or text
-    return text.partition(" go on with:")[0]
+    text = (text.partition("run.mcap ")[2] or text).partition(" continue with:")[0]
+    if must is Must.END:
+        text = _ENDED.sub("", text)
+        text = _UNSAFE.split(text)[0]
+    return text
+
+
+#: What stands before the cause of an end, and before a device that could not be made safe.
+_ENDED = re.compile(r"^(trial \d+/\d+: )?(trial \d+ )?(faulted|aborted): ")
+_UNSAFE = re.compile(r" \w+ (?:could not be made|does not confirm that it is|is not) safe")
 
 
 def _whole(recording: Recording, stream: str) -> bool:
@@ -340,12 +353,14 @@ def _detected(
 ) -> tuple[str, int | None]:
     """Return by what the fault was detected and when first, on the clock of the run.
 
-    A cycle stamps what it finds with the time at which it was due: the cycle in which the fault was
-    shown is the earliest that can find it.
+    A cycle stamps what it finds with the time at which it was due: the earliest that can find the
+    fault is the cycle that had begun last when the fault was shown.
     """
     began, ended = _shown.began_ns + offset_ns, _shown.ended_ns + offset_ns
-    due_ns = recording.read("cycle")["t_ns"].astype(np.int64)
-    earliest = int(due_ns[due_ns <= began].max(initial=0))
+    cycles = recording.read("cycle")
+    due_ns = cycles["t_ns"].astype(np.int64)
+    begun_ns = due_ns + np.rint(1e9 * (cycles["actual"] - cycles["scheduled"])).astype(np.int64)
+    earliest = int(due_ns[begun_ns <= began].max(initial=0))
     for event in recording.events():
         if event.kind in EVENTS and earliest <= event.t_ns <= ended:
             return EVENTS[event.kind], max(event.t_ns, began)
@@ -378,8 +393,8 @@ def _first_mark(
     usual = float(marked[before].mean()) if before.any() else 0.0
     between = np.diff(t_ns)
     longest = int(between[inside[1:]].max(initial=0))
-    sound = int(between[before[1:] & before[:-1]].max(initial=0))
-    silent = longest > 3 * max(sound, 20_000_000)
+    sound = between[before[1:] & before[:-1]]
+    silent = sound.size > 0 and longest > 3 * max(int(sound.max()), 20_000_000)
     if not silent and float(marked[inside].mean()) < 2 * usual + USUAL_SHARE:
         return None
     return int(t_ns[inside & marked].min(initial=ended))

@@ -152,6 +152,15 @@ record: {relay: 1, daq: 1}
 )
 
 
+def heed_ctrl_c() -> None:
+    """Let runs that this process starts heed SIGINT, also if a script runs it in the background.
+
+    There it is ignored, and rigd inherits and respects that.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @dataclass(frozen=True)
 class Killed:
     """What one kill led to. Times are CLOCK_MONOTONIC, in ns."""
@@ -179,9 +188,6 @@ class Victim:
         procedure = folder / "procedure.yaml"
         procedure.write_text(movement.procedure)
         self._log = (folder / "run.log").open("w+b")
-        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-            # A bench in the background of a script has it so; rigd would inherit and respect it.
-            signal.signal(signal.SIGINT, signal.default_int_handler)
         self.process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),

@@ -415,7 +415,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_all_processes_killed_at_once_lose_no_sample",
         ),
         "system/test_faults.py": (
-            "test_a_fault_ends_the_run",
+            "test_a_fault_ends_the_run[traction exception]",
+            "test_a_fault_ends_the_run[wheel_encoder tpdo_short]",
             "test_a_run_is_refused_before_anything_moves",
         ),
         "system/test_in_loop_wire.py": (),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from support.campaign import MARKED as MARKED_ROWS
-from support.campaign import Campaign, Outcome, verdict
+from support.campaign import Campaign, Outcome, cause_in, verdict
 from support.command import rigd
 from support.fault_rigs import RIGS, FaultRig, every_case
 from support.fault_table import SECOND, Case, Must, cases
@@ -123,6 +123,7 @@ def test_every_fault_of_every_device_is_in_table(
         parts = simulated(rig, tmp_path / name)
         for part in rig.kinds:
             injected = {item.fault for item in rig.cases if item.part == part and item.injected}
+            assert {item.part for item in rig.cases} <= rig.kinds.keys(), name
             assert injected - {SECOND} <= parts[part].faults.keys(), (name, part)
             missing = parts[part].faults.keys() - injected
             assert name in AGAIN or missing <= IMPOSSIBLE.get(name, set()), (name, part)
@@ -134,6 +135,25 @@ def test_every_fault_of_every_device_is_in_table(
 def test_every_end_and_refusal_names_its_cause() -> None:
     named = (Must.END, Must.NAME, Must.BLOCK)
     assert not [item.name for item in every_case() if item.must in named and not item.words]
+
+
+TOLD = """\
+shake (/tmp/a/procedure.yaml) on wire-faults (/tmp/b/wire-faults.yaml), 1 trial, recording to \
+/tmp/a/run.mcap
+trial 1/1: trial 1 faulted: card: the MF624 is gone; 0 of 1 trials, 0.3 s of rig time
+wheel_servo could not be made safe: the MF624 is gone
+continue with: rigd run --resume /tmp/a/run.mcap
+"""
+
+
+def test_only_the_cause_is_searched_for_words() -> None:
+    cause = "card: the MF624 is gone; 0 of 1 trials, 0.3 s of rig time"
+    assert cause_in(TOLD, Must.END) == cause
+    assert cause_in(TOLD, Must.NAME).endswith(
+        "wheel_servo could not be made safe: the MF624 is gone"
+    )
+    refused = TOLD.replace("trial 1/1: trial 1 faulted: ", "rigd: the rig is not armed: ")
+    assert cause_in(refused, Must.BLOCK).startswith("rigd: the rig is not armed: card")
 
 
 def test_slice_holds_only_faults_of_its_class() -> None:

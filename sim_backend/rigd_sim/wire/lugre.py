@@ -98,7 +98,9 @@ class ModbusDriveOptions(SimulationConfig):
     @model_validator(mode="after")
     def _host_has_port(self) -> Self:
         if self.port is None and "host" in self.model_fields_set:
-            raise ValueError("'host' is of Modbus TCP: give its 'port' too, or leave it out")
+            raise ValueError(
+                "'host' needs a 'port' (Modbus TCP); without both the drive is on a serial line"
+            )
         return self
 
 

@@ -27,9 +27,11 @@ def test_lines_without_condition_have_only_their_group(
     trials = tuple(replace(trial, condition="") for trial in section.result.trials)
     bare = replace(section, label="alone", result=replace(section.result, trials=trials))
     found = comparison([bare, replace(bare, label="beside")])
-    drawn = "".join(drawing.svg for drawing in (*found.signals, *found.fits))
-    assert "<!-- alone -->" in drawn  # letters are drawn; the text stands beside them
-    assert "<!-- alone, -->" not in drawn
+    for drawings in (found.signals, found.fits):
+        drawn = "".join(drawing.svg for drawing in drawings)
+        assert "<!-- alone -->" in drawn  # letters are drawn; the text stands beside them
+    assert "alone, wheel speed" in "".join(drawing.svg for drawing in found.signals)
+    assert "alone," not in "".join(drawing.svg for drawing in found.fits)
 
 
 def test_more_signals_than_dashes_are_not_overlaid(

@@ -326,5 +326,5 @@ def test_every_fault_of_drive_shows_in_its_state() -> None:
 
 def test_host_without_port_is_refused() -> None:
     assert ModbusDriveOptions(host="127.0.0.1", port=15020).port == 15020
-    with pytest.raises(ValueError, match="give its 'port' too"):
+    with pytest.raises(ValueError, match="'host' needs a 'port'"):
         ModbusDriveOptions(host="127.0.0.1")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -97,16 +98,20 @@ def small_multiples(trials: Sequence[TrialFit], fitted: str = "fitted") -> Figur
 def signal_overlay(
     chosen: Sequence[tuple[ReportSection, TrialFit]], colours: Sequence[int], panel: Panel
 ) -> Figure:
-    """Return one panel with a trial of each section: a colour per section, a dash per signal."""
+    """Return one panel with a trial of each section: a colour per section, a dash per signal.
+
+    Raises:
+        ValueError: there are more signals than dashes.
+    """
     figure, (ax,) = grid(1, 1, 5.4, 2.8)
     single = len(panel.names) == 1
     for (section, trial), index in zip(chosen, colours, strict=True):
-        for name, dash in zip(panel.names, DASHES, strict=False):
+        for name, dash in zip(panel.names, islice(DASHES, len(panel.names)), strict=True):
             ax.plot(
                 *thin(trial.t_s, trial.signals[name].values),
                 color=series(index),
                 linestyle=dash,
-                label=_of(section, trial.condition if single else words(name)),
+                label=_titled(section, trial.condition if single else words(name)),
             )
     label(ax, *TIME, panel.names[0] if single else _common(panel.names), panel.unit)
     ax.legend(loc="best")
@@ -118,14 +123,14 @@ def fits_side_by_side(chosen: Sequence[tuple[ReportSection, TrialFit]]) -> Figur
     figure, axes = grid(1, len(chosen), 11.0, 2.7, margins=SHARED, share=True)
     for ax, (section, trial) in zip(axes, chosen, strict=True):
         draw_fit(ax, trial, legend=ax is axes[0])
-        ax.set_title(_of(section, trial.condition))
+        ax.set_title(_titled(section, trial.condition))
         if ax is not axes[0]:
             ax.set_ylabel("")
     few_ticks(axes)
     return figure
 
 
-def _of(section: ReportSection, what: str) -> str:
+def _titled(section: ReportSection, what: str) -> str:
     """Return the name of a line: its group, and ``what`` unless that is empty."""
     return f"{section.label}, {what}" if what else section.label
 
