@@ -88,7 +88,11 @@ class Bank:
             self._tables[3][place, 0] = limit.rest
         # Loads the compiled form, or compiles it: no cycle has time for that. What numba compiles
         # depends on the layout of these tables, and that on their number.
-        kernel.control(0, *(table.copy(order="K") for table in self._tables))
+        parameters, inputs, stamps, memory, times, results = self._tables
+        kernel.control(
+            0, parameters.copy(), inputs.copy(order="K"), stamps.copy(order="K"), memory.copy(),
+            times.copy(), results.copy(),
+        )  # fmt: skip
 
     def bind(
         self,
