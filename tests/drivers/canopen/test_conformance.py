@@ -15,6 +15,9 @@ from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_drivers.cia404_transmitter import Cia404Transmitter
 from rigd_drivers.cia406_encoder import Cia406Encoder
 
+#: Longer than a stall of a busy machine, which drives with the usual 100 ms would report.
+WATCHDOG = "300 ms"
+
 
 @pytest.mark.parametrize(
     ("driver", "kind", "options"),
@@ -26,6 +29,7 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
                 "node": 1,
                 "counts_per_revolution": "4096 count/rev",
                 "current_range": "2 A",
+                "watchdog": WATCHDOG,
                 "rated_current": "1.5 A",
             },
         ),
@@ -36,6 +40,7 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
                 "node": 2,
                 "counts_per_revolution": "4096 count/rev",
                 "speed_range": "2 m/s",
+                "watchdog": WATCHDOG,
                 "travel": "100 mm/rev",
                 "clutch": True,
             },
@@ -47,6 +52,7 @@ from rigd_drivers.cia406_encoder import Cia406Encoder
                 "node": 3,
                 "counts_per_revolution": "4096 count/rev",
                 "speed_range": "100 rad/s",
+                "watchdog": WATCHDOG,
                 "rated_torque": "1 N m",
             },
         ),

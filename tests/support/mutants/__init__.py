@@ -74,7 +74,7 @@ def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
         yield Package(_EXAMINERS.get(kind, _driver)(read, module, class_name, folder))
     finally:
         sys.path.remove(str(folder))
-        for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
+        for loaded in [each for each in list(sys.modules) if each.split(".")[0] == module]:
             del sys.modules[loaded]
 
 
