@@ -13,9 +13,9 @@ from rigd.analysis.result import Signal
 
 
 def test_single_group_is_overlaid_with_nothing(make_section: Callable[..., ReportSection]) -> None:
-    one = make_section(trials=2, samples=200)
-    assert (comparison([one]).signals, comparison([one]).fits) == ((), ())
-    both = comparison([one, replace(one, label="another")])
+    single = make_section(trials=2, samples=200)
+    assert (comparison([single]).signals, comparison([single]).fits) == ((), ())
+    both = comparison([single, replace(single, label="another")])
     assert len(both.signals) == 3
     assert len(both.fits) == 1
 
