@@ -306,7 +306,7 @@ class Run:
             | ({"answers": dict(self._asking.set_up)} if self._played_again else {}),
         )
         self._played_again = trial.number in self.done
-        complete, reason = False, "interrupted"
+        complete, reason, counts = False, "interrupted", False
         try:
             outcome = self._play(trial.steps, trial.after)
             complete = outcome.severity is Severity.DONE
@@ -326,13 +326,13 @@ class Run:
             if outcome.severity is not Severity.DONE:
                 complete, reason = False, outcome.reason
                 return outcome
-            if trial.number not in self.done:
-                self._trials_done += 1
+            counts = trial.number not in self.done
             return outcome
         finally:
             self.host.drain()
             self._event("trial_end", {"complete": complete, "reason": reason})
             self._trial = None
+            self._trials_done += counts
             self.host.trial = NO_TRIAL
 
     def _play_block(self, steps: Sequence[Step], block: str) -> Outcome:

@@ -54,6 +54,15 @@ def test_whole_run_plays_every_block_and_ends_safe() -> None:
     assert_safe(bench)
 
 
+def test_trial_is_not_done_while_it_is_shown() -> None:
+    bench, seen = Bench(), []
+    run = bench.run(procedure([move("one", 0.5)], [move("two", 0.5)], after=[move("back", -0.5)]))
+    run.watch = seen.append
+    run.execute()
+    shown = {(item.trial.number, item.trials_done) for item in seen if item.trial is not None}
+    assert shown == {(1, 0), (2, 1)}
+
+
 def test_preflight_is_no_time_of_the_run() -> None:
     bench, long_s = Bench(), 30.0
     run = bench.run(procedure([move("one", 0.5)]))
