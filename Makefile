@@ -3,6 +3,9 @@
 VENV := .venv
 BIN  := $(VENV)/bin
 
+# Set in many containers; every process of a run would compile what it imports, for seconds.
+unexport PYTHONDONTWRITEBYTECODE
+
 #: `make test K=expr`: only the tests that match, as pytest -k has it.
 K :=
 #: `make test-long SLICE=0/4`: a quarter of the long tests, 1/4 to 3/4: the others. With
