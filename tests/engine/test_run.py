@@ -55,7 +55,8 @@ def test_whole_run_plays_every_block_and_ends_safe() -> None:
 
 
 def test_trial_is_not_done_while_it_is_shown() -> None:
-    bench, seen = Bench(), []
+    bench = Bench()
+    seen: list[Progress] = []
     run = bench.run(procedure([move("one", 0.5)], [move("two", 0.5)], after=[move("back", -0.5)]))
     run.watch = seen.append
     run.execute()
