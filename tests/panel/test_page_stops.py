@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from functools import partial
 
-from playwright.sync_api import Browser, WebSocketRoute, expect
+from playwright.sync_api import APIResponse, Browser, Route, WebSocketRoute, expect
 from support.browser import Watched
 from support.page import given, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
@@ -151,6 +152,31 @@ def test_stop_answered_the_second_way_is_confirmed(panel: ServedPanel, watched: 
     press(page, "Stop")
     expect(page.locator(".stop-result")).to_contain_text("Stop: confirmed")
     assert (len(sent), len(given(panel, "stop"))) == (1, 2)
+
+
+def test_late_answer_the_first_way_is_confirmed(panel: ServedPanel, watched: Watched) -> None:
+    """The request of the second way is carried out first; its answer comes last."""
+    lines: list[WebSocketRoute] = []
+    numbers: list[int] = []
+    second: list[tuple[Route, APIResponse]] = []
+
+    def held(line: WebSocketRoute) -> None:
+        lines.append(line)
+        line.on_message(lambda message: numbers.append(json.loads(message)["number"]))
+
+    watched.context.route_web_socket(re.compile("/api/stop/line"), held)
+    watched.context.route(
+        re.compile("/api/stop/stop$"), lambda route: second.append((route, route.fetch()))
+    )
+    page = running(panel, watched)
+    press(page, "Stop")
+    state(page, "Stopping")
+    expect(page.locator(".stop-result")).to_contain_text("Stop is on its way")
+    lines[-1].send(json.dumps({"number": numbers[0], "answer": {"acted": False}}))
+    expect(page.locator(".stop-result")).to_contain_text("Stop: confirmed")
+    ((route, answer),) = second
+    assert answer.json()["acted"] is True
+    route.fulfill(response=answer)
 
 
 def on_stop_line(watched: Watched, *, answers: bool = True) -> list[str | bytes]:

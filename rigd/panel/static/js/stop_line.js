@@ -64,7 +64,7 @@ async function byLine(verb) {
 
 /**
  * Request `stop`, `abort` or `estop`; the answer contains whether the request was new. If both ways
- * were taken, it counts as new: that the second is not may be because the first was carried out.
+ * were taken, it counts as new: that one is not may be because the other was carried out.
  * @param {Stop} verb
  */
 export async function stop(verb) {
@@ -72,13 +72,15 @@ export async function stop(verb) {
   const answered = byLine(verb);
   const silence = new Promise((done) => setTimeout(done, SILENT_MS, null));
   const first = Promise.race([answered.catch(() => null), silence]);
-  const request = first.then(async (answer) => {
+  let areBoth = false;
+  const request = first.then((answer) => {
     if (answer !== null) return answer;
-    const second = await postStop(verb);
-    return isOnLine ? { ...second, acted: true } : second;
+    areBoth = isOnLine;
+    return postStop(verb);
   });
   try {
-    return await Promise.any([answered, request]);
+    const answer = await Promise.any([answered, request]);
+    return areBoth ? { ...answer, acted: true } : answer;
   } catch (error) {
     throw /** @type {AggregateError} */ (error).errors.at(-1);
   }
