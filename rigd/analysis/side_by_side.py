@@ -2,17 +2,21 @@
 
 Each copy computes what this process would, to the last bit. A process is copied with what it has
 loaded, so that only the results are sent. Copies of a process with threads can wait for a lock
-for ever: only a program with one thread may ask for more than one process.
+for ever: only a program with one thread may ask for more than one process. A copy ends with the
+process that asked, if that one is killed too.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from rigd.model.parent import end_with
 
 if TYPE_CHECKING:  # Windows has none
     from multiprocessing.context import ForkProcess
@@ -60,13 +64,15 @@ def side_by_side(work: Sequence[Callable[[], T]], processes: int) -> list[T]:
 def _begun(function: Callable[[], T]) -> tuple[Connection, ForkProcess]:
     context = get_context("fork")
     answer, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(function, sender), daemon=True)
+    process = context.Process(target=_send, args=(function, sender, os.getpid()), daemon=True)
     process.start()
     sender.close()
     return answer, process
 
 
-def _send(function: Callable[[], T], sender: Connection) -> None:
+def _send(function: Callable[[], T], sender: Connection, asking: int) -> None:
+    if not end_with(asking, signal.SIGKILL):
+        return
     try:
         result: tuple[bool, object] = True, function()
     except Exception as error:  # noqa: BLE001 - raised again in the process that asked

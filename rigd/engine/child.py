@@ -2,12 +2,11 @@
 
 ``python -m rigd.engine.child PARENT COMMAND...`` runs COMMAND so that COMMAND ends with the process
 PARENT (a process id). If the parent is killed, the parent can no longer end its children. The
-kernel then sends SIGTERM to COMMAND (prctl(2), PR_SET_PDEATHSIG; exec keeps this setting).
+kernel then sends SIGTERM to COMMAND.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -18,8 +17,8 @@ from pathlib import Path
 from typing import Final
 
 from rigd.engine.realtime import as_program
+from rigd.model.parent import end_with
 
-_PR_SET_PDEATHSIG: Final = 1  # <linux/prctl.h>
 #: Bytes at the end of its log in which the last printed line of a process is searched.
 _LAST_WORDS: Final = 500
 
@@ -164,9 +163,11 @@ def how_ended(code: int) -> str:
 def _become() -> None:
     """Execute the command, unless the parent has ended already."""
     parent, *command = sys.argv[1:]
-    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0) != 0:
-        sys.exit(f"cannot be tied to process {parent}: {os.strerror(ctypes.get_errno())}")
-    if os.getppid() == int(parent):
+    try:
+        lives = end_with(int(parent), signal.SIGTERM)
+    except OSError as error:
+        sys.exit(f"cannot be tied to process {parent}: {error.strerror}")
+    if lives:
         os.execvp(command[0], command)
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
 from collections.abc import Callable
 from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
 
 import pytest
+from support.blocks import alive, until
 
 from rigd.analysis.side_by_side import side_by_side
 from rigd.analysis.system import Diverged
@@ -41,3 +46,21 @@ def test_error_of_a_copy_is_raised_whole() -> None:
 def test_process_that_ends_early_is_reported() -> None:
     with pytest.raises(RuntimeError, match="exit code 3"):
         side_by_side([os.getpid, _end], processes=2)
+
+
+def test_copies_end_with_the_killed_process(tmp_path: Path) -> None:
+    def copy() -> None:
+        (tmp_path / str(os.getpid())).touch()
+        time.sleep(600)
+
+    asking = get_context("fork").Process(target=side_by_side, args=([copy, copy], 2))
+    asking.start()
+    until(lambda: len(list(tmp_path.iterdir())) == 2)
+    asking.kill()
+    asking.join()
+    copies = [int(file.name) for file in tmp_path.iterdir()]
+    try:
+        until(lambda: not any(alive(process) for process in copies), timeout_s=30)
+    finally:
+        for process in filter(alive, copies):
+            os.kill(process, signal.SIGKILL)

@@ -15,8 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+from support.blocks import alive
 from support.served_axis import travelling
-from support.wire import ROOT, alive
+from support.wire import ROOT
 from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.engine.shared import RunFolder, Word

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from support.blocks import alive
 from support.command import rigd
 from support.stalls import witnessed
-from support.wire import ROOT, WireRig, alive
+from support.wire import ROOT, WireRig
 
 from rigd.config.loader import load_rig
 from rigd.engine.cycle_rows import HeldRows

@@ -207,12 +207,3 @@ def is_free(rig: str) -> bool:
         except BlockingIOError:
             return False
     return True
-
-
-def alive(pid: int) -> bool:
-    """Return whether there is such a process, that is no zombie."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"

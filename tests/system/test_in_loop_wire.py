@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.blocks import alive
 from support.fmu import build
 from support.killing import END_S, QUARTER, Victim, own_state
-from support.wire import WireRig, alive, wire_rig
+from support.wire import WireRig, wire_rig
 
 from rigd.record import Recording
 

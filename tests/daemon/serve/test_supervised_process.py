@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.wire import alive
+from support.blocks import alive
 
 from rigd.daemon.serve import supervised_process as module
 from rigd.daemon.serve.notices import Notices
