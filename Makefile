@@ -3,7 +3,8 @@
 VENV := .venv
 BIN  := $(VENV)/bin
 
-# Set in many containers; every process of a run would compile what it imports, for seconds.
+# Many containers set it; each command and each process of a run would compile what it imports
+# anew, for seconds: uv has not compiled what it installed.
 unexport PYTHONDONTWRITEBYTECODE
 
 #: `make test K=expr`: only the tests that match, as pytest -k has it.

@@ -31,11 +31,18 @@ spent_s = 0.0
 
 #: What the process is: a loop that forks a command for each connection, until the suite ends.
 _SERVER = """
-import atexit, gc, json, os, runpy, select, signal, socket, sys, threading, time, warnings
+import atexit, gc, importlib, json, os, pkgutil, select, signal, socket, sys, threading, time
+import warnings
 
 
 def import_all():
-    runpy.run_path(sys.argv[1], run_name="__main__")
+    import rigd, rigd_analyses, rigd_drivers, rigd_sim
+
+    with warnings.catch_warnings(action="ignore"):
+        for package in (rigd, rigd_analyses, rigd_drivers, rigd_sim):
+            for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+                if not module.name.endswith("__main__"):
+                    importlib.import_module(module.name)
     gc.collect()
     gc.freeze()
 
@@ -110,7 +117,7 @@ def end(main):
     os._exit(code or 0)
 
 
-request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[2:]))
+request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[1:]))
 
 if "python" in request:
     warnings.simplefilter("error")
@@ -149,7 +156,6 @@ if code < 0:
     os.kill(os.getpid(), -code)
 sys.exit(code)
 """
-_IMPORTS = Path(__file__).parent.parent.parent / "scripts" / "import_all.py"
 #: In the environment of a suite and of its workers: the socket to ask on.
 _PLACE = "RIGD_TESTS_ASK_AT"
 
@@ -166,7 +172,7 @@ def offer() -> None:
         waiting.listen(64)
         passed = [waiting.fileno(), theirs.fileno()]
         server = subprocess.Popen(
-            [sys.executable, "-c", _SERVER, str(_IMPORTS), *map(str, passed)],
+            [sys.executable, "-c", _SERVER, *map(str, passed)],
             pass_fds=passed,
             cwd="/",
             start_new_session=True,
