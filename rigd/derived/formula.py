@@ -106,7 +106,8 @@ class _Reader:
                     below = 2 * parse_unit(term.unit).offset - (term.constant or 0.0)
                     return self.builder.constant(below, term.dimension, term.unit)
                 self.without_own_zero("negate", node, term)
-                return self.fold(Op.NEGATE, (term,), term.dimension)
+                negated = self.fold(Op.NEGATE, (term,), term.dimension)
+                return replace(negated, is_difference=term.is_difference)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.number(operand, depth)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
@@ -161,8 +162,10 @@ class _Reader:
                     f"{dimension_text(left.dimension)}",
                     self.at(node.right), _missing(left, right),
                 )  # fmt: skip
-            if op is Op.ADD and left.unit and right.unit:
+            if op is Op.ADD and left.constant is None:
                 self.without_own_zero("add", node.right, right)
+            elif op is Op.ADD and (right.unit or right.constant is None):
+                self.without_own_zero("add", node.left, left)
             same = left.dimension == right.dimension
             dimension = left.dimension if same else plain(left.dimension)
             of_arc = left.of_arc and right.of_arc
@@ -175,7 +178,10 @@ class _Reader:
             self.without_own_zero("divide", node, left, right)
             dimension = over(left.dimension, right.dimension)
             of_arc = is_angle(left.dimension, right.dimension, of_arc=of_arc)
-        term = replace(self.fold(op, (left, right), dimension), of_arc=of_arc)
+        term = replace(
+            self.fold(op, (left, right), dimension), of_arc=of_arc,
+            is_difference=_is_difference(op, left, right),
+        )  # fmt: skip
         if term.constant is not None and bool(left.unit) != bool(right.unit):
             return replace(term, unit=left.unit or right.unit)
         return term
@@ -189,6 +195,18 @@ class _Reader:
                 f"cannot {verb} a value in {unit}: it has a zero of its own", self.at(node),
                 f"write the difference in {difference}, or the value in {difference}",
             )  # fmt: skip
+
+    def difference_beside(self, terms: Sequence[Term], nodes: Sequence[ast.expr]) -> bool:
+        """Return whether one of ``terms`` is a difference; refuse degC and such beside it."""
+        is_difference = any(term.is_difference for term in terms)
+        for term, node in zip(terms, nodes, strict=True):
+            if is_difference and term.unit:
+                raise FormulaError(
+                    f"a difference stands beside a value in {term.unit}, which has a zero of its "
+                    "own", self.at(node),
+                    f"write the difference in {parse_unit(term.unit).difference()}",
+                )  # fmt: skip
+        return is_difference
 
     def power(self, node: ast.BinOp, depth: int) -> Term:
         base, power = self.number(node.left, depth), self.number(node.right, depth)
@@ -216,6 +234,8 @@ class _Reader:
                     f"{dimension_text(right.dimension)}",
                     self.at(node.comparators[place]), _missing(left, right),
                 )  # fmt: skip
+            items = (node.left, *node.comparators)[place : place + 2]
+            self.difference_beside((left, right), items)
             match operator:
                 case ast.Lt():
                     parts.append(self.builder.add(Op.LESS, left, right, is_condition=True))
@@ -247,8 +267,11 @@ class _Reader:
                 self.at(node), known.usage,
             )  # fmt: skip
         terms: list[Term] = []
+        nodes: list[ast.expr] = []
         tables: list[list[Fixed]] = []
         for kind, item in zip(known.takes, node.args, strict=True):
+            if kind != "list":
+                nodes.append(item)
             if kind == "condition":
                 terms.append(self.condition(item, depth))
             elif kind == "list":
@@ -261,7 +284,8 @@ class _Reader:
                 terms.append(self.number(item, depth))
         places = [self.at(item) for item in node.args]
         call = Call(self.builder, self.period_s, self.at(node), places, known.usage, tables)
-        return known.make(call, terms)
+        made = known.make(call, terms)
+        return replace(made, is_difference=self.difference_beside(terms, nodes))
 
     def fixed(self, node: ast.expr, depth: int, usage: str) -> Fixed:
         term = self.constant(node, depth, usage)
@@ -272,6 +296,17 @@ class _Reader:
         if term.constant is None:
             raise FormulaError("expected a fixed quantity here", self.at(node), usage)
         return term
+
+
+def _is_difference(op: Op, left: Term, right: Term) -> bool:
+    """Return whether the result of ``op`` is a difference; that of two channels counts as one."""
+    if op is Op.SUBTRACT and not right.is_difference:
+        return left.is_difference or bool(right.unit) or right.constant is None
+    if op is Op.SUBTRACT or right.constant is not None:
+        return left.is_difference
+    if op is Op.ADD and left.constant is None:
+        return left.is_difference and right.is_difference
+    return left.is_difference or right.is_difference
 
 
 def _hint_for(node: ast.expr) -> str | None:

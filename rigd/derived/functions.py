@@ -52,8 +52,14 @@ class Call:
         """Return the value of a fixed quantity of ``dimension``.
 
         Raises:
-            FormulaError: it has another dimension, or is not above 0.
+            FormulaError: it has another dimension, a unit with a zero of its own, or is not above
+                0.
         """
+        if term.unit:
+            raise FormulaError(
+                f"expected a difference, found a value in {term.unit}", self.places[argument],
+                f"write it in {parse_unit(term.unit).difference()}",
+            )  # fmt: skip
         if term.dimension != dimension or term.constant is None:
             raise self.wrong(
                 f"expected {si_symbol(dimension)}, found {dimension_text(term.dimension)}",

@@ -150,7 +150,8 @@ class Term:
 
     ``is_condition``: it is 1 or 0 (true or false). ``uses`` are the channels of devices in it.
     ``unit`` is not "" for a fixed quantity in a unit with a zero of its own (``degC``).
-    ``of_arc``: it is an arc over its radius, and may be an angle.
+    ``of_arc``: it is an arc over its radius, and may be an angle. ``is_difference``: it is the
+    difference of two values, so that no zero of a unit counts.
     """
 
     row: int
@@ -160,6 +161,7 @@ class Term:
     uses: frozenset[str] = frozenset()
     unit: str = ""
     of_arc: bool = False
+    is_difference: bool = False
 
 
 @dataclass

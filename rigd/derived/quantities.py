@@ -19,6 +19,7 @@ _FACTOR: Final = re.compile(
 )
 _JOIN: Final = re.compile(r"[ \t]*[/·][ \t]*|[ \t]+")
 _COMMA: Final = re.compile(r"(?<![\w.])(\d+),(\d+)(?=\s*[A-Za-zµμΩ°%])")
+_SEPARATED: Final = re.compile(r"(?<![\w.])\d[\d.]*_[\d_.]*\d")
 #: What stands in place of a quantity; no channel can have this name.
 STAND_IN: Final = "_q"
 
@@ -89,8 +90,15 @@ def prepare(text: str, named: Named = no_names) -> Prepared:
     ``and``; factors are joined by a space, ``·`` or ``/``: ``2 N m``, ``3 m/s^2``.
 
     Raises:
-        FormulaError: a number with an unknown unit, or with a decimal comma; an unknown name.
+        FormulaError: a number with an unknown unit, with a decimal comma, or with ``_`` between its
+            digits; an unknown name.
     """
+    separated = _SEPARATED.search(text)
+    if separated is not None:
+        raise FormulaError(
+            "a number has no '_' between its digits", separated.start(),
+            f"write {separated[0].replace('_', '')}",
+        )  # fmt: skip
     comma = _COMMA.search(text)
     if comma is not None:
         raise FormulaError(

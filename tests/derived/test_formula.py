@@ -15,7 +15,7 @@ from rigd.model.units import dimension_text, parse_unit
 UNITS = {
     "load.force": "N", "pull.force": "N", "wheel.angle": "rad", "wheel.speed": "rad/s",
     "cart.speed": "m/s", "cart.position": "m", "card.input": "V", "drive.torque": "N m",
-    "s.m": "m",
+    "s.m": "m", "oven.t": "K", "room.t": "K",
 }  # fmt: skip
 
 
@@ -70,6 +70,17 @@ def test_fixed_part_is_computed_once(text: str, value: float) -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "oven.t - 20 degC > 2 K", "oven.t - 5 K > 20 degC", "oven.t - (oven.t - room.t) < 20 degC",
+        "deadband(oven.t - 20 degC, 2 K)", "oven.t + 5 K > 20 degC",
+    ],
+)  # fmt: skip
+def test_differences_and_values_of_temperature_are_told_apart(text: str) -> None:
+    assert read(text).uses >= {"oven.t"}
+
+
+@pytest.mark.parametrize(
     ("text", "token", "part"),
     [
         ("load.force + cart.speed", "cart", "cannot add m/s and N"),
@@ -105,6 +116,13 @@ def test_fixed_part_is_computed_once(text: str, value: float) -> None:
         ("lookup(card.input, [0 V], [1 N])", "[0 V", "2 to 200"),
         ("load.force / 0", "0", "division by zero"),
         ("_q0 * 2", "_q0", "unknown name"),
+        ("1_000 * load.force", "1_000", "write 1000"),
+        ("2 * load.force - 1.5_0e3 N", "1.5_0", "write 1.50"),
+        ("deadband(oven.t, 2 degC)", "2 degC", "write it in K"),
+        ("oven.t + 5 degC", "5 degC", "cannot add a value in degC"),
+        ("5 degC + oven.t", "5 degC", "cannot add a value in degC"),
+        ("oven.t - 20 degC < 2 degC", "2 degC", "difference in K"),
+        ("2 degC > abs(mean(oven.t - room.t, 1 s))", "2 degC", "difference in K"),
         ("(" * 60 + "load.force" + ")" * 60 + " * é", "é", "cannot read 'é'"),
         ("-" * 200 + "load.force", "", "nests deeper than 30"),
         ("load.force * " * 40 + "2", "", "at most 300 characters"),
