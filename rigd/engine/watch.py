@@ -47,8 +47,8 @@ class Watches:
 
     def met(self, t_ns: int, values: Sequence[float]) -> bool:
         """Return whether a row holds in the cycle at ``t_ns``."""
-        # Every condition of a row is checked, because each has its own time.
-        return any(all([self._holds(watch, t_ns, values) for watch in row]) for row in self._rows)
+        # Every condition is checked, because each has its own time: what records goes on.
+        return any([all([self._holds(watch, t_ns, values) for watch in row]) for row in self._rows])
 
     def values(self, values: Sequence[float]) -> dict[str, float]:
         """Return the newest value of every channel in the conditions."""

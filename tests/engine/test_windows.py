@@ -182,6 +182,22 @@ def test_capture_records_exactly_what_is_around_it(before: int, after: int) -> N
     assert [item["recorded"] for item in changes[:4]] == [True, False, True, False]
 
 
+def test_every_condition_keeps_its_time_beside_another() -> None:
+    above = Comparison.ABOVE
+    when = ((Condition("a.x", above, 0.5),), (Condition("b.x", above, 0.5, for_s=10e-9),))
+    capture = Capture(when, 2e-9, 2e-9)
+    windows = RecordWindows({"daq": Recorded(capture=capture)}, {}, {"a.x": 0, "b.x": 1})
+    taken, queue = recorder(windows.of("daq"))
+    for t_ns in range(1, 101):
+        force, speed = t_ns <= 50, t_ns != 75  # the force falls while the speed lasts
+        windows.decide(t_ns, "", [float(force), float(speed)])
+    taken.take(rows(*range(1, 101)))
+    windows.finish(100)
+    taken.finish()
+    gap = range(77, 84)  # 2 after the speed was lost, to 2 before it has lasted again
+    assert times(queue) == [t for t in range(1, 101) if t not in gap]
+
+
 def test_blocks_become_rows_with_status_as_word() -> None:
     stream = Stream("daq", (Channel("a"), Channel("b")), has_status=True)
     maker = BlockRows(stream, offset_ns=100)

@@ -167,5 +167,8 @@ class SlowRows:
         """Append a row on arrival, by the last decision of the cycle."""
         recorded = self._count % self._every == 0
         self._count += 1
-        if recorded and (self._windows is None or self._windows.covers(np.array([t_ns]))[0]):
+        if recorded and self._windows is not None:
+            self._windows.forget()  # those since the row before do not concern this one
+            recorded = bool(self._windows.covers(np.array([t_ns]))[0])
+        if recorded:
             self._ring.push(t_ns, row)

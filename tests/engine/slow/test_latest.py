@@ -171,3 +171,16 @@ def test_slow_device_rows_are_recorded_in_open_window(tmp_path: Path) -> None:
             cycle.decide(t_ns, is_open=t_ns == 20)
         scale.push(t_ns, [float(t_ns)])
     assert ring.drain()["mass"].tolist() == [21.0, 23.0, 25.0, 27.0, 29.0]
+
+
+def test_rare_rows_count_after_many_windows(tmp_path: Path) -> None:
+    """Between two rows of a slow device that are recorded, a hundred steps may have passed."""
+    table = LatestTable.create(tmp_path / "windowed", [NARROW])
+    cycle = table.windows("scale")
+    ring = RowRing.create(tmp_path / "rows", NARROW, 100)
+    scale = SlowRows(ring, 1, table.windows("scale"))
+    for t_ns in range(1, 1001):
+        cycle.decide(t_ns, is_open=t_ns % 10 < 5)
+        if t_ns in (3, 498, 992):
+            scale.push(t_ns, [float(t_ns)])
+    assert ring.drain()["mass"].tolist() == [3.0, 992.0]
