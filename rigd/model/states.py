@@ -73,6 +73,7 @@ TRANSITIONS: Final[dict[tuple[RunState, RunEvent], RunState]] = {
     (_S.HELD, _E.STOP): _S.STOPPING,
     (_S.RUNNING, _E.COMPLETE): _S.FINISHING,
     (_S.PAUSING, _E.COMPLETE): _S.FINISHING,
+    (_S.HELD, _E.COMPLETE): _S.FINISHING,  # its trial ended early, and the pause is over
     (_S.RUNNING, _E.STOP): _S.STOPPING,
     (_S.PAUSING, _E.STOP): _S.STOPPING,
     (_S.PAUSED, _E.STOP): _S.STOPPING,

@@ -194,6 +194,25 @@ def test_overlong_hold_waits_at_rest_for_resume() -> None:
     assert result.incomplete == ((1, "step 'go' was held for 0.03 s, the longest allowed"),)
 
 
+def test_resume_as_last_trial_ends_early_completes_run() -> None:
+    """The setpoints still go to rest when the pause is taken back."""
+    bench, states = Bench(), list[RunState]()
+    run = bench.run(procedure([holding(0.5, 3.0, Hold({}, 0.03))]))
+    began: list[float] = []
+    operator = pausing(bench, states, lambda: began.append(run.host.run_s))
+
+    def resume(progress: Progress) -> None:
+        operator(progress)
+        if began and run.host.run_s > began[0] + 0.03 and bench.axis.speed > 0.0:
+            bench.control.pause_wanted = False
+
+    run.watch = resume
+    result = run.execute()
+    assert RunState.PAUSED not in states
+    assert (result.state, result.ending) == (RunState.DONE, "incomplete")
+    assert bench.sink.steps() == ["go", "home"]
+
+
 def test_stop_ends_held_run() -> None:
     bench, states = Bench(), list[RunState]()
     run = bench.run(procedure([holding(0.5, 3.0, Hold({}, 5.0))]))

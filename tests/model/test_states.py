@@ -30,7 +30,7 @@ def test_final_state_has_no_next_state(state: RunState) -> None:
 
 def test_finishing_is_reached_only_without_a_fault() -> None:
     sources = {state for (state, _), to in TRANSITIONS.items() if to is RunState.FINISHING}
-    assert sources == {RunState.RUNNING, RunState.PAUSING, RunState.STOPPING}
+    assert sources == {RunState.RUNNING, RunState.PAUSING, RunState.HELD, RunState.STOPPING}
 
 
 def test_every_state_is_reachable_and_can_end() -> None:
