@@ -28,6 +28,25 @@ COMPUTED: Final = Derived | Observer | Controller
 _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
 
+def late_after(rig: MountedRig, period_ns: int) -> list[int]:
+    """Return for each mount how old its row may be before it counts as late, in ns.
+
+    A controller acts after all that uses its channels; derived channels are as old as the oldest
+    reading in them.
+    """
+    found: dict[str, int] = {}
+    for mount in rig.mounts:
+        declared = mount.driver.declaration
+        found[mount.name] = 0 if declared.every_cycle else round(declared.silent_s * 1e9)
+        if isinstance(mount.driver, Controller):
+            found[mount.name] = period_ns
+    for mount in rig.mounts:
+        if isinstance(mount.driver, Derived):
+            used = mount.driver.config.devices
+            found[mount.name] = max((found[name] for name in used if name in found), default=0)
+    return list(found.values())
+
+
 class Computing:
     """What a rig computes, bound to the tables of its cycle: ``values``, and ``stamps`` of mounts.
 

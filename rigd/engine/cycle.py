@@ -16,7 +16,7 @@ from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
-from rigd.engine.computing import COMPUTED, Computing
+from rigd.engine.computing import COMPUTED, Computing, late_after
 from rigd.engine.control import Control
 from rigd.engine.cycle_places import DevicePlaces
 from rigd.engine.cycle_rows import CycleRows, RingSink
@@ -120,10 +120,7 @@ class Cycle:
             if not isinstance(mount.driver, COMPUTED)
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
-        late_ns = [
-            0 if mount.driver.declaration.every_cycle else silent_ns
-            for mount, silent_ns in zip(rig.mounts, self._silent_ns, strict=True)
-        ]
+        late_ns = late_after(rig, clock.period_ns)
         self._inputs = inputs_of(rig, late_ns)
         self._computing = Computing(
             rig, self._values, self._stamps, late_ns, limiter.applied, evaluator, controllers

@@ -21,6 +21,7 @@ from rigd.engine.in_process import InProcessHost
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import wire
 from rigd.model import ConfigError
+from rigd.model.channels import STALE, STATUS_FIELD
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
@@ -319,3 +320,13 @@ def test_dry_run_refuses_what_a_hold_does() -> None:
     found = dry_run(compiled(rig, mild), rig, seed=1)
     assert found.refusals == ()
     assert found.duration_s == dry_run(compiled(rig, text), rig, seed=1).duration_s
+
+
+def test_channel_of_a_controller_is_not_stale() -> None:
+    base = rig_with()
+    derived = "derived:\n  own.off: {is: abs(rim_hold.error)}\ntrial:\n"
+    played = Played(compiled(base, PROCEDURE.replace("trial:\n", derived)).on(base))
+    played.play()
+    own, error = played.sink.of("own"), played.sink.of("rim_hold")["error"]
+    assert np.array_equal(own["off"][1:], np.abs(error[:-1]))  # it acts after they are computed
+    assert not np.any(own[STATUS_FIELD] & STALE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from support.bench import ListSink
 
 from rigd.config.loader import parse_rig
 from rigd.engine.clock import VirtualClock
+from rigd.engine.computing import late_after
 from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.sink import Rows
@@ -163,3 +165,16 @@ def test_failed_reading_repeats_no_computed_row() -> None:
     times = played.sink.of("cart")[TIME_FIELD].astype(np.int64)
     assert np.all(np.diff(times) == 1_000_000)
     assert times[-1] == calls[-1] - 1_000_000
+
+
+def test_derived_channel_may_be_as_old_as_its_readings() -> None:
+    path = shipped_folder("configs") / "sim_lugre.yaml"
+    rig = parse_rig(path.read_text().replace("interlocks:\n", DERIVED, 1), path)
+    mounted = wire(rig, VirtualClock(rig.period_ns, 0), Control(), 1).cycle.rig
+    for mount in mounted.mounts:
+        if mount.name == "accelerometer":  # with a pace of its own
+            declared = replace(mount.driver.declaration, every_cycle=False, silent_s=0.5)
+            mount.driver.declaration = declared
+    names = [mount.name for mount in mounted.mounts]
+    late_ns = dict(zip(names, late_after(mounted, rig.period_ns), strict=True))
+    assert (late_ns["scaled"], late_ns["cart"]) == (500_000_000, 0)
