@@ -105,7 +105,7 @@ def beside_simple_pid(count: int) -> tuple[float, float, float]:
     limit = SetpointLimit(-1e3, 1e3, math.inf)
     bank = Bank(configs, dict.fromkeys(names, limit), 1e-3)
     places = {name: place for place, name in enumerate(names)}
-    bank.bind({"load.force": 0}, [0], places)
+    bank.bind({"load.force": 0}, [0], [0], places)
     wanted, applied = [0.0] * 4 + [0.1] * 4, [0.0] * 8
     active = frozenset(names[4:])
     # simple-pid begins with its proportional term and a first integral; rigd at what is set.

@@ -105,7 +105,7 @@ def _computed(
     values: list[float] = []
     stamps = [0] * len(measured[0])
     applied: list[float] = []
-    readings, setpoints, device_of, late_ns = {}, {}, [], []
+    readings, setpoints, stamp_of, late_ns = {}, {}, [], []
     feeds: list[tuple[int, int, NDArray[np.int64], list[list[float]]]] = []
     for number, (device, items) in enumerate(measured[0].items()):
         declared = rig.devices[device].declaration
@@ -114,7 +114,7 @@ def _computed(
         feeds.append((number, len(values), source.at_ns, source.columns.T.tolist()))
         for item in items:
             readings[f"{device}.{item}"] = len(values)
-            device_of.append(number)
+            stamp_of.append(number)
             values.append(float("nan"))
     sends: list[tuple[int, NDArray[np.int64], list[list[float]]]] = []
     for device, items in written[0].items():
@@ -123,7 +123,7 @@ def _computed(
         for place, item in enumerate(items):
             setpoints[f"{device}.{item.removesuffix(ECHO)}"] = len(applied)
             applied.append(float(source.columns[place, 0]) if len(source.at_ns) else float("nan"))
-    runner.bind(readings, device_of, late_ns, setpoints, values, stamps, applied)
+    runner.bind(readings, stamp_of, late_ns, setpoints, values, stamps, applied)
     out = np.zeros(len(times), dtype=[(TIME_FIELD, "<i8"), *_fields(config)])
     table: list[tuple[float, ...]] = []
     feed_at, send_at, trials = [0] * len(feeds), [0] * len(sends), list(begins)

@@ -57,7 +57,7 @@ class Bank:
         # A row for each column of the kernel, so that one column is copied at once.
         self._inputs = np.zeros((kernel.INPUTS, count))
         self._inputs[kernel.SCHEDULE] = 1.0
-        self._stamps = np.full((3, count), _FUTURE)
+        self._stamps = np.full((kernel.STAMPS, count), _FUTURE)
         self._results = np.zeros((count, kernel.RESULTS))
         self._tables = (
             self._parameters, self._inputs.T, self._stamps.T, np.zeros((count, kernel.MEMORY)),
@@ -97,18 +97,24 @@ class Bank:
     def bind(
         self,
         readings: Mapping[str, int],
-        device_of: Sequence[int],
+        stamp_of: Sequence[int],
+        arrival_of: Sequence[int],
         setpoints: Mapping[str, int],
     ) -> None:
-        """Note the places of channels and setpoints in the tables of the cycle."""
-        count, values, devices = len(self.configs), {}, {}
+        """Note the places of channels and setpoints in the tables of the cycle.
+
+        ``stamp_of`` has for each place in ``readings`` that of its age in the table of times,
+        ``arrival_of`` that of the time at which a reading came last.
+        """
+        count, values, times = len(self.configs), {}, {}
         for c, config in enumerate(self.configs):
             for source, name in enumerate((config.measured, config.forward, config.schedule)):
                 if name is not None:
                     values[source * count + c] = readings[name]
-                    devices[source * count + c] = device_of[readings[name]]
+                    times[(kernel.MEASURED_AGE + source) * count + c] = stamp_of[readings[name]]
+            times[kernel.ARRIVAL * count + c] = arrival_of[readings[config.measured]]
         self._readings = copies("d", values, self._inputs)
-        self._times = copies("q", devices, self._stamps)
+        self._times = copies("q", times, self._stamps)
         self._places = [
             (setpoints[config.setpoint], setpoints[config.output], config.setpoint)
             for config in self.configs

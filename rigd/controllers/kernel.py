@@ -38,9 +38,12 @@ STALE, FROZEN, STUCK = 10, 11, 12  # in ns
 INNER: Final = 13  # the controller that it commands; -1: a device
 RELAY, HYSTERESIS = 14, 15  # 0: a PID
 PARAMETERS: Final = 16
-# Columns of what goes in: values, and for the first three the times of the readings.
+# Columns of what goes in: values; when the newest reading in the measured one came, and of the first
+# three values the times of the oldest readings in them, which are their ages.
 MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
 INPUTS: Final = 6
+ARRIVAL, MEASURED_AGE = 0, 1
+STAMPS: Final = 4
 # Columns of the memory.
 _TARGET, _R, _Y, _P, _I, _D, _F, _U, _ENGAGED = 0, 1, 2, 3, 4, 5, 6, 7, 8
 _FROZEN_U, _BEST, _SIDE = 9, 10, 11
@@ -140,7 +143,7 @@ def _engage(
     memory[c, _P], memory[c, _I], memory[c, _F] = 0.0, math.nan, 0.0
     memory[c, _FROZEN_U], memory[c, _BEST], memory[c, _SIDE] = u, math.inf, 0.0
     memory[c, _SUM], memory[c, _SPAN], memory[c, _WHOLE] = 0.0, 0.0, 0.0
-    taken[c, _TAKEN] = stamps[c, MEASURED] - 1  # the reading that is there counts
+    taken[c, _TAKEN] = stamps[c, ARRIVAL] - 1  # the reading that is there counts
     taken[c, _CHANGED], taken[c, _PROGRESS] = t_ns, t_ns
 
 
@@ -154,7 +157,7 @@ def _check(
         if not math.isfinite(value) or (source == SCHEDULE and value < 0.0):
             results[c, R_FAULT], results[c, R_SOURCE] = NAN, source
             return
-        if t_ns - stamps[c, source] > parameters[c, STALE]:
+        if t_ns - stamps[c, MEASURED_AGE + source] > parameters[c, STALE]:
             results[c, R_FAULT], results[c, R_SOURCE] = OLD, source
             return
 
@@ -180,13 +183,13 @@ def _step(
     results: Floats,
 ) -> None:  # fmt: skip
     """Take a step of the PID if there is a new reading; see the head of this module."""
-    if stamps[c, MEASURED] <= taken[c, _TAKEN]:
+    if stamps[c, ARRIVAL] <= taken[c, _TAKEN]:
         return
     if parameters[c, RELAY] != 0.0:
         _switch(c, parameters, inputs, stamps, memory, taken)
         return
     begins = math.isnan(memory[c, _I])
-    h = 0.0 if begins else 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
+    h = 0.0 if begins else 1e-9 * (stamps[c, ARRIVAL] - taken[c, _TAKEN])
     y, r = inputs[c, MEASURED], memory[c, _TARGET]
     gain = inputs[c, SCHEDULE]
     kp, ki, kd = gain * parameters[c, KP], gain * parameters[c, KI], gain * parameters[c, KD]
@@ -214,7 +217,7 @@ def _step(
     if ki != 0.0:
         integral = output - proportional - derivative - forward
     if y != memory[c, _Y]:
-        taken[c, _CHANGED] = stamps[c, MEASURED]
+        taken[c, _CHANGED] = stamps[c, ARRIVAL]
         memory[c, _FROZEN_U] = output
     memory[c, _P], memory[c, _I], memory[c, _D] = proportional, integral, derivative
     memory[c, _F], memory[c, _U] = forward, output
@@ -223,7 +226,7 @@ def _step(
     if side != memory[c, _SIDE]:
         memory[c, _BEST] = math.inf
     memory[c, _SIDE] = side
-    taken[c, _TAKEN] = stamps[c, MEASURED]
+    taken[c, _TAKEN] = stamps[c, ARRIVAL]
 
 
 @kernel
@@ -239,12 +242,12 @@ def _switch(
         memory[c, _I] = min(max(inputs[c, APPLIED], lowest), highest)
         side = 1.0 if r >= y else -1.0
     else:
-        h = 1e-9 * (stamps[c, MEASURED] - taken[c, _TAKEN])
+        h = 1e-9 * (stamps[c, ARRIVAL] - taken[c, _TAKEN])
         memory[c, _SUM] += h * last
         memory[c, _SPAN] += h
         side = 1.0 if r - y > least else (-1.0 if y - r > least else last)
     if side != last or r != memory[c, _R]:
-        taken[c, _PROGRESS] = stamps[c, MEASURED]
+        taken[c, _PROGRESS] = stamps[c, ARRIVAL]
     if side > last and last != 0.0:  # a swing ends here and the next begins
         if memory[c, _WHOLE] != 0.0:
             mean = memory[c, _I] + relay * memory[c, _SUM] / memory[c, _SPAN]
@@ -253,10 +256,10 @@ def _switch(
     memory[c, _P] = side * relay
     memory[c, _U] = memory[c, _I] + memory[c, _P]
     if y != memory[c, _Y]:
-        taken[c, _CHANGED] = stamps[c, MEASURED]
+        taken[c, _CHANGED] = stamps[c, ARRIVAL]
         memory[c, _FROZEN_U] = memory[c, _U]
     memory[c, _R], memory[c, _Y] = r, y
-    taken[c, _TAKEN] = stamps[c, MEASURED]
+    taken[c, _TAKEN] = stamps[c, ARRIVAL]
 
 
 @kernel

@@ -49,7 +49,7 @@ class Evaluator:
         self._numbers, then = _joined(
             [np.zeros(3 * inputs, dtype=np.int64), np.array(rows, dtype=np.int64).ravel(),
              times.ravel(), steps, np.array(layout, dtype=np.int64),
-             np.zeros(len(groups), dtype=np.int64)]
+             np.zeros(2 * len(graph.outputs), dtype=np.int64)]
         )  # fmt: skip
         del then[3]  # behind the other times
         self._places = np.array([*at, *then], dtype=np.int64)
@@ -68,7 +68,7 @@ class Evaluator:
         ]
         #: The rows of all groups, one after the other, each with its status last.
         self.results: list[float] = self._results.tolist()
-        #: Unix time of the oldest reading of each group, in ns.
+        #: Unix time of the oldest reading in each channel in ns, then of the newest.
         self.taken_ns: list[int] = []
         self._readings: list[Copy] = []
         self._stamps: list[Copy] = []
@@ -80,22 +80,23 @@ class Evaluator:
     def bind(
         self,
         readings: Mapping[str, int],
-        device_of: Sequence[int],
+        stamp_of: Sequence[int],
         late_ns: Sequence[int],
         setpoints: Mapping[str, int],
         values: Sequence[float],
         stamps: Sequence[int],
         applied: Sequence[float],
     ) -> None:
-        """Connect to the cycle's tables: ``values``, ``stamps`` of devices, setpoints ``applied``.
+        """Connect to the cycle's tables: ``values``, ``stamps``, setpoints ``applied``.
 
-        The tables stay the same objects. ``late_ns`` has the age above which the row of each device
-        counts as stale. An input that the rig lacks is NaN.
+        The tables stay the same objects. ``stamp_of`` has the place in ``stamps`` of each value,
+        ``late_ns`` for each of these the age above which it counts as stale. An input that the rig
+        lacks is NaN.
         """
         self._cycle = values, stamps, applied
         names = self._graph.inputs
         sources = {place: readings[name] for place, name in enumerate(names) if name in readings}
-        devices = {place: device_of[index] for place, index in sources.items()}
+        devices = {place: stamp_of[index] for place, index in sources.items()}
         self._readings = copies("d", sources, self._inputs)
         self._stamps = copies("q", devices, self._ages[2])
         for place, device in devices.items():

@@ -64,14 +64,14 @@ def compute(
     times = numbers[places[8] : places[9]].reshape((3, values.shape[0]))
     for i in range(inputs.shape[0]):
         ages[0, i] = ages[2, i] - begun_ns if ages[2, i] != 0 else 0
-    oldest = times[0]
     evaluate(
         inputs, ages[0], rows, floats[places[1] : places[2]], floats[places[2] : places[3]],
-        values, oldest, times[1], times[2],
+        values, times[0], times[1], times[2],
     )  # fmt: skip
+    taken = numbers[places[10] : places[11]]
     gather(
-        t_ns, begun_ns, numbers[places[9] : places[10]], values, oldest, ages, results,
-        numbers[places[10] : places[11]], packed,
+        t_ns, begun_ns, numbers[places[9] : places[10]], values, times, ages, results,
+        taken.reshape((2, taken.shape[0] // 2)), packed,
     )  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def gather(
     begun_ns: int,
     layout: Times,
     values: Floats,
-    oldest: Times,
+    times: Times,
     ages: Times,
     results: Floats,
     taken: Times,
@@ -142,21 +142,23 @@ def gather(
     """Collect the row of every group in ``results``, one after the other, each with its status.
 
     ``layout`` has for each group the number of its channels, their rows, the number of its inputs
-    and these. ``taken`` gets the Unix time of the oldest reading of each group. The status is 2^31
-    if an input is older than it may be (``ages``), else 0. ``packed`` gets the same rows as a ring
+    and these. ``taken`` (2, channels) gets the Unix times of the oldest and of the newest reading
+    in each channel, from ``times`` of its row. The status is 2^31 if an input is older than it may
+    be (``ages``), else 0. ``packed`` gets the same rows as a ring
     has them (:func:`rigd.model.rows.row_dtype`): time, values, and the status as uint32.
     """
-    at = place = word = 0
+    at = place = word = channel = 0
     bits = results.view(np.uint32)
-    for group in range(taken.shape[0]):
+    while at < layout.shape[0]:
         packed[word], packed[word + 1] = t_ns & 0xFFFFFFFF, t_ns >> 32
         word += 2
         count = layout[at]
-        earliest = t_ns - begun_ns
         for row in layout[at + 1 : at + 1 + count]:
             results[place] = values[row]
             packed[word], packed[word + 1] = bits[2 * place], bits[2 * place + 1]
-            earliest = min(earliest, oldest[row])
+            taken[0, channel] = min(begun_ns + times[0, row], t_ns)
+            taken[1, channel] = min(begun_ns + times[1, row], t_ns)
+            channel += 1
             place += 1
             word += 2
         at += 1 + count
@@ -165,7 +167,7 @@ def gather(
         for read in layout[at + 1 : at + 1 + count]:
             late = late or t_ns - begun_ns - ages[0, read] > ages[1, read]
         at += 1 + count
-        results[place], taken[group] = 2147483648.0 if late else 0.0, begun_ns + earliest
+        results[place] = 2147483648.0 if late else 0.0
         packed[word] = 2147483648 if late else 0
         place += 1
         word += 1

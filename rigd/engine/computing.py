@@ -29,29 +29,30 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 def late_after(rig: MountedRig, period_ns: int) -> list[int]:
-    """Return for each mount how old its row may be before it counts as late, in ns.
+    """Return for each entry of the table of times the age at which it counts as late, in ns.
 
-    A controller acts after all that uses its channels; derived channels are as old as the oldest
-    reading in them.
+    A controller acts after all that uses its channels; a derived channel is as old as the oldest
+    reading in it.
     """
     found: dict[str, int] = {}
+    graph = None
     for mount in rig.mounts:
         declared = mount.driver.declaration
         found[mount.name] = 0 if declared.every_cycle else round(declared.silent_s * 1e9)
         if isinstance(mount.driver, Controller):
             found[mount.name] = period_ns
-    for mount in rig.mounts:
         if isinstance(mount.driver, Derived):
-            used = mount.driver.config.devices
-            found[mount.name] = max((found[name] for name in used if name in found), default=0)
-    return list(found.values())
+            graph = mount.driver.config.graph
+    uses = [] if graph is None else [graph.uses[name] for name in rig.derived]
+    derived = [max((found.get(n.partition(".")[0], 0) for n in used), default=0) for used in uses]
+    return [*found.values(), *derived, *derived]
 
 
 class Computing:
-    """What a rig computes, bound to the tables of its cycle: ``values``, and ``stamps`` of mounts.
+    """What a rig computes, bound to the tables of its cycle: ``values``, and their ``stamps``.
 
-    ``late_ns`` has the age above which the row of each mount counts as late, ``applied`` the
-    setpoints as they were written; all stay the same objects.
+    ``late_ns`` has the age above which each stamp counts as late, ``applied`` the setpoints as they
+    were written; all stay the same objects.
     """
 
     def __init__(
@@ -75,17 +76,18 @@ class Computing:
         self._observers = [(n, m.values, d) for n, m, d in drivers if isinstance(d, Observer)]
         derived = [(n, m.values) for n, m, d in drivers if isinstance(d, Derived)]
         self._derived = list(runs(derived))
+        self._own_stamps = slice(len(rig.mounts), len(rig.mounts) + 2 * len(rig.derived))
         binds = [driver.bind for _, _, driver in self._observers]
         binds += [] if evaluator is None else [evaluator.bind]
         for bind in binds:
-            bind(rig.readings, rig.device_of, late_ns, rig.setpoints, values, stamps, applied)
+            bind(rig.readings, rig.stamp_of, late_ns, rig.setpoints, values, stamps, applied)
         self._controllers = [
             (n, mount.values, bank.spans[bank.places[mount.name]])
             for n, mount, driver in drivers
             if bank is not None and isinstance(driver, Controller)
         ]
         if bank is not None:
-            bank.bind(rig.readings, rig.device_of, rig.setpoints)
+            bank.bind(rig.readings, rig.stamp_of, rig.arrival_of, rig.setpoints)
 
     def begin_trial(self) -> None:
         """Let observers and derived channels that begin anew with each trial do so."""
@@ -103,10 +105,11 @@ class Computing:
         if evaluator is None:
             return
         evaluator.compute(t_ns)
-        results, oldest_ns = evaluator.results, evaluator.taken_ns
-        for mounts, places, groups, rows in self._derived:
+        results = evaluator.results
+        for mounts, places, rows in self._derived:
             values[places] = results[rows]
-            stamps[mounts] = oldest_ns[groups]
+            stamps[mounts] = [t_ns] * (mounts.stop - mounts.start)
+        stamps[self._own_stamps] = evaluator.taken_ns
 
     def control(self, t_ns: int, acting: frozenset[str], wanted: list[float]) -> str:
         """Let controllers ``acting`` set what they command in ``wanted``; return why one gives up.

@@ -99,8 +99,8 @@ class Cycle:
         self._rows = CycleRows(rig, {}, {}, {}, {})
         self._playing = ""  #: the step that plays in this cycle
         self._watched = {**rig.readings, **rig.status}
-        self._values = [float("nan")] * len(rig.device_of)
-        self._stamps = [0] * len(rig.mounts)
+        self._values = [float("nan")] * len(rig.stamp_of)
+        self._stamps = [0] * (len(rig.mounts) + 2 * len(rig.derived))
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
         before = Derived | Observer  # computed before anything is decided
         self._silent = {item.name for item in rig.mounts if not isinstance(item.driver, before)}

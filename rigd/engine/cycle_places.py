@@ -24,11 +24,11 @@ class DevicePlaces(NamedTuple):
         return cls(mount.name, driver, places, places.stop - places.start)
 
 
-def runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, slice, slice]]:
+def runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, slice]]:
     """Yield groups of derived channels that follow one another, to be taken at once.
 
     ``groups`` have the number of their mount and their places in the table of values, in the order
-    of the graph. The slices are those of mounts, values, groups and results.
+    of the graph. The slices are those of mounts, values and results.
     """
     at = first = 0
     for place, (mount, values) in enumerate(groups):
@@ -36,8 +36,5 @@ def runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, sl
             continue
         begin, start = groups[first]
         width = values.stop - start.start
-        yield (
-            slice(begin, mount + 1), slice(start.start, values.stop),
-            slice(first, place + 1), slice(at, at + width),
-        )  # fmt: skip
+        yield slice(begin, mount + 1), slice(start.start, values.stop), slice(at, at + width)
         at, first = at + width, place + 1

@@ -16,7 +16,7 @@ class Inputs:
         name: the device.
         driver: its driver.
         rig: the rig, whose tables these are.
-        late_ns: for each mount, how old its row may be before it counts as late.
+        late_ns: for each entry of the table of times, the age at which it counts as late.
     """
 
     def __init__(self, name: str, driver: Driver, rig: MountedRig, late_ns: Sequence[int]) -> None:
@@ -32,7 +32,7 @@ class Inputs:
                 self._places.append((False, rig.setpoints[setpoint]))
                 continue
             self._places.append((True, place))
-            owners[rig.device_of[place]] = late_ns[rig.device_of[place]]
+            owners[rig.stamp_of[place]] = late_ns[rig.stamp_of[place]]
         self._owners = tuple(owners.items())
 
     def give(

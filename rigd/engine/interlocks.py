@@ -36,7 +36,7 @@ class _Rule:
 
     interlock: Interlock
     source: int
-    device: int
+    stamp: int  # the place of its time
     unit: str
     low: float
     high: float
@@ -44,7 +44,7 @@ class _Rule:
     high_from: int
     follows: int  # index of the setpoint, or -1
     only_while: int  # index of the setpoint, or -1
-    bound_devices: tuple[int, ...]  # channels that are a bound
+    bound_stamps: tuple[int, ...]  # of the channels that are a bound
     delay_ns: int
     stale_ns: int
 
@@ -53,7 +53,7 @@ class InterlockBank:
     """Checks all interlocks of a rig and keeps the state of each.
 
     ``readings`` maps channel names to indices of the values table, ``units`` has their units,
-    ``device_of`` has the device of each index, ``setpoints`` the index of each setpoint.
+    ``stamp_of`` the place of their times, ``setpoints`` the index of each setpoint.
 
     Raises:
         KeyError: an interlock names an unknown channel.
@@ -64,11 +64,11 @@ class InterlockBank:
         interlocks: Sequence[Interlock],
         readings: Mapping[str, int],
         units: Mapping[str, str],
-        device_of: Sequence[int],
+        stamp_of: Sequence[int],
         setpoints: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._rules = [
-            _bind(interlock, readings, units, device_of, setpoints) for interlock in interlocks
+            _bind(interlock, readings, units, stamp_of, setpoints) for interlock in interlocks
         ]
         self._since: list[int | None] = [None] * len(interlocks)  # start of the violation
         self._inside: list[int | None] = [None] * len(interlocks)  # start of the return, if any
@@ -85,7 +85,7 @@ class InterlockBank:
     ) -> list[Trip]:
         """Return the interlocks that trip in this cycle.
 
-        ``stamps`` has the time of each device's last row, in ns. A channel that is a bound must be
+        ``stamps`` has the times of the values, in ns. A channel that is a bound must be
         as fresh as the channel that it bounds. ``setpoints`` are those written last.
         """
         trips: list[Trip] = []
@@ -96,9 +96,9 @@ class InterlockBank:
             if rule.follows >= 0 and (rule.only_while < 0 or setpoints[rule.only_while] > 0.5):
                 band = rule.interlock.band
                 low, high = setpoints[rule.follows] - band, setpoints[rule.follows] + band
-            own_age_ns = age_ns = t_ns - stamps[rule.device]
-            for device in rule.bound_devices:
-                age_ns = max(age_ns, t_ns - stamps[device])
+            own_age_ns = age_ns = t_ns - stamps[rule.stamp]
+            for bound in rule.bound_stamps:
+                age_ns = max(age_ns, t_ns - stamps[bound])
             # NaN fails every comparison, as value and as bound, and so counts as a violation.
             if low <= value <= high and age_ns <= rule.stale_ns:
                 if self._since[index] is not None and self._has_returned(index, t_ns):
@@ -179,7 +179,7 @@ def _bind(
     interlock: Interlock,
     readings: Mapping[str, int],
     units: Mapping[str, str],
-    device_of: Sequence[int],
+    stamp_of: Sequence[int],
     setpoints: Mapping[str, int],
 ) -> _Rule:
     source = readings[interlock.source]
@@ -188,7 +188,7 @@ def _bind(
     return _Rule(
         interlock,
         source=source,
-        device=device_of[source],
+        stamp=stamp_of[source],
         unit=units[interlock.source],
         low=low if isinstance(low, int | float) else -math.inf,
         high=high if isinstance(high, int | float) else math.inf,
@@ -196,7 +196,7 @@ def _bind(
         high_from=readings[high] if isinstance(high, str) else -1,
         follows=-1 if interlock.follows is None else setpoints[interlock.follows],
         only_while=-1 if interlock.only_while is None else setpoints[interlock.only_while],
-        bound_devices=tuple({device_of[bound] for bound in bounds}),
+        bound_stamps=tuple({stamp_of[bound] for bound in bounds}),
         delay_ns=round(interlock.delay_s * 1e9),
         stale_ns=round(interlock.stale_after_s * 1e9),
     )

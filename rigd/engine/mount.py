@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from rigd.derived.driver import Derived
 from rigd.engine.stand_in import StandIn
 from rigd.model.channels import ECHO, STATUS_FIELD, Channel, Stream
 from rigd.sdk import Declaration, Driver, Link
@@ -60,12 +61,31 @@ class MountedRig:
         return (*(mount.stream for mount in self.mounts), CYCLE_STREAM)
 
     @cached_property
-    def device_of(self) -> tuple[int, ...]:
-        """The index of its mount, for every index of the values table."""
+    def derived(self) -> tuple[str, ...]:
+        """The names of the derived channels, group by group."""
+        configs = (item.driver.config for item in self.mounts if isinstance(item.driver, Derived))
+        groups = next((config.graph.groups() for config in configs), {})
+        return tuple(name for names in groups.values() for name in names)
+
+    @cached_property
+    def stamp_of(self) -> tuple[int, ...]:
+        """For every index of the values table, where its time stands in the table of times.
+
+        That has the times of the rows of all mounts, then for each of the m derived channels the
+        time of the oldest reading in it, then m times of the newest.
+        """
         owners: list[int] = []
         for index, mount in enumerate(self.mounts):
             owners += [index] * (mount.values.stop - mount.values.start)
+        for place, name in enumerate(self.derived):
+            owners[self.readings[name]] = len(self.mounts) + place
         return tuple(owners)
+
+    @cached_property
+    def arrival_of(self) -> tuple[int, ...]:
+        """The same, but for a derived channel the newest reading in it."""
+        mounts, derived = len(self.mounts), len(self.derived)
+        return tuple(at + derived if at >= mounts else at for at in self.stamp_of)
 
 
 def mount(

@@ -84,7 +84,7 @@ def wire(
         for channel in device.channels
     }
     interlocks = InterlockBank(
-        rig.interlocks, mounted.readings, units, mounted.device_of, mounted.setpoints
+        rig.interlocks, mounted.readings, units, mounted.stamp_of, mounted.setpoints
     )
     targets = [] if bank is None else [mounted.setpoints[name] for name in bank.loops]
     limiter = Limiter(limits, rig.period_ns * 1e-9, targets)

@@ -76,7 +76,7 @@ class Observer(Driver[ObserverConfig, Any]):
     def bind(
         self,
         readings: Mapping[str, int],
-        device_of: Sequence[int],
+        stamp_of: Sequence[int],
         late_ns: Sequence[int],
         setpoints: Mapping[str, int],
         values: Sequence[float],
@@ -84,7 +84,7 @@ class Observer(Driver[ObserverConfig, Any]):
         applied: Sequence[float],
     ) -> None:
         """Connect to the tables of the cycle, which stay the same objects."""
-        self._runner.bind(readings, device_of, late_ns, setpoints, values, stamps, applied)
+        self._runner.bind(readings, stamp_of, late_ns, setpoints, values, stamps, applied)
 
     def begin_trial(self) -> None:
         """Begin anew if the rig file asks for it."""

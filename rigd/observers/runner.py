@@ -39,7 +39,7 @@ class Runner:
     def bind(
         self,
         readings: Mapping[str, int],
-        device_of: Sequence[int],
+        stamp_of: Sequence[int],
         late_ns: Sequence[int],
         setpoints: Mapping[str, int],
         values: Sequence[float],
@@ -53,7 +53,7 @@ class Runner:
         """
         self._cycle = values, stamps, applied
         sources = {n: readings[name] for n, name in enumerate(self._names) if name in readings}
-        devices = {place: device_of[index] for place, index in sources.items()}
+        devices = {place: stamp_of[index] for place, index in sources.items()}
         self._readings = copies("d", sources, self._memory.given)
         self._stamps = copies("q", devices, self._memory.ages[0])
         for place, device in devices.items():

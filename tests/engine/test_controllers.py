@@ -330,3 +330,33 @@ def test_channel_of_a_controller_is_not_stale() -> None:
     own, error = played.sink.of("own"), played.sink.of("rim_hold")["error"]
     assert np.array_equal(own["off"][1:], np.abs(error[:-1]))  # it acts after they are computed
     assert not np.any(own[STATUS_FIELD] & STALE)
+
+
+#: The accelerometer gives a row in every 40th cycle only.
+EVERY = 40
+
+
+def with_slow_sensor(derived: str, stale: str, *changes: tuple[str, str]) -> Played:
+    also = (("\n\ncontrollers:", f"\n  {derived}\n\ncontrollers:"), ("10 ms", stale))
+    played = Played(rig_with(*also, *changes))
+    played.spoil("accelerometer", lambda call, row: None if call % EVERY else row)
+    return played
+
+
+def test_slow_channel_beside_measured_one_does_not_delay_it() -> None:
+    played = with_slow_sensor("rim.push: {is: 2 * accelerometer.acceleration}", "10 ms")
+    assert played.play() == (Severity.DONE, "")
+    quick = Played(rig_with())
+    quick.play()
+    output = played.sink.of("rim_hold")["output"]
+    assert np.array_equal(output, quick.sink.of("rim_hold")["output"])
+
+
+def test_controller_steps_at_each_reading_in_its_channel() -> None:
+    """Its age is that of the slow reading in it, its pace that of the quick one."""
+    mixed = "rim.mixed: {is: rim.speed + 0 s * accelerometer.acceleration}"
+    played = with_slow_sensor(mixed, "60 ms", ("measured: rim.speed", "measured: rim.mixed"))
+    assert played.play() == (Severity.DONE, "")
+    hold = played.sink.of("rim_hold")
+    output = hold["output"][hold["active"] == 1.0]
+    assert np.mean(np.diff(output) != 0.0) > 0.9

@@ -145,7 +145,7 @@ class Bench:
         return Cycle(
             rig,
             Limiter([self.limit], PERIOD_NS * 1e-9),
-            InterlockBank(self.interlocks, rig.readings, units, rig.device_of, rig.setpoints),
+            InterlockBank(self.interlocks, rig.readings, units, rig.stamp_of, rig.setpoints),
             VirtualClock(PERIOD_NS, 1_000_000_000_000),
             self.control,
         )

@@ -37,7 +37,7 @@ class Held:
         self.places = {name: place for place, name in enumerate(names)}
         inputs = ("load.force", "some.forward", "some.schedule", "load.speed")
         readings = {name: place for place, name in enumerate(inputs)}
-        self.bank.bind(readings, range(4), self.places)
+        self.bank.bind(readings, range(4), range(4), self.places)
         self.limiter = Limiter(given, PERIOD_NS * 1e-9, range(1, len(given)))
         self.values = [0.0, 0.0, 1.0, 0.0]
         self.t_ns = 1_790_000_000_000_000_000
