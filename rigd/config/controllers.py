@@ -365,10 +365,18 @@ class _Reader:
         """Check that readings that come on time are never stale."""
         period_s = rig.period_ns * 1e-9
         for item in (source.measured, source.feed_forward, source.schedule):
-            device = rig.devices.get((item or "").partition(".")[0])
-            oldest_s = 0.0 if device is None else device.declaration.oldest_s
-            least_s = max(2 * period_s, oldest_s + period_s)
-            if item is not None and source.stale_after < least_s:
+            if item is None:
+                continue
+            slow = rig.slow_device_in(item)
+            if slow is not None and "stale_after" not in source.model_fields_set:
+                self.note(
+                    (name,),
+                    f"{item} is from {slow}, whose readings come at a pace of its own: when does "
+                    "it count as lost?",
+                    "give 'stale_after', longer than the time between two readings",
+                )
+            least_s = max(2 * period_s, rig.oldest_s(item) + period_s)
+            if source.stale_after < least_s:
                 self.note(
                     (name, "stale_after"),
                     f"stale_after {source.stale_after:g} s is too short: a reading of {item} in "

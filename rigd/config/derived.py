@@ -85,13 +85,10 @@ def _graph_of(rig: RigConfig) -> Graph:
 
 
 def _device(group: str, names: list[str], graph: Graph, reader: _Reader) -> DeviceConfig:
-    uses = frozenset[str]().union(*(graph.uses[name] for name in names))
-    ages = [reader.rig.devices[name.partition(".")[0]].declaration.oldest_s for name in uses]
     config = DerivedConfig(
         graph=graph,
         group=group,
         channels=tuple(reader.described(name) for name in names),
-        oldest=max(ages, default=0.0),
     )
     return DeviceConfig(
         name=group,

@@ -483,9 +483,8 @@ def _check_staleness(
             f"give at least {2e-9 * rig.period_ns:g} s",
         )  # fmt: skip
     channels = [item for item in (source.source, source.low, source.high) if item]
-    for name in dict.fromkeys(channel.partition(".")[0] for channel in channels):
-        device = rig.devices.get(name)
-        oldest_s = 0.0 if device is None else device.declaration.oldest_s
+    for name in dict.fromkeys(channels):
+        oldest_s = rig.oldest_s(name)
         if not oldest_s:
             continue
         least_s = oldest_s + 1e-9 * rig.period_ns  # the cycle looks once per period

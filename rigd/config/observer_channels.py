@@ -14,7 +14,10 @@ from rigd.model.channels import Channel
 
 @dataclass(frozen=True)
 class Finder:
-    """Finds channels for the observer at ``path``; ``lost_s`` is its `lost_after`."""
+    """Finds channels for the observer at ``path``; ``lost_s`` is its `lost_after`.
+
+    ``by_default``: the file does not give it.
+    """
 
     document: Document
     path: KeyPath
@@ -22,6 +25,7 @@ class Finder:
     rig: RigConfig
     problems: Problems
     lost_s: float
+    by_default: bool
 
     def find(self, keys: KeyPath, name: str, *, measured: bool) -> Channel:
         """Return the channel ``name`` that stands at ``keys``, or a stand-in with a problem noted.
@@ -54,6 +58,13 @@ class Finder:
                 f"readings of {name} may come {apart_s:g} s apart, and the states are lost after "
                 f"{self.lost_s:g} s",
                 f"give a `lost_after` above {apart_s:g} s",
+            )
+        slow = rig.slow_device_in(name)
+        if slow is not None and self.by_default and rig.channel(name) is not None:
+            self._note(
+                keys,
+                f"the readings of {name} come at a pace of their own: when are the states lost?",
+                "give a `lost_after` that is longer than the time between two readings",
             )
         return channel
 

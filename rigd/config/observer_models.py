@@ -53,7 +53,13 @@ class ModelReader:
         if options is None:
             return None
         finder = Finder(
-            self.document, self.path, self.derived, self.rig, self.problems, options.lost_after
+            self.document,
+            self.path,
+            self.derived,
+            self.rig,
+            self.problems,
+            options.lost_after,
+            by_default="lost_after" not in options.model_fields_set,
         )
         inputs, measured = model.inputs(options), model.measured(options)
         self._channels(finder, inputs, measured=False)

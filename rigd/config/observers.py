@@ -126,7 +126,13 @@ class _Linear:
     @property
     def _finder(self) -> Finder:
         return Finder(
-            self.document, self.path, self.derived, self.rig, self.problems, self.source.lost_after
+            self.document,
+            self.path,
+            self.derived,
+            self.rig,
+            self.problems,
+            self.source.lost_after,
+            by_default="lost_after" not in self.source.model_fields_set,
         )
 
     def _note(self, path: KeyPath, message: str, hint: str | None = None) -> None:

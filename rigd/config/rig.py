@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rigd.config.remote import RemoteSetup
 from rigd.controllers.driver import Controller, ControllerConfig
+from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import ECHO, Channel, Stream
 from rigd.model.constants import Constant
 from rigd.model.errors import Place
@@ -24,6 +25,7 @@ from rigd.sdk import (
     Setting,
     Simulation,
     SimulationConfig,
+    SlowDriver,
 )
 
 if TYPE_CHECKING:  # the processes of a run read no file
@@ -172,6 +174,24 @@ class RigConfig:
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""
         return _find(self.devices, name, "channels")
+
+    def readings_in(self, name: str) -> frozenset[str]:
+        """Return the channels of devices from which the channel ``name`` is computed, or itself."""
+        device = self.devices.get(name.partition(".")[0])
+        if device is not None and isinstance(device.config, DerivedConfig):
+            return device.config.graph.uses.get(name, frozenset())
+        return frozenset({name})
+
+    def oldest_s(self, name: str) -> float:
+        """Return how old the newest value of a channel becomes in normal operation, in s; or 0."""
+        sources = [self.devices.get(item.partition(".")[0]) for item in self.readings_in(name)]
+        return max((item.declaration.oldest_s for item in sources if item is not None), default=0.0)
+
+    def slow_device_in(self, name: str) -> str | None:
+        """Return a device from which the channel is and which gives rows at a pace of its own."""
+        devices = sorted({item.partition(".")[0] for item in self.readings_in(name)})
+        kinds = {item: self.devices[item].driver_class for item in devices if item in self.devices}
+        return next((item for item, kind in kinds.items() if issubclass(kind, SlowDriver)), None)
 
     def recorded(self, name: str) -> Channel | None:
         """Return the recorded quantity ``device.channel``: a reading, or a setpoint; or None."""

@@ -192,8 +192,9 @@ class _Names:
             device = self.sibling.devices.get(interlock.source.partition(".")[0])
             if device is None:
                 continue
-            least_s = device.declaration.oldest_s + 1e-9 * self.rig.period_ns
-            if device.declaration.oldest_s and interlock.stale_after_s < least_s:
+            oldest_s = self.sibling.oldest_s(interlock.source)
+            least_s = oldest_s + 1e-9 * self.rig.period_ns
+            if oldest_s and interlock.stale_after_s < least_s:
                 place = self.there.key_place(("devices", device.name))
                 self.problems.add(
                     self.here.place(("interlocks", index, "stale_after")),

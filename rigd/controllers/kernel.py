@@ -38,8 +38,8 @@ STALE, FROZEN, STUCK = 10, 11, 12  # in ns
 INNER: Final = 13  # the controller that it commands; -1: a device
 RELAY, HYSTERESIS = 14, 15  # 0: a PID
 PARAMETERS: Final = 16
-# Columns of what goes in: values; when the newest reading in the measured one came, and of the first
-# three values the times of the oldest readings in them, which are their ages.
+# Columns of what goes in: values; when the newest reading in the measured one came, and for the
+# first three values the time of the oldest reading in each.
 MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
 INPUTS: Final = 6
 ARRIVAL, MEASURED_AGE = 0, 1

@@ -29,8 +29,6 @@ class DerivedConfig(DriverConfig):
     """Name of the group."""
     channels: tuple[Channel, ...]
     """The channels of the group."""
-    oldest: float = 0.0
-    """How old the oldest reading in them becomes in normal operation, in s."""
 
     @property
     def devices(self) -> frozenset[str]:
@@ -54,9 +52,7 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
     @classmethod
     def declare(cls, config: DerivedConfig) -> Declaration:
         """Return the channels of the group."""
-        return Declaration(
-            channels=config.channels, plain_rows=True, has_status=True, oldest_s=config.oldest
-        )
+        return Declaration(channels=config.channels, plain_rows=True, has_status=True)
 
     def open(self) -> None:
         """Do nothing: there is no device."""

@@ -13,6 +13,7 @@ from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.manual.choice import only
 from rigd.model import ConfigError
 from rigd.model.units import parse_quantity
+from rigd.sdk.shipped import shipped_folder
 
 FILE = Path("rig.yaml")
 DERIVED = """\
@@ -156,3 +157,20 @@ def test_wrong_controller_names_its_place(
         at += controllers.index(token)
         assert place.line == text[:at].count("\n") + 1
         assert place.column == at - text[:at].rfind("\n")
+
+
+@pytest.mark.parametrize("measured", ["scale.mass", "load.mean"])
+def test_slow_device_needs_a_stated_stale_after(measured: str) -> None:
+    path = shipped_folder("configs") / "wire_lugre.yaml"
+    added = f"""\
+derived:
+  load.mean: {{is: (scale.mass + 1 kg) / 2}}
+controllers:
+  load_hold: {{measured: {measured}, output: wheel_servo.current, ki: 0.1 A/kg/s,
+    limits: {{low: 0 kg, high: 5 kg}}}}
+"""
+    text = path.read_text().replace("interlocks:\n", f"{added}\ninterlocks:\n", 1)
+    with pytest.raises(ConfigError, match=f"{measured} is from scale, whose readings come at a"):
+        parse_rig(text, path)
+    stated = text.replace("high: 5 kg}", "high: 5 kg}, stale_after: 1 s")
+    assert "load_hold" in parse_rig(stated, path).devices

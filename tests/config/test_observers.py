@@ -157,3 +157,25 @@ observers:
     with pytest.raises(ConfigError, match=r"readings of daq.wheel_angle may come .* s apart"):
         parse_rig(text, path)
     assert "turn" in parse_rig(text.replace("2 ms", "1 s"), path).devices
+
+
+def test_slow_device_needs_a_stated_lost_after() -> None:
+    path = shipped_folder("configs") / "wire_lugre.yaml"
+    observers = """\
+observers:
+  weight:
+    model: linear
+    states: {load: kg}
+    measured: [scale.mass]
+    a: [[0]]
+    c: [[1]]
+    q: [1e-6]
+    r: [1e-6]
+    x0: [0]
+    p0: [1]
+"""
+    text = path.read_text().replace("interlocks:\n", f"{observers}\ninterlocks:\n", 1)
+    with pytest.raises(ConfigError, match=r"scale.mass come at a pace of their own"):
+        parse_rig(text, path)
+    stated = text.replace("p0: [1]", "p0: [1]\n    lost_after: 2 s")
+    assert "weight" in parse_rig(stated, path).devices
