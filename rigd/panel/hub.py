@@ -51,6 +51,7 @@ class Hub:
             set()
         )  # browsers that have received the past, and now get frames
         self._status: PageStatus | None = None
+        self._process: tuple[int, int] | None = None  # pid and start of the daemon
         self._description: PageDescription | None = None
         self._described = False  # whether no event has come since that changes the description
         self._latest: LatestValues | None = None
@@ -103,11 +104,13 @@ class Hub:
         async for status in self._rig.statuses():
             was_alive = self.alive
             self._status_s = monotonic()
-            if self._status is not None and self._status.daemon != status.daemon:
+            process = status.daemon.pid, status.daemon.started_ns
+            if process != self._process and self._process is not None:
                 # Another daemon: its rig file may differ, and the numbers of its events start
                 # again.
                 self._description = None
                 self._events.clear()
+            self._process = process
             self._status = PageStatus.of(status)
             if not was_alive:
                 self._beat_all()

@@ -64,6 +64,22 @@ def test_description_is_asked_again_with_other_streams(panel: ServedPanel) -> No
         assert hear(page, "describe")["rig"] == "lugre-1"
 
 
+def test_connections_of_the_daemon_change_no_description(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with visitor.page() as page:
+        hear(page, "describe")
+        panel.rig.emit("trial_end", number=3)
+        hear(page, "event", kind="trial_end")
+        panel.rig.descriptors += 1
+        while hear(page, "status")["daemon"]["descriptors"] != panel.rig.descriptors:
+            pass
+        for _ in range(3):  # more than the time in which a missing description is asked for
+            hear(page, "panel")
+        assert len(panel.rig.given("describe")) == 1
+    with visitor.page() as page:
+        assert hear(page, "event", kind="trial_end")["data"] == {"number": 3}
+
+
 def test_values_are_asked_for_while_nothing_plays(panel: ServedPanel) -> None:
     with panel.visitor().page() as page:
         values = hear(page, "latest")["values"]

@@ -120,6 +120,7 @@ class PlayedRig:
         self.requests: list[Asked] = []
         self.changes = 0  #: commands and stops that were carried out, but for renewals of the lease
         self.state: State = "idle"
+        self.descriptors = 40
         self.run = RUN
         self.carriage = Carriage()
         self.events: list[RigEvent] = []
@@ -267,7 +268,9 @@ class PlayedRig:
         )  # fmt: skip
         return Status(
             v=VERSION, rig=self.name, title=TITLE, t_ns=time.time_ns(), seq=self.said,
-            daemon=Daemon(version="0.1.0", pid=os.getpid(), started_ns=1),
+            daemon=Daemon(
+                version="0.1.0", pid=os.getpid(), started_ns=1, descriptors=self.descriptors
+            ),
             state=self.state,
             procedure="constant_current" if plays else None,
             run=self.run if plays else None,
