@@ -48,6 +48,7 @@ test-long: setup ## the long tests; tests/support/long.py lists them, with reaso
 quick: setup ## what computes only, in less than a minute
 	$(BIN)/pytest -q -m quick -n $$(nproc) --dist loadfile
 
+test-days: export RIGD_TESTS_SLICE := $(SLICE)
 test-days: setup ## what depends on the day, on other days
 	scripts/need cc
 	for day in $(DAYS); do \
