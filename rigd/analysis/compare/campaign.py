@@ -218,23 +218,28 @@ def of_measures(name: str, paths: Sequence[Path]) -> Campaign:
 
 
 def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
-    """Return the means of measures over equal trials as estimates."""
+    """Return the means of measures over equal trials as estimates.
+
+    The stated uncertainty of a measure is common to all groups. Where all means are equal, a step
+    of the sensor hides their scatter: it is then the group's own, and nothing of it cancels.
+    """
     found = []
     for item in result.summaries:
         group = ", ".join(f"{name} {text}" for name, text in item.setpoints.items())
         known = item.mean is not None and item.low is not None and item.u is not None
         stated, effect = item.measure.systematic, item.systematic or 0.0
-        shares = (
-            ()
-            if stated is None
-            else (Share(f"u of {item.measure.name}", 0.0, stated.size, effect),)
-        )
+        shares: tuple[Share, ...] = ()
+        u, freedom = item.u, float(max(item.freedom, 1))
+        if u == 0.0:
+            u, freedom = effect, math.inf
+        elif stated is not None:
+            shares = (Share(f"u of {item.measure.name}", 0.0, stated.size, effect),)
         found.append(
             Estimate(
                 group, item.measure.name, si_symbol(parse_unit(item.measure.unit).dimension),
                 item.mean if known else None, item.low, item.high, known,
                 "measured" if known else "not determined", item.why,
-                shares=shares, u=item.u if known else None, freedom=max(item.freedom, 1),
+                shares=shares, u=u if known else None, freedom=freedom,
                 is_within_run=item.is_within_run,
             )
         )  # fmt: skip

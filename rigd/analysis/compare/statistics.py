@@ -119,7 +119,9 @@ def homogeneity(levels: Sequence[Level]) -> Homogeneity:
     if not np.all(np.linalg.eigvalsh(among) > 0.0):
         return Homogeneity(math.inf, freedom, 0.0 if np.any(apart) else 1.0)
     statistic = float(apart @ np.linalg.solve(among, apart))
-    weights = np.array([1.0 / item.own**2 for item in levels])
+    own = np.array([item.own for item in levels])
+    # Those without an error of their own have all the weight: the limit of a small error.
+    weights = 1.0 / own**2 if np.all(own > 0.0) else np.where(own > 0.0, 0.0, 1.0)
     few = np.array([1.0 / item.freedom for item in levels])
     spare = float(np.sum((1.0 - weights / weights.sum()) ** 2 * few))
     if spare == 0.0:

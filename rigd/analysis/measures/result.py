@@ -55,7 +55,7 @@ class Summary:
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
     ``runs`` is the number of recordings if there are several with more than one trial: ``mean`` and
     the interval are then those of their means. ``u`` is the standard uncertainty of ``mean`` from
-    repeatability, with ``freedom`` degrees of freedom. ``trend`` is the drift over the trials in
+    repeatability, with ``freedom`` degrees of freedom; 0 if all are equal. ``trend`` is the drift over the trials in
     their order of play, if there is one.
     """
 
@@ -160,8 +160,10 @@ def summary_of(
     spread, u = 0.0, None
     if n > 1 and mean is not None:
         std, spread = _std(values), _std(independent)
+        if spread <= _EQUAL * abs(mean):
+            spread = 0.0
         u = spread / math.sqrt(n)
-        if spread > _EQUAL * abs(mean) or systematic:
+        if spread or systematic:
             half = _half_width(u, n - 1, systematic or 0.0)
             low, high = mean - half, mean + half
         else:

@@ -22,6 +22,7 @@ from rigd.analysis.compare.statistics import (
 )
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
+from rigd.model.constants import Uncertainty
 from rigd.procedure.program import Measure, Window
 
 linear_model = pytest.importorskip("statsmodels.regression.linear_model")
@@ -129,6 +130,14 @@ def test_two_without_any_error_are_equal_or_not() -> None:
     assert homogeneity([Level(1.0, 0.0, 0.0)] * 3).p_value == 1.0
 
 
+def test_one_of_three_without_error_is_tested() -> None:
+    others = [Level(1.1, 0.1, 0.1, freedom=3.0), Level(1.2, 0.2, 0.2, freedom=2.0)]
+    found = homogeneity([Level(1.0, 0.0, 0.0, freedom=1.0), *others])
+    nearly = homogeneity([Level(1.0, 1e-7, 1e-7, freedom=1.0), *others])
+    assert 0.0 < found.p_value < 1.0
+    assert found.p_value == pytest.approx(nearly.p_value, rel=1e-6)
+
+
 def test_trend_is_that_of_least_squares() -> None:
     random, at = np.random.default_rng(5), np.array([0.0, 1.0, 2.5, 4.0, 4.5])
     levels = drawn(random, [[0.4]] * 5, [0.5, 0.2, 0.4, 0.3, 0.6], list(1.0 + 0.1 * at))
@@ -163,9 +172,12 @@ def test_holm_is_that_of_statsmodels() -> None:
     )
 
 
-def of_runs(name: str, values: np.ndarray) -> Campaign:
-    """Return the campaign of a measure: a run for each row of ``values``, with a trial each."""
-    said = Measure("mu", "mean", "a.b", Window(), "1")
+def of_runs(name: str, values: np.ndarray, u: Uncertainty | None = None) -> Campaign:
+    """Return the campaign of a measure: a run for each row of ``values``, a trial for each value.
+
+    ``u`` is the stated uncertainty of what measures it.
+    """
+    said = Measure("mu", "mean", "a.b", Window(), "1", systematic=u)
     read = [
         TrialReading(Path(f"{name}-{run}.mcap"), trial, float(value))
         for run, row in enumerate(values)
@@ -213,3 +225,39 @@ def test_group_of_one_run_spares_the_others() -> None:
     assert row.test == alone.test and row.differs
     assert (row.base, set(row.differences)) == ("oiled", {"dry", "worn"})
     assert row.why.startswith("dry: one run") and not alone.why
+
+
+#: Of a sensor with steps of 0.05 mm; three equal values have a scatter of 1e-19 by rounding.
+STEPS = Uncertainty(0.05e-3)
+
+
+@pytest.mark.parametrize("trials", [1, 3])
+def test_step_of_sensor_makes_no_difference(trials: int) -> None:
+    before, after = (
+        of_runs(name, np.full((2, trials), mean), STEPS)
+        for name, mean in (("before", 1.00e-3), ("after", 1.01e-3))
+    )
+    (row,) = compare([before, after]).compared
+    found = row.differences["after"]
+    assert found.value == pytest.approx(0.01e-3)
+    assert found.high - found.value == pytest.approx(1.96 * math.sqrt(2.0) * STEPS.size, rel=1e-3)
+    assert row.verdict == "none found" and found.p_value > 0.5
+
+
+def test_scatter_of_runs_lets_u_cancel() -> None:
+    before, after = (
+        of_runs(name, np.array([[mean], [mean + 0.02e-3]]), Uncertainty(5e-3))
+        for name, mean in (("before", 1.0e-3), ("after", 1.5e-3))
+    )
+    found = compare([before, after]).compared[0].differences["after"]
+    assert found.high - found.value < 0.1e-3 and found.cancelled > 0.999
+
+
+def test_group_all_alike_is_tested_among_three() -> None:
+    groups = [
+        of_runs("dry", np.full((3, 1), 1.00e-3), STEPS),
+        of_runs("oiled", np.array([[1.01e-3], [1.02e-3], [1.06e-3]]), STEPS),
+        of_runs("worn", np.array([[1.00e-3], [1.01e-3], [0.98e-3]]), STEPS),
+    ]
+    (row,) = compare(groups).compared
+    assert row.verdict == "none found"
