@@ -264,6 +264,17 @@ def test_measures_of_two_recordings_are_compared(say: Say, measured: Path) -> No
         assert change["value"] == pytest.approx(second["value"] - first["value"])
 
 
+def test_recordings_of_other_parameters_are_refused(
+    say: Say, measured: Path, tmp_path: Path
+) -> None:
+    faster = tmp_path / "faster.mcap"
+    rigd.run("breakaway", rig="lugre-1", out=faster, seed=3, set={"rate": "0.4 A/s"})
+    code, out, err = say(measured, faster)
+    assert (code, out) == (7, "")
+    assert "no condition in common: rate is 0.2 A/s in " in err
+    assert "0.4 A/s in faster" in err
+
+
 def test_recordings_are_grouped_by_metadata(say: Say, measured: Path) -> None:
     code, out, _ = say(measured, "--by", "meta.batch", "--json")
     assert code == 0

@@ -36,7 +36,8 @@ class Campaign:
     """Numbers of one campaign under the name that it has in the comparison.
 
     ``method`` is how they were estimated, by group of trials; ``refused`` are sentences on groups
-    that the analysis refuses.
+    that the analysis refuses. Of measures, ``conditions`` are all parameters of the trials of each
+    group.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Campaign:
     curves: Mapping[str, Curve] = field(default_factory=dict)
     method: Mapping[str, str] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
+    conditions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def model(self) -> str:
@@ -214,10 +216,23 @@ def of_measures(name: str, paths: Sequence[Path]) -> Campaign:
     """
     recordings = [Recording.open(path) for path in paths]
     origins = tuple(ResultOrigin.of(run_info(recording), MEASURES) for recording in recordings)
-    return Campaign(name, origins, measure_estimates(measured(recordings)))
+    return campaign_of_measures(name, origins, measured(recordings))
 
 
-def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
+def campaign_of_measures(
+    name: str, origins: tuple[ResultOrigin, ...], result: MeasureResult
+) -> Campaign:
+    """Return the campaign of measures; its groups are named by all parameters of their trials."""
+    conditions = {label_of(item.conditions): item.conditions for item in result.summaries}
+    return Campaign(name, origins, _measure_estimates(result), conditions=conditions)
+
+
+def label_of(condition: Mapping[str, str]) -> str:
+    """Return the name of a group of trials with these parameters."""
+    return ", ".join(f"{name} {text}" for name, text in condition.items())
+
+
+def _measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
     """Return the means of measures over equal trials as estimates.
 
     The stated uncertainty of a measure is common to all groups. Where all means are equal, a step
@@ -225,7 +240,6 @@ def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
     """
     found = []
     for item in result.summaries:
-        group = ", ".join(f"{name} {text}" for name, text in item.setpoints.items())
         known = item.mean is not None and item.low is not None and item.u is not None
         stated, effect = item.measure.systematic, item.systematic or 0.0
         shares: tuple[Share, ...] = ()
@@ -236,7 +250,8 @@ def measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
             shares = (Share(f"u of {item.measure.name}", 0.0, stated.size, effect),)
         found.append(
             Estimate(
-                group, item.measure.name, si_symbol(parse_unit(item.measure.unit).dimension),
+                label_of(item.conditions), item.measure.name,
+                si_symbol(parse_unit(item.measure.unit).dimension),
                 item.mean if known else None, item.low, item.high, known,
                 "measured" if known else "not determined", item.why,
                 shares=shares, u=u if known else None, freedom=freedom,

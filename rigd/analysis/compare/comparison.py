@@ -6,12 +6,12 @@ import math
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Final
 
 import numpy as np
 
-from rigd.analysis.compare.campaign import Campaign
+from rigd.analysis.compare.campaign import Campaign, label_of
 from rigd.analysis.compare.statistics import (
     Homogeneity,
     Level,
@@ -24,6 +24,7 @@ from rigd.analysis.compare.statistics import (
 )
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.identifiability import Z_95
+from rigd.analysis.measures import varied
 from rigd.model.errors import DataError
 
 #: All parameters together: so often a difference is named where there is none.
@@ -109,9 +110,10 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
 
     Raises:
         DataError: there is only one, their models, methods or rigs differ, or they have no
-            parameter in common.
+            condition or no parameter in common.
     """
     _check(campaigns)
+    campaigns = _by_what_varies(campaigns)
     found = []
     names = {(item.group, item.name): None for campaign in campaigns for item in campaign.estimates}
     for group, name in names:
@@ -123,14 +125,7 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
         }
         found.append(_compared(group, name, estimates, campaigns))
     if all(sum(e is not None for e in item.estimates.values()) < 2 for item in found):
-        groups = "; ".join(
-            f"{item.name}: {', '.join(dict.fromkeys(e.group for e in item.estimates))}"
-            for item in campaigns
-        )
-        raise DataError(
-            f"the groups have no trials of one kind in common ({groups})",
-            hint="compare recordings of the same conditions, such as the same floor",
-        )
+        raise _nothing_in_common(campaigns)
     tested = [item for item in found if item.test is not None]
     adjusted = iter(holm([item.test.p_value for item in tested if item.test is not None]))
     rows = [
@@ -171,6 +166,47 @@ def _check(campaigns: Sequence[Campaign]) -> None:
                 f"{group} was identified in different ways ({told})",
                 hint="give --method, so that all are identified alike",
             )
+
+
+def _by_what_varies(campaigns: Sequence[Campaign]) -> list[Campaign]:
+    """Return ``campaigns`` with groups of measures named by what varies over all of them."""
+    names = varied([point for item in campaigns for point in item.conditions.values()])
+
+    def named(campaign: Campaign) -> Campaign:
+        points = {
+            group: {name: point[name] for name in names if name in point}
+            for group, point in campaign.conditions.items()
+        }
+        estimates = tuple(
+            replace(item, group=label_of(points[item.group])) for item in campaign.estimates
+        )
+        conditions = {label_of(point): point for point in points.values()}
+        return replace(campaign, estimates=estimates, conditions=conditions)
+
+    return [named(item) if item.conditions else item for item in campaigns]
+
+
+def _nothing_in_common(campaigns: Sequence[Campaign]) -> DataError:
+    """Return the error of campaigns without a common group, with the parameters that differ."""
+    points = {item.name: list(item.conditions.values()) for item in campaigns}
+    apart = []
+    for name in varied([point for found in points.values() for point in found]):
+        texts = {key: dict.fromkeys(point.get(name, "not stated") for point in found)
+                 for key, found in points.items()}  # fmt: skip
+        if len({*chain(*texts.values())}) == sum(map(len, texts.values())):
+            told = (f"{' and '.join(found)} in {key}" for key, found in texts.items())
+            apart.append(f"{name} is {', '.join(told)}")
+    groups = "; ".join(
+        f"{item.name}: {', '.join(dict.fromkeys(e.group or e.name for e in item.estimates))}"
+        for item in campaigns
+    )
+    what = f"trials of one kind in common ({groups})"
+    if apart:
+        what = f"condition in common: {'; '.join(apart)}"
+    return DataError(
+        f"the groups have no {what}",
+        hint="compare recordings of the same conditions, such as the same floor",
+    )
 
 
 def _compared(

@@ -3,7 +3,7 @@
 :func:`measured` reads recordings, :mod:`rigd.analysis.measures.view` shows the result.
 """
 
-from rigd.analysis.measures.recorded import measured, measured_if_any
+from rigd.analysis.measures.recorded import measured, measured_if_any, varied
 from rigd.analysis.measures.result import (
     Judgement,
     MeasureResult,
@@ -20,4 +20,5 @@ __all__ = [
     "measured",
     "measured_if_any",
     "outcome_of",
+    "varied",
 ]

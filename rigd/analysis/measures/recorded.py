@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -66,12 +66,13 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     if first is None or not found:
         raise DataError("no trial began in these recordings: there is nothing to measure")
     order = list(first.source.measure)
-    varied = _varied([dict(key) for _, key in found])
+    names = varied([dict(key) for _, key in found])
     summaries = [
         summary_of(
             items[0][0],
-            {name: text for name, text in key if name in varied},
+            {name: text for name, text in key if name in names},
             [reading for _, reading in items],
+            dict(key),
         )
         for (_, key), items in found.items()
     ]
@@ -125,9 +126,10 @@ def _steps(procedure: Procedure) -> list[str]:
     return [step.step for step in procedure.source.trial.steps if isinstance(step, MoveSource)]
 
 
-def _varied(points: Sequence[dict[str, str]]) -> set[str]:
-    names = {name for point in points for name in point}
-    return {name for name in names if len({point.get(name) for point in points}) > 1}
+def varied(points: Sequence[Mapping[str, str]]) -> tuple[str, ...]:
+    """Return the parameters, in order, that differ between ``points`` or that one lacks."""
+    names = dict.fromkeys(name for point in points for name in point)
+    return tuple(name for name in names if len({point.get(name) for point in points}) > 1)
 
 
 def _formulas(recording: Recording, procedure: Procedure) -> dict[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Final
@@ -48,15 +48,16 @@ class TrialReading:
 
 @dataclass(frozen=True)
 class Summary:
-    """A measure over the trials with equal ``setpoints`` (name to text); numbers in SI.
+    """A measure over the trials with equal ``conditions`` (name to text); numbers in SI.
 
+    ``conditions`` are all parameters of the trials, ``setpoints`` those that differ between trials.
     ``mean`` and ``std`` are over the trials that could be read. ``low`` and ``high`` bound the mean
     with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
     ``runs`` is the number of recordings if there are several with more than one trial: ``mean`` and
     the interval are then those of their means. ``u`` is the standard uncertainty of ``mean`` from
-    repeatability, with ``freedom`` degrees of freedom; 0 if all are equal. ``trend`` is the drift over the trials in
-    their order of play, if there is one.
+    repeatability, with ``freedom`` degrees of freedom; 0 if all are equal. ``trend`` is the drift
+    over the trials in their order of play, if there is one.
     """
 
     measure: Measure
@@ -73,6 +74,7 @@ class Summary:
     runs: int | None = None
     u: float | None = None
     freedom: int = 0
+    conditions: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_within_run(self) -> bool:
@@ -130,7 +132,10 @@ def outcome_of(judgements: Sequence[Judgement | None]) -> Judgement | None:
 
 
 def summary_of(
-    measure: Measure, setpoints: Mapping[str, str], readings: Sequence[TrialReading]
+    measure: Measure,
+    setpoints: Mapping[str, str],
+    readings: Sequence[TrialReading],
+    conditions: Mapping[str, str] | None = None,
 ) -> Summary:
     """Return ``measure`` over the trials with the same setpoints.
 
@@ -179,7 +184,7 @@ def summary_of(
     trend = trend_of([item.value for item in played if item.value is not None])
     return Summary(
         measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
-        trend, runs, u, max(n - 1, 0),
+        trend, runs, u, max(n - 1, 0), conditions or {},
     )  # fmt: skip
 
 

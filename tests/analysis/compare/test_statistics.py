@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rigd.analysis.compare.campaign import MEASURES, Campaign, measure_estimates
+from rigd.analysis.compare.campaign import MEASURES, Campaign, campaign_of_measures
 from rigd.analysis.compare.comparison import compare
 from rigd.analysis.compare.statistics import (
     Level,
@@ -187,7 +187,7 @@ def of_runs(name: str, values: np.ndarray, u: Uncertainty | None = None) -> Camp
         ResultOrigin(f"{name}-{run}.mcap", "bench", "wear", MEASURES, "", {}, {})
         for run in range(len(values))
     )
-    return Campaign(name, origins, measure_estimates(MeasureResult((summary_of(said, {}, read),))))
+    return campaign_of_measures(name, origins, MeasureResult((summary_of(said, {}, read),)))
 
 
 def test_runs_that_differ_make_no_difference() -> None:

@@ -300,6 +300,11 @@ def test_trials_with_equal_setpoints_are_one_result(tmp_path: Path) -> None:
     assert [item.mean for item in result.summaries] == pytest.approx([1.0, 2.0], abs=1e-3)
 
 
+def test_result_holds_parameters_all_trials_share(tmp_path: Path) -> None:
+    (item,) = measured([record(tmp_path / "a.mcap", "  it: {mean: axis.force}")]).summaries
+    assert (item.setpoints, item.conditions) == ({}, {"force": "1 N"})
+
+
 def moved(by: float) -> Callable[[np.ndarray], np.ndarray]:
     """Return what adds ``by`` to the force of a trial."""
 

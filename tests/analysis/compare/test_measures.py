@@ -1,0 +1,72 @@
+"""Measures of several campaigns: which trials are of one condition, and which measures are one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigd.analysis.compare.campaign import MEASURES, Campaign, campaign_of_measures
+from rigd.analysis.compare.comparison import compare
+from rigd.analysis.front import ResultOrigin
+from rigd.analysis.measures.result import MeasureResult, Summary, TrialReading, summary_of
+from rigd.model.errors import DataError
+from rigd.procedure.program import Measure, Window
+
+GAP = Measure("gap", "mean", "axis.gap", Window(), "mm")
+
+
+def summary(name: str, condition: Mapping[str, str], measure: Measure = GAP) -> Summary:
+    """Return the summary of four runs of one trial under this condition."""
+    random = np.random.default_rng(len(name))
+    readings = [
+        TrialReading(Path(f"{name}-{run}.mcap"), 1, float(value))
+        for run, value in enumerate(1e-3 + 1e-5 * random.standard_normal(4))
+    ]
+    return summary_of(measure, {}, readings, condition)
+
+
+def campaign(name: str, *summaries: Summary) -> Campaign:
+    origin = ResultOrigin(f"{name}.mcap", "bench", "wear", MEASURES, "", {}, {})
+    return campaign_of_measures(name, (origin,), MeasureResult(summaries))
+
+
+def of_floors(name: str, *floors: str) -> Campaign:
+    """Return the campaign of trials on ``floors``, with one force in all of them."""
+    return campaign(name, *(summary(name, {"force": "1 N", "floor": item}) for item in floors))
+
+
+def test_groups_without_common_condition_are_refused() -> None:
+    with pytest.raises(DataError) as refused:
+        compare([of_floors("before", "pvc"), of_floors("after", "stone")])
+    assert refused.value.message == (
+        "the groups have no condition in common: floor is pvc in before, stone in after"
+    )
+
+
+def test_parameter_that_one_group_lacks_is_named() -> None:
+    older = campaign("older", summary("older", {"force": "1 N"}))
+    with pytest.raises(DataError, match="floor is not stated in older, pvc in newer"):
+        compare([older, of_floors("newer", "pvc")])
+
+
+def test_groups_without_common_measure_are_named() -> None:
+    other = campaign("b", summary("b", {}, Measure("mu", "mean", "axis.mu", Window(), "1")))
+    with pytest.raises(DataError, match=r"in common \(a: gap; b: mu\)"):
+        compare([campaign("a", summary("a", {})), other])
+
+
+def test_condition_of_both_groups_is_compared() -> None:
+    found = compare([of_floors("before", "pvc", "stone"), of_floors("after", "pvc")]).compared
+    assert {row.group: set(row.differences) for row in found} == {
+        "floor pvc": {"after"}, "floor stone": set(),
+    }  # fmt: skip
+    assert found[1].why == "after: no such trials, or they were refused"
+
+
+def test_order_of_parameters_makes_no_condition() -> None:
+    turned = campaign("b", summary("b", {"floor": "pvc", "force": "1 N"}))
+    (row,) = compare([of_floors("a", "pvc"), turned]).compared
+    assert row.group == "" and set(row.differences) == {"b"}
