@@ -20,6 +20,7 @@ from rigd.analysis.corrections import Corrections
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import Result, ResultOrigin, identified
 from rigd.analysis.measures import MeasureResult, measured
+from rigd.analysis.measures.view import definition
 from rigd.analysis.result import Curve, FloatArray, Verdict
 from rigd.analysis.source import open_sweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
@@ -253,7 +254,7 @@ def _measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
                 label_of(item.conditions), item.measure.name,
                 si_symbol(parse_unit(item.measure.unit).dimension),
                 item.mean if known else None, item.low, item.high, known,
-                "measured" if known else "not determined", item.why,
+                "measured" if known else "not determined", item.why, definition(item.measure),
                 shares=shares, u=u if known else None, freedom=freedom,
                 is_within_run=item.is_within_run,
             )

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.compare.campaign import Campaign, label_of
+from rigd.analysis.compare.campaign import MEASURES, Campaign, label_of
 from rigd.analysis.compare.statistics import (
     Homogeneity,
     Level,
@@ -109,8 +109,8 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
     """Return the comparison of two or more campaigns.
 
     Raises:
-        DataError: there is only one, their models, methods or rigs differ, or they have no
-            condition or no parameter in common.
+        DataError: there is only one, their models, methods, rigs or measures of one name differ,
+            or they have no condition or no parameter in common.
     """
     _check(campaigns)
     campaigns = _by_what_varies(campaigns)
@@ -123,6 +123,8 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
             )
             for campaign in campaigns
         }
+        if campaigns[0].model == MEASURES:
+            _refuse_other_definitions(name, estimates)
         found.append(_compared(group, name, estimates, campaigns))
     if all(sum(e is not None for e in item.estimates.values()) < 2 for item in found):
         raise _nothing_in_common(campaigns)
@@ -184,6 +186,20 @@ def _by_what_varies(campaigns: Sequence[Campaign]) -> list[Campaign]:
         return replace(campaign, estimates=estimates, conditions=conditions)
 
     return [named(item) if item.conditions else item for item in campaigns]
+
+
+def _refuse_other_definitions(name: str, estimates: Mapping[str, Estimate | None]) -> None:
+    told = {
+        key: item.meaning + (f", in {item.unit}" if item.unit != "1" else "")
+        for key, item in estimates.items()
+        if item is not None
+    }
+    if len({*told.values()}) > 1:
+        each = "; ".join(f"{key}: {text}" for key, text in told.items())
+        raise DataError(
+            f"the groups measure {name} in different ways ({each})",
+            hint="compare recordings that measure it alike; give another measure another name",
+        )
 
 
 def _nothing_in_common(campaigns: Sequence[Campaign]) -> DataError:

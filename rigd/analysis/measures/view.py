@@ -112,7 +112,13 @@ def view_of(result: MeasureResult) -> MeasuresView:
 
 
 def describe(measure: Measure) -> str:
-    """Return what a measure is, in words."""
+    """Return what a measure is, in words, behind what its author calls it."""
+    text = definition(measure)
+    return f"{measure.doc}: {text}" if measure.doc else text
+
+
+def definition(measure: Measure) -> str:
+    """Return how a measure is read off a trial, in words."""
     if measure.kind == "channel":
         text = f"{measure.channel} when {describe_until(measure.when)}"
     elif measure.kind == "duration":
@@ -120,8 +126,7 @@ def describe(measure: Measure) -> str:
         text = f"time from {begin} to {describe_until(measure.when)}"
     else:
         text = f"{measure.kind.replace('_', ' ')} of {measure.channel}"
-    text = f"{text}, during {measure.window}"
-    return f"{measure.doc}: {text}" if measure.doc else text
+    return f"{text}, during {measure.window}"
 
 
 def result_json(result: MeasureResult) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from rigd.analysis.compare.comparison import compare
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.measures.result import MeasureResult, Summary, TrialReading, summary_of
 from rigd.model.errors import DataError
-from rigd.procedure.program import Measure, Window
+from rigd.procedure.program import Comparison, Condition, Measure, Window
 
 GAP = Measure("gap", "mean", "axis.gap", Window(), "mm")
+OPEN = ((Condition("axis.gap", Comparison.ABOVE, 5e-3, unit="mm"),),)
 
 
 def summary(name: str, condition: Mapping[str, str], measure: Measure = GAP) -> Summary:
@@ -64,6 +66,33 @@ def test_condition_of_both_groups_is_compared() -> None:
         "floor pvc": {"after"}, "floor stone": set(),
     }  # fmt: skip
     assert found[1].why == "after: no such trials, or they were refused"
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (
+            replace(GAP, kind="duration", channel="", when=OPEN, unit="s"),
+            "time from the beginning to axis.gap > 5 mm, during the steps, in s",
+        ),
+        (replace(GAP, window=Window("pull")), "mean of axis.gap, during step 'pull', in m"),
+        (replace(GAP, channel="axis.width"), "mean of axis.width, during the steps, in m"),
+        (replace(GAP, unit="V"), "mean of axis.gap, during the steps, in V"),
+    ],
+)
+def test_measure_of_another_definition_is_refused(other: Measure, told: str) -> None:
+    with pytest.raises(DataError) as refused:
+        compare([campaign("a", summary("a", {})), campaign("b", summary("b", {}, other))])
+    assert refused.value.message == (
+        "the groups measure gap in different ways (a: mean of axis.gap, during the steps, in m; "
+        f"b: {told})"
+    )
+
+
+def test_other_words_and_display_units_are_compared() -> None:
+    other = replace(GAP, unit="um", doc="The gap")
+    found = compare([campaign("a", summary("a", {})), campaign("b", summary("b", {}, other))])
+    assert found.compared[0].differences
 
 
 def test_order_of_parameters_makes_no_condition() -> None:
