@@ -15,7 +15,7 @@ import pytest
 from matplotlib.text import Annotation
 
 import rigd
-from rigd.analysis.compare.campaign import files_of
+from rigd.analysis.compare.campaign import files_of, grouped
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.plain import plain_object
@@ -283,6 +283,15 @@ def test_recordings_are_grouped_by_metadata(say: Say, measured: Path) -> None:
     assert code == 7 and "b1.mcap has no oven" in err
     code, _, err = say(measured, "--by", "moon")
     assert code == 2 and "by year, month, day" in err
+
+
+def test_recordings_of_one_name_are_two_groups(measured: Path, tmp_path: Path) -> None:
+    after = tmp_path / "after" / "b1.mcap"
+    after.parent.mkdir()
+    shutil.copy(measured / "b2.mcap", after)
+    files = [measured / "b1.mcap", after]
+    assert grouped(files, "recording") == {str(path): [path] for path in files}
+    assert list(grouped([files[0], measured / "b2.mcap"], "recording")) == ["b1", "b2"]
 
 
 def test_one_group_is_refused(say: Say, measured: Path) -> None:

@@ -265,7 +265,8 @@ def _measure_estimates(result: MeasureResult) -> tuple[Estimate, ...]:
 def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
     """Return recordings by their ``month``, ``day``, ``year``, ``recording`` or ``meta.KEY``.
 
-    Months and days are those of UTC, in order; ``specimen`` is the name that was stated.
+    Months and days are those of UTC, in order; ``specimen`` is the name that was stated. A
+    recording is named by its file, or by its path if two files have one name.
 
     Raises:
         RecordingError: a file cannot be read.
@@ -284,7 +285,7 @@ def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
     for path in paths:
         info = run_info(Recording.open(path, partial=True))
         if by == "recording":
-            name = path.stem
+            name = str(path)
         elif by in dated:
             name = recorded_at(info).at.strftime(dated[by])
         else:
@@ -298,6 +299,8 @@ def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
                 hint=f"`rigd run` records it with {option}; leave this file out",
             )
         found.setdefault(name, []).append(path)
+    if by == "recording":
+        found = dict(zip(short_names(list(found)), found.values(), strict=True))
     return dict(sorted(found.items()))
 
 
