@@ -236,6 +236,17 @@ def test_file_that_is_no_result_is_refused(say: Say, tmp_path: Path) -> None:
         assert says in err and "wrong.json" in err
 
 
+def test_several_results_in_one_group_are_refused(say: Say, tmp_path: Path) -> None:
+    for name in ("b1", "b2", "after"):
+        result(tmp_path / f"{name}.json", estimate("mu_c", 0.1, 0.01))
+    code, out, err = say(tmp_path / "b*.json", tmp_path / "after.json")
+    assert (code, out) == (2, "")
+    assert "b1.json and " in err and "b2.json are one group" in err
+    assert "one result is a group by itself" in err
+    with pytest.raises(ConfigError, match=r"b1.json and run.mcap are one group"):
+        rigd.compare([tmp_path / "b1.json", "run.mcap"], tmp_path / "after.json")
+
+
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with measured breakaways: two seeds, of which the second has a batch."""

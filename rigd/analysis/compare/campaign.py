@@ -21,6 +21,7 @@ from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import Result, ResultOrigin, identified
 from rigd.analysis.measures import MeasureResult, measured
 from rigd.analysis.measures.view import definition
+from rigd.analysis.report.opening import listed
 from rigd.analysis.result import Curve, FloatArray, Verdict
 from rigd.analysis.source import open_sweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
@@ -134,7 +135,7 @@ def read_campaigns(
 
     Raises:
         RecordingError: a file cannot be read.
-        ConfigError: an option or correction is wrong, or a JSON file is no result.
+        ConfigError: an option or correction is wrong, a JSON file is no result, or shares a group.
         DataError: a file is in two groups, or the data of a group cannot answer: names the group.
     """
     files = {name: group for name, group in groups.items() if not isinstance(group, Result)}
@@ -346,7 +347,19 @@ def _identifies(path: Path) -> bool:
 
 
 def _is_result(paths: Sequence[Path]) -> bool:
-    return any(path.suffix == ".json" for path in paths)
+    """Return whether a group is a JSON file.
+
+    Raises:
+        ConfigError: it is one with other files.
+    """
+    found = any(path.suffix == ".json" for path in paths)
+    if found and len(paths) > 1:
+        files = listed([str(path) for path in paths])
+        raise ConfigError(
+            f"{files} are one group: one result is a group by itself",
+            hint="give each JSON file as a group of its own, or the recordings of all",
+        )
+    return found
 
 
 def _estimate(told: Mapping[str, Any]) -> Estimate:
