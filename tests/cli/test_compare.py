@@ -236,6 +236,20 @@ def test_file_that_is_no_result_is_refused(say: Say, tmp_path: Path) -> None:
         assert says in err and "wrong.json" in err
 
 
+OPTIONS = [
+    ("--set", "torque_constant=0.031"), ("--law", "static"), ("--method", "slip-force")
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("option", "value"), OPTIONS)
+def test_options_are_refused_for_results(say: Say, tmp_path: Path, option: str, value: str) -> None:
+    files = [result(tmp_path / f"{name}.json", estimate("mu_c", 0.1, 0.01)) for name in "ab"]
+    code, out, err = say(*files, option, value)
+    assert (code, out) == (2, "")
+    assert f"{option} {value}: group a is a result, which is not identified again" in err
+    assert "give the recordings" in err
+
+
 def test_several_results_in_one_group_are_refused(say: Say, tmp_path: Path) -> None:
     for name in ("b1", "b2", "after"):
         result(tmp_path / f"{name}.json", estimate("mu_c", 0.1, 0.01))
@@ -273,6 +287,15 @@ def test_measures_of_two_recordings_are_compared(say: Say, measured: Path) -> No
         assert change["low"] <= change["value"] <= change["high"]
         first, second = row["estimates"]["b1"], row["estimates"]["b2"]
         assert change["value"] == pytest.approx(second["value"] - first["value"])
+
+
+@pytest.mark.parametrize(("option", "value"), OPTIONS)
+def test_options_are_refused_for_measures(
+    say: Say, measured: Path, option: str, value: str
+) -> None:
+    code, out, err = say(measured / "b1.mcap", measured / "b2.mcap", option, value)
+    assert (code, out) == (2, "")
+    assert f"{option} {value}: group b1 is compared by what its procedure measures" in err
 
 
 def test_recordings_of_other_parameters_are_refused(

@@ -135,7 +135,8 @@ def read_campaigns(
 
     Raises:
         RecordingError: a file cannot be read.
-        ConfigError: an option or correction is wrong, a JSON file is no result, or shares a group.
+        ConfigError: an option or correction is wrong, or given where nothing is identified; a JSON
+            file is no result, or shares a group.
         DataError: a file is in two groups, or the data of a group cannot answer: names the group.
     """
     files = {name: group for name, group in groups.items() if not isinstance(group, Result)}
@@ -145,6 +146,7 @@ def read_campaigns(
     _refuse_same_bytes(every)
     plain = [path for paths in recordings.values() for path in paths]
     measuring = bool(plain) and not any(map(_identifies, plain))
+    _refuse_options(groups, options, corrections, measuring=measuring)
     if not measuring:
         _refuse_copies_between(recordings)
     found = []
@@ -303,6 +305,33 @@ def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
     if by == "recording":
         found = dict(zip(short_names(list(found)), found.values(), strict=True))
     return dict(sorted(found.items()))
+
+
+def _refuse_options(
+    groups: Mapping[str, Sequence[Path] | Result],
+    options: Options,
+    corrections: Corrections,
+    *,
+    measuring: bool,
+) -> None:
+    """Refuse options of an identification for groups that are not identified.
+
+    Raises:
+        ConfigError: there is such a group, and an option.
+    """
+    given = [f"--set {name}={text}" for name, text in corrections.constants.items()]
+    given += [f"--law {options.law}"] if options.law else []
+    given += [f"--method {options.method}"] if options.method else []
+    for name, paths in groups.items() if given else ():
+        if isinstance(paths, Result) or _is_result(paths):
+            why = "is a result, which is not identified again"
+            hint = "give the recordings of all groups, or leave the option out"
+        elif measuring:
+            why = "is compared by what its procedure measures: nothing is identified"
+            hint = "leave the option out; a procedure with an `identify` block has it"
+        else:
+            continue
+        raise ConfigError(f"{', '.join(given)}: group {name} {why}", hint=hint)
 
 
 def _refuse_same_bytes(paths: Sequence[Path]) -> None:

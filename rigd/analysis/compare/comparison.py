@@ -166,7 +166,7 @@ def _check(campaigns: Sequence[Campaign]) -> None:
             told = "; ".join(f"{name}: {method}" for name, method in methods.items())
             raise DataError(
                 f"{group} was identified in different ways ({told})",
-                hint="give --method, so that all are identified alike",
+                hint="give the recordings of all and --method, so that all are identified alike",
             )
 
 
@@ -359,7 +359,7 @@ def _unshared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:
         )
         told.append(
             f"{constant} is not stated alike ({parts}): its uncertainty does not cancel, and "
-            "another value alone makes a difference. `--set` evaluates all with one value."
+            "another value alone makes a difference. `--set` evaluates recordings with one value."
         )
     if stated and not of_intervals:
         told.append(NO_SHARES)
