@@ -55,9 +55,14 @@ class ServedLabjack:
 
     block: Block
     part: SimLabjack
-    port: int
+    line: TcpLine
     clock: Clock
     on_loop: OnLoop
+
+    @property
+    def port(self) -> int:
+        """The TCP port that it is served on."""
+        return self.line.port
 
     def config(self, **options: Any) -> LabjackConfig:
         """Return the options of a link; ``options`` as in a rig file."""
@@ -76,6 +81,10 @@ class ServedLabjack:
         """Show it no more."""
         self.on_loop(lambda: self.part.clear(fault))
 
+    def drop(self) -> None:
+        """Reset its connections; it takes others."""
+        self.on_loop(self.line.drop)
+
     def state(self) -> Mapping[str, Any]:
         """Return what an observer sees."""
         return dict(self.on_loop(self.part.state))
@@ -93,7 +102,7 @@ def labjack() -> Iterator[ServedLabjack]:
     line = TcpLine("127.0.0.1", 0, CONNECTIONS)
     part = SimLabjack("labjack", line, registers_of(block, clock), block)
     with served(part) as on_loop:
-        yield ServedLabjack(block, part, line.port, clock, on_loop)
+        yield ServedLabjack(block, part, line, clock, on_loop)
 
 
 def cycle(link: Labjack) -> None:

@@ -16,6 +16,8 @@ from rigd_drivers.labjack.registers import Packet, Register, Write, packet
 
 #: How long connecting may take, in s,
 OPEN_S: Final = 2.0
+#: or connecting again as its outputs are made safe,
+ANEW_S: Final = 0.2
 #: the longest answer outside of a cycle,
 CALL_S: Final = 0.5
 #: and all answers of one half of a cycle together: it must report a device that is away before it
@@ -74,6 +76,18 @@ class Device:
         self.rest()
         self._set_up_watchdog()
         return identity
+
+    def open_anew(self) -> None:
+        """Connect again after a failure, and bring the outputs to rest; what is scanned stays.
+
+        Raises:
+            LinkError: it cannot be reached within 0.2 s, or does not answer.
+            ProtocolError: it is another device than the rig file names.
+            DeviceError: it refuses.
+        """
+        self._connection.close()
+        self._connect(ANEW_S)
+        self.rest()
 
     def close(self) -> None:
         """Close the connection; the outputs keep their levels. Closing twice is silent."""
@@ -195,10 +209,10 @@ class Device:
     def _ask(self, asked: Packet) -> tuple[float, ...]:
         return self._connection.ask(asked, self.call_time.until_s)
 
-    def _connect(self) -> str:
+    def _connect(self, within_s: float = OPEN_S) -> str:
         """Connect, and return what device it is."""
         try:
-            self._connection.open(OPEN_S)
+            self._connection.open(within_s)
             return self._check_product()
         except LinkError as error:
             raise LinkError(

@@ -21,6 +21,8 @@ T = TypeVar("T")
 #: must be below 0.5 s.
 OPEN_S: Final = 1.0
 CONFIRM_S: Final = 0.4
+#: How long a new connection may take as the device is made safe, in s.
+ANEW_S: Final = 0.2
 #: Bit of the status word: the device has reported that its output is on.
 READY: Final = 8
 
@@ -40,6 +42,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
     def __init__(self, config: LineOutputsConfig, link: None) -> None:
         super().__init__(config, link)
         self._port = BytePort(config)
+        self._is_open = False  # until close(), also if the port is gone
         self._lines = LineBuffer(config.longest)
         self._questions = Questions()
         self._tally = Tally(config)
@@ -105,6 +108,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         except BaseException:
             self._port.close()
             raise
+        self._is_open = True
 
     def preflight(self) -> Sequence[str]:
         """Return that the output is on already, if it is."""
@@ -152,16 +156,22 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             self._wanted = tuple(map(clipped, setpoints, channels))
 
     def make_safe(self) -> None:
-        """Send `safe`, at once.
+        """Send `safe`, at once; over a new connection if the open one is of no use.
 
         Raises:
-            DeviceError: the port is gone.
-            LinkError: the lines could not be sent.
+            DeviceError: the port is gone again.
+            LinkError: it cannot be opened within 0.2 s, or the lines could not be sent.
 
         """
         self._wanted, self._was_ready = None, False
-        if self._port.is_open:
-            self._port.send(b"".join(map(encoded, self.config.safe)))
+        if not self._is_open:
+            return
+        try:
+            self._send_safe()
+        except (LinkError, DeviceError):
+            self._port.close()  # a device may take one connection only
+            self._open_anew()
+            self._send_safe()
 
     def confirm_safe(self) -> None:
         """Check that the device shows that it is safe.
@@ -172,7 +182,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             ProtocolError: its answers are others.
 
         """
-        if not self._port.is_open:
+        if not self._is_open:
             return
         found: list[bool] = []
 
@@ -195,14 +205,17 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
     def rescue(self) -> None:
         """Make the device safe over a new connection; see :class:`Driver`."""
         try:
-            self._port.open()
+            self._open_anew()
+            self._is_open = True
             self.make_safe()
             self.confirm_safe()
         finally:
+            self._is_open = False
             self._port.close()
 
     def close(self) -> None:
         """Send `stop`, if the port is still there, and close it; closing twice is silent."""
+        self._is_open = False
         try:
             for command in self.config.stop if self._port.is_open else ():
                 self._port.send(encoded(command))
@@ -210,6 +223,14 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             return  # gone: nothing hears it
         finally:
             self._port.close()
+
+    def _open_anew(self) -> None:
+        self._port.open(ANEW_S)
+        self._lines.clear()
+        self._questions = Questions()
+
+    def _send_safe(self) -> None:
+        self._port.send(b"".join(map(encoded, self.config.safe)))
 
     def _setting(self, values: tuple[float, ...]) -> tuple[bytes, ...]:
         items = self.config.outputs.items()

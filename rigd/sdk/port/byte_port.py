@@ -26,7 +26,7 @@ _STREAM: Final = socket.SOCK_STREAM
 
 
 class BytePort:
-    """A port of bytes. Only :meth:`open` waits, at most :data:`CONNECT_S`.
+    """A port of bytes. Only :meth:`open` waits, by default at most :data:`CONNECT_S`.
 
     A serial port is this process's alone (``flock``): a second opening is refused.
     """
@@ -43,8 +43,8 @@ class BytePort:
         """Whether it was opened, and not closed since; a port that is lost is still open."""
         return self._port is not None
 
-    def open(self) -> None:
-        """Open the port.
+    def open(self, connect_s: float = CONNECT_S) -> None:
+        """Open the port; a TCP port must accept within ``connect_s``, in s.
 
         Raises:
             LinkError: there is no such port, it is not ours to open, or open already.
@@ -56,7 +56,7 @@ class BytePort:
             return
         try:
             host, port = self._config.address
-            self._port = socket.create_connection((host, int(port)), CONNECT_S)
+            self._port = socket.create_connection((host, int(port)), connect_s)
         except OSError as error:
             raise self._unanswered(error) from error
         self._set_up(self._port)

@@ -270,6 +270,22 @@ def test_rescue_brings_held_outputs_to_rest(card: ServedLabjack, link: Labjack) 
     assert (card.block.volts_out[0], card.state()["lines"]) == (0.0, 0)
 
 
+def test_broken_connection_is_replaced_to_make_safe(card: ServedLabjack, link: Labjack) -> None:
+    card.inject("watchdog_dead")
+    drive = servo(link, 0)
+    drive.open()
+    drive.arm()
+    drive.write((1.0,))
+    cycle(link)
+    assert (card.block.volts_out[0], card.state()["lines"]) == (5.0, 1 << 8 | FED)
+    card.drop()
+    with pytest.raises(LinkError, match="connection"):
+        link.begin(0)
+    drive.make_safe()
+    drive.confirm_safe()
+    assert (card.block.volts_out[0], card.state()["lines"]) == (0.0, 0)
+
+
 def test_lines_rest_though_the_tick_fails(card: ServedLabjack, link: Labjack) -> None:
     link.set_volts(0, 5.0)
     link.set_line(8, high=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -168,6 +169,48 @@ def test_device_that_stays_on_is_named() -> None:
         device.fail("silent")
         with pytest.raises((DeviceError, LinkError)):
             driver.confirm_safe()
+
+
+def drop(device: Any) -> None:
+    """Have the device close the connection at the next line; it takes another."""
+    answer = device.answer
+
+    def dropping(message: bytes) -> bytes:
+        device.answer = answer
+        raise ConnectionResetError
+
+    device.answer = dropping
+
+
+def test_broken_connection_is_replaced_to_make_safe() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        drop(device)
+        with pytest.raises(DeviceError, match="is gone"):
+            cycle_until(driver, 5.0, lambda: False)
+        assert device.output
+        driver.make_safe()
+        driver.confirm_safe()
+        assert not device.output
+
+
+def test_device_that_comes_back_is_made_safe() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        device.stop()
+        with pytest.raises(DeviceError, match="is gone"):
+            cycle_until(driver, 5.0, lambda: False)
+        with pytest.raises(LinkError, match="nothing answers"):
+            driver.make_safe()
+        with pytest.raises(LinkError, match="is not open"):
+            driver.confirm_safe()
+        address = driver.config.address
+        with socket.create_server((address[0], int(address[1]))) as server:
+            driver.make_safe()
+            client, _ = server.accept()
+            assert client.recv(64) == b"OUTP OFF\nVOLT 0\n"
+            client.close()
 
 
 def test_setpoints_carry_si_units_and_ranges() -> None:

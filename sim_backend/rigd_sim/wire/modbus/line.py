@@ -95,6 +95,10 @@ class TcpLine(Line):
         """Reset every connection (TCP RST), and take no other."""
         if self._server is not None:
             self._server.close()
+        self.drop()
+
+    def drop(self) -> None:
+        """Reset every connection (TCP RST); others are taken."""
         for connection in list(self._open):
             connection.reset()
 
