@@ -18,7 +18,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field, field_validator
 
 from rigd.sdk import DeviceSheet, In, Link, LinkConfig, LinkError, ProtocolError
-from rigd_drivers.can_load import FRAME_BITS, LoadMeter
+from rigd_drivers.can_load import EXTENDED_BITS, FRAME_BITS, LoadMeter
 from rigd_drivers.can_ports import Frame, Full, Port, open_port
 from rigd_drivers.canopen import frames, nmt
 from rigd_drivers.canopen.flood import FloodWatch
@@ -384,6 +384,8 @@ class CanBus(Link):
     def _no_canopen(self, frame: Frame) -> None:
         identifier, data = frame
         if not identifier & frames.ERROR:
+            self._errors_in_a_row = 0
+            self._meter.bits += EXTENDED_BITS[len(data)]
             handler = self._handlers.get(identifier)
             if handler is None:
                 self.foreign += 1

@@ -8,6 +8,8 @@ from typing import Final
 #: all stuff bits and the pause behind it: Davis, Burns, Bril, Lukkien (2007), Controller Area
 #: Network (CAN) schedulability analysis, section 2.3.
 FRAME_BITS: Final = tuple(55 + 10 * count for count in range(9))
+#: The same with a 29-bit identifier.
+EXTENDED_BITS: Final = tuple(80 + 10 * count for count in range(9))
 #: The load is that of the last time of at least this length.
 WINDOW_NS: Final = 500_000_000
 
@@ -19,7 +21,7 @@ class LoadMeter:
     """
 
     def __init__(self, bitrate: float, now_ns: int) -> None:
-        self.bits = 0  #: add FRAME_BITS of every frame
+        self.bits = 0  #: add FRAME_BITS or EXTENDED_BITS of every frame
         self.load: float | None = None  #: 0 to 1, None before the first window is over
         self._bitrate = bitrate
         self._begun_ns = now_ns

@@ -132,11 +132,12 @@ def test_bus_off_ends_it_at_once(connect: Connect) -> None:
     assert "bitrate" in (caught.value.hint or "")
 
 
-def test_bus_errors_end_run_only_without_good_frames(connect: Connect) -> None:
+@pytest.mark.parametrize("good", [0x70B, 0x98FE_F121])
+def test_bus_errors_end_run_only_without_good_frames(connect: Connect, good: int) -> None:
     bus, port = connect()
     for _ in range(40):
         port.say(0x2000_0008, bytes(8))
-        port.say(0x70B, "05")
+        port.say(good, "05")
         bus.begin(0)
     with pytest.raises(LinkError, match="frames are destroyed"):
         for _ in range(16):
@@ -151,6 +152,14 @@ def test_error_frames_alone_at_opening_are_refused(monkeypatch: pytest.MonkeyPat
     with pytest.raises(LinkError, match="only errors are heard"):
         CanBus(CanBusConfig(interface="scripted")).open()
     assert port.closed == 1
+
+
+def test_extended_frame_after_an_error_permits_opening(connect: Connect) -> None:
+    bus, port = connect()
+    port.say(0x2000_0088, bytes(8))
+    port.say(0x98FE_F121, "05")
+    bus.open()
+    assert bus.errors == 1
 
 
 class ShortQueue(ScriptedBus):
@@ -290,21 +299,24 @@ def test_adapter_of_python_can_carries_frames_both_ways() -> None:
     port.close()
 
 
-def test_load_is_the_largest_share_of_frame_time(connect: Connect, clock: Clock) -> None:
+@pytest.mark.parametrize(("identifier", "most"), [(0x18B, 135), (0x98FE_F121, 160)])
+def test_load_is_the_largest_share_of_frame_time(
+    connect: Connect, clock: Clock, identifier: int, most: int
+) -> None:
     bus, port = connect(listen=True)
     clock.pass_by(1.0)
     began_ns = clock()
     bus.end(0)  # a window begins
     before = len(port.sent)
     for _ in range(100):
-        port.say(0x18B, "00 11 22 33 44 55 66 77")
+        port.say(identifier, "00 11 22 33 44 55 66 77")
         bus.begin(0)
         bus.end(0)
         clock.pass_by(0.0001)
     clock.pass_by(0.6)
     bus.end(0)
-    # 135 bits with 8 bytes, 55 without any (SYNC), 65 with one (heartbeat); at 1 Mbit/s.
-    bits = 100 * 135 + sum({0: 55, 1: 65}[len(data)] for _, data in port.sent[before:])
+    # 11 bits: 135 bits with 8 bytes, 55 without any (SYNC), 65 with one (heartbeat); at 1 Mbit/s.
+    bits = 100 * most + sum({0: 55, 1: 65}[len(data)] for _, data in port.sent[before:])
     took_s = (clock() - began_ns) * 1e-9
     assert bus.load is not None
     assert bits / 1e6 / took_s <= bus.load <= bits / 1e6 / 0.6
