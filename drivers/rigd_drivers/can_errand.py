@@ -80,7 +80,7 @@ class _Request:
             if self._value is not None:
                 return self._value
             try:
-                return self._entry.unpack(self._upload.data)
+                return self._entry.unpack(self._upload.value(self._entry.size))
             except ValueError as error:
                 raise ProtocolError(f"{node}: {error}") from error
         if time.monotonic_ns() > self._deadline_ns:

@@ -158,7 +158,7 @@ class Node:
         """
         self.permit(entry)
         try:
-            return entry.unpack(self._upload(entry.index, entry.sub))
+            return entry.unpack(self._upload(entry.index, entry.sub).value(entry.size))
         except sdo.Aborted as error:
             raise self.refused(entry, None, error) from error
         except ValueError as error:
@@ -171,7 +171,7 @@ class Node:
             LinkError, ProtocolError: see :meth:`read`.
         """
         try:
-            data = self._upload(entry.index, entry.sub)
+            data = self._upload(entry.index, entry.sub).value(entry.size)
         except sdo.Aborted as error:
             if error.code in sdo.MISSING:
                 return None
@@ -351,10 +351,10 @@ class Node:
             found = f"nodes found: {there}" if there else "no node was found"
             raise LinkError(f"{error.message}; {found}", hint=error.hint) from error
 
-    def _upload(self, index: int, sub: int) -> bytes:
+    def _upload(self, index: int, sub: int) -> sdo.Upload:
         transfer = sdo.Upload(index, sub)
         self._run(transfer)
-        return transfer.data
+        return transfer
 
     def _run(self, transfer: sdo.Transfer) -> None:
         where = f"{transfer.index:04X}:{transfer.sub:02X}"
@@ -384,7 +384,8 @@ class Node:
 
     def _identify(self, serial: int | None) -> str:
         try:
-            text = self._upload(*objects.DEVICE_NAME).rstrip(b"\0").decode("ascii", "replace")
+            name = self._upload(*objects.DEVICE_NAME).data
+            text = name.rstrip(b"\0").decode("ascii", "replace")
         except sdo.Aborted as error:
             if error.code not in sdo.MISSING:
                 raise ProtocolError(f"{self} does not report its name (1008): {error}") from error

@@ -24,6 +24,7 @@ class ScriptedNode:
     refuse: dict[Address, int] = field(default_factory=dict)  #: abort code of writes
     stuck: set[Address] = field(default_factory=set)  #: takes writes, keeps what it has
     replies: int = 1  #: how often each SDO reply comes
+    sized: bool = True  #: expedited replies state how many bytes are the value
     silent: bool = False
     beats: bool = True  #: heartbeats on NMT commands
     state: int = 0x7F
@@ -57,6 +58,8 @@ class ScriptedNode:
             return b"\x60" + where + bytes(4)
         if known is None:
             return b"\x80" + where + bytes.fromhex("00 00 02 06")
+        if not self.sized:
+            return b"\x42" + where + known.ljust(4, b"\xee")
         return bytes([0x43 | 4 - len(known) << 2]) + where + known.ljust(4, b"\0")
 
     def _forbidden(self, address: Address, value: bytes) -> int:

@@ -165,6 +165,14 @@ class Upload(Transfer):
         self._limit = limit
         self._started = False
         self._size: int | None = None
+        self._unsized = False  # expedited, without a size: data may have more than the value
+
+    def value(self, size: int) -> bytes:
+        """Return the value of an entry of ``size`` bytes.
+
+        A reply in one frame need not state its size; what it has beyond ``size`` is then left out.
+        """
+        return self.data[:size] if self._unsized else self.data
 
     def _step(self, reply: bytes) -> bytes | None:
         if not self._started:
@@ -188,6 +196,7 @@ class Upload(Transfer):
         expedited, sized = reply[0] & 0b10, reply[0] & 0b01
         if expedited:
             self.data = reply[4 : 8 - ((reply[0] >> 2) & 0b11)] if sized else reply[4:]
+            self._unsized = not sized
             self.done = True
             return None
         if sized:

@@ -37,6 +37,19 @@ def test_expedited_upload_returns_only_the_stated_size(reply: str, data: str) ->
     assert transfer.data == frame(data)
 
 
+@pytest.mark.parametrize(
+    ("reply", "data"),
+    [
+        ("42 41 60 00 37 16 EE EE", "37 16"),  # size not indicated
+        ("43 41 60 00 37 16 EE EE", "37 16 EE EE"),  # four bytes
+    ],
+)
+def test_only_a_reply_without_size_is_cut(reply: str, data: str) -> None:
+    transfer = Upload(0x6041, 0)
+    transfer.feed(frame(reply))
+    assert transfer.value(2) == frame(data)
+
+
 def test_segmented_upload_toggles_and_stops_at_last_segment() -> None:
     transfer = Upload(0x1008, 0)
     assert transfer.request == frame("40 08 10 00 00 00 00 00")

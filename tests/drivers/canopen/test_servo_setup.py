@@ -20,6 +20,8 @@ from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import objects
 from rigd_drivers.cia402_servo.current import CurrentServo
 from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_drivers.cia406_encoder import Cia406Encoder
@@ -124,6 +126,20 @@ def test_setting_that_does_not_read_back_is_refused(
     bus, _ = connect(drive)
     with pytest.raises(ProtocolError, match=f"{address[0]:04X}:{address[1]:02X} .*reads back"):
         wheel(bus).open()
+
+
+def test_drive_that_states_no_sizes_is_read(connect: Connect) -> None:
+    drive = servo()
+    drive.sized = False
+    drive.objects[0x6071, 0] = number(-5, 2)
+    bus, _ = connect(drive)
+    node = Node(bus, 1)
+    node.attach()
+    assert node.read(objects.STATUSWORD) == 0x0250
+    assert node.read_optional(objects.TARGET_TORQUE) == -5
+    driver = wheel(bus)
+    driver.open()
+    assert drive.state == 0x05
 
 
 def changed(address: tuple[int, int], value: bytes) -> ScriptedServo:

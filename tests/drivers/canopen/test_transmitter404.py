@@ -131,6 +131,15 @@ def test_tare_sends_zero_and_is_checked(connect: Connect) -> None:
         tared(driver)
 
 
+def test_transmitter_that_states_no_sizes_is_tared(connect: Connect) -> None:
+    node = strain()
+    node.sized = False
+    driver, _ = opened(connect, node)
+    driver.act("tare")
+    assert tared(driver) is not None
+    assert node.objects[0x7130, 1] == number(0, 2)
+
+
 def test_tare_without_answer_ends_with_its_cause(connect: Connect, clock: Clock) -> None:
     node = strain()  # out of its range it gives no answer, page 35
     driver, _ = opened(connect, node)
