@@ -46,6 +46,11 @@ def reached(node: Node, states: Collection[DriveState], timeout_s: float) -> boo
     return True
 
 
+def reports_silence(node: Node) -> bool:
+    """Return whether the emergency that was not looked at yet blames a silent master."""
+    return node.emergency is not None and node.emergency.code in emcy.MASTER_SILENT
+
+
 def watch_heartbeat(node: Node, watchdog_s: float) -> None:
     """Have the drive switch itself off after ``watchdog_s`` without a heartbeat of ours.
 

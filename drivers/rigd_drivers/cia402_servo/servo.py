@@ -33,6 +33,8 @@ _PROFILE: Final = 402
 _ARMING_NS: Final = 3_000_000_000
 #: A drive whose PDOs are heeded shows that it is off within this, in s.
 _SHOWN_S: Final = 0.03
+#: Before this part of its time a watchdog has not acted.
+_EARLY: Final = 0.5
 #: What to do about a drive that is enabled without bit 12.
 _NO_BIT: Final = (
     "the maker's tool may control it; if its manual gives this bit another meaning, or none, in "
@@ -132,7 +134,8 @@ class Servo(Driver[ServoConfigT, CanBus]):
         enabled by SDO, so that neither RPDO nor SYNC runs meanwhile.
 
         Raises:
-            DeviceError: it cannot be enabled, or stayed enabled for ``watchdog_s``.
+            DeviceError: it cannot be enabled, stayed enabled for ``watchdog_s``, or lost its
+                torque for another reason, before half of the watchdog's time.
 
         """
         node = self._opened()
@@ -408,10 +411,16 @@ class Servo(Driver[ServoConfigT, CanBus]):
         """Enable the drive, fall silent, and return when it was off; beyond the limit: not yet.
 
         Leaves it switched off and operational.
+
+        Raises:
+            DeviceError: it lost its torque before its watchdog can have acted.
+
         """
         with self._beating():
             self.link.beat()
             by_sdo.switch_off(node)  # it may have a fault: our silence for another drive's proof
+            if by_sdo.reports_silence(node):
+                node.emergency = None  # likewise
             node.write(self._choice.target, 0)
             by_sdo.enable(node)
             self.link.beat()
@@ -422,11 +431,28 @@ class Servo(Driver[ServoConfigT, CanBus]):
             if off or silent_s > limit_s:
                 break
             self.link.wait(lambda: node.emergency is not None, by_sdo.LOOK_S)
+        if off and silent_s < _EARLY * self.config.watchdog:
+            self._check_silence_is_reported(node, silent_s)
         with self._beating():
             self.link.beat()
             by_sdo.switch_off(node)
             node.start()
         return silent_s
+
+    def _check_silence_is_reported(self, node: Node, silent_s: float) -> None:
+        """Raise DeviceError unless the emergency of a drive that is off blames our silence.
+
+        The heartbeat consumer acts once its time has run out, and reports 8130h (CiA 301, 1016h).
+        """
+        self.link.wait(lambda: node.emergency is not None, by_sdo.LOOK_S)
+        if by_sdo.reports_silence(node):
+            return
+        cause = "" if node.emergency is None else f"; {node.emergency}"
+        raise DeviceError(
+            f"{node} lost its torque {silent_s:.3f} s after the last heartbeat, when its watchdog "
+            f"of {self.config.watchdog:g} s cannot have acted yet{cause}",
+            hint=by_sdo.NOT_ENABLED,
+        )
 
     @contextmanager
     def _beating(self) -> Iterator[None]:

@@ -327,6 +327,46 @@ def test_stall_of_this_host_proves_no_watchdog(
     assert drive.state == 0x05
 
 
+class Dropping(ScriptedServo):
+    """A drive that loses its torque at the last heartbeat, and reports ``code`` if it has one."""
+
+    def __init__(self, status: int, code: int | None) -> None:
+        super().__init__(1, servo().objects)
+        self.status, self.code = status, code
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        if identifier == 0x77F and self.objects[0x6041, 0] == number(0x1237, 2):
+            self.objects[0x6041, 0] = number(self.status, 2)
+            if self.code is not None:
+                self.outputs.append((0x081, number(self.code, 2) + bytes(6)))
+        super().hear(identifier, data)
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "words"),
+    [
+        (0x0218, 0x3220, r"cannot have acted yet; emergency 0x3220 \(supply undervoltage\)"),
+        (0x0250, None, r"cannot have acted yet\n"),  # safe torque off
+    ],
+)
+def test_torque_lost_too_early_proves_no_watchdog(
+    connect: Connect, status: int, code: int | None, words: str
+) -> None:
+    bus, _ = connect(Dropping(status, code))
+    driver = wheel(bus, watchdog="5 s")
+    driver.open()
+    early = r"lost its torque \d\.\d{3} s .* its watchdog of 5 s "
+    with pytest.raises(DeviceError, match=early + words):
+        driver.prove_watchdog()
+
+
+def test_early_report_of_silence_proves_watchdog(connect: Connect) -> None:
+    bus, _ = connect(Dropping(0x0218, 0x8130))
+    driver = wheel(bus, watchdog="5 s")
+    driver.open()
+    assert driver.prove_watchdog() < 5.0
+
+
 def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
     drive = servo()
     bus, port = connect(drive)
