@@ -41,8 +41,10 @@ EXCEPTIONS: Final = {
     10: "gateway path unavailable",
     11: "gateway target device failed to respond",
 }
+#: The request was accepted and takes long: an action is not to be made again.
+ACKNOWLEDGED: Final = 5
 #: Those that pass by themselves: the request may be made again.
-PASSING: Final = frozenset({5, 6, 10, 11})
+PASSING: Final = frozenset({ACKNOWLEDGED, 6, 10, 11})
 
 
 # What pymodbus cannot read it logs as a warning, which Python prints if logging is not set up:

@@ -15,7 +15,7 @@ from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
-from rigd_drivers.modbus.pdu import EXCEPTIONS, Request
+from rigd_drivers.modbus.pdu import ACKNOWLEDGED, EXCEPTIONS, Request
 from rigd_drivers.modbus.registers import (
     Access,
     Address,
@@ -245,9 +245,12 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         """Do nothing: it only measures, and moves nothing."""
 
     def failed(self, failure: Failure) -> None:
-        """Ask again: the action, or the row from its beginning."""
+        """Ask again: the action, unless it was accepted, or the row from its beginning."""
         self._turn = 0
         if not self._to_write or failure.request is not self._to_write[0]:
+            return
+        if failure.code == ACKNOWLEDGED:
+            self._to_write.popleft()
             return
         self._tries += 1
         if self._tries >= _TRIES:

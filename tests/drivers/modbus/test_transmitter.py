@@ -261,6 +261,37 @@ def test_tare_is_done_between_rows(transmitter: TransmitterBench, instrument: st
 _SCALES = {"laumas-tlb4": "0.01 N/count", "tuna-id551": "1 N/count"}
 
 
+class CountingBank:
+    """The registers of a transmitter, and how often they were written."""
+
+    def __init__(self, bank: Any) -> None:
+        self._bank = bank
+        self.writes = 0
+
+    def answer(self, pdu: bytes) -> bytes:
+        self.writes += pdu[0] in (6, 16)
+        answer: bytes = self._bank.answer(pdu)
+        return answer
+
+
+def test_action_that_is_being_processed_is_not_repeated(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    bank = transmitter.part.bank = CountingBank(transmitter.part.bank)
+    transmitter.fault("exception", code=5)
+    driver.act("tare")
+    said: list[str | None] = []
+
+    def done(rows: Any) -> bool:
+        said.append(driver.acted())
+        return said[-1] is not None
+
+    cycle(driver, done)
+    transmitter.clear()
+    assert said[-1] == "tare: accepted"
+    assert bank.writes == 1
+    assert rows_of(driver, 2)[-1][0] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_refused_action_is_reported_and_measuring_continues(transmitter: TransmitterBench) -> None:
     custom = {
         "title": "TLB4 with a command it has not",
