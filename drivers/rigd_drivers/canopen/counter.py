@@ -16,6 +16,11 @@ class Unwrap:
         self.total = 0  #: counts, unbounded
         self._last: int | None = None
 
+    def begin(self, count: int) -> int:
+        """Take ``count`` for the position, as it is; return it."""
+        self.total = self._last = count
+        return count
+
     def follow(self, count: int) -> int:
         """Return the unbounded count; the first is taken as signed (just below zero is small)."""
         last = self._last

@@ -16,6 +16,8 @@ from rigd_drivers.canopen.objects import Entry
 #: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
 #: quick stop (3) would keep torque on the wheel.
 DISABLE_VOLTAGE_OPTION: Final = 2
+#: Counts of the position (6064h), which has 32 bits, of a drive without a range.
+WHOLE_POSITION: Final = 1 << 32
 #: A drive takes a controlword, and shows a mode, within this, in s.
 _STEP_S: Final = 0.5
 #: Pause between two reads of an object that is waited for, in s.
@@ -96,6 +98,23 @@ def set_mode(node: Node, mode: Mode) -> None:
         if time.monotonic() > deadline:
             raise ProtocolError(f"{node} shows mode {shown} (object 6061), commanded was {mode:d}")
         node.bus.wait(lambda: False, LOOK_S)
+
+
+def position_span(node: Node) -> int:
+    """Return after how many counts the position (6064h) begins again.
+
+    That is its range (607Bh, CiA 402-2), if the drive has one that is narrower than 32 bits; limits
+    that are both 0 are no range.
+
+    Raises:
+        LinkError, ProtocolError: it does not answer, or refuses.
+
+    """
+    low = node.read_optional(objects.POSITION_LOW)
+    high = node.read_optional(objects.POSITION_HIGH)
+    if low is None or high is None or high <= low:
+        return WHOLE_POSITION
+    return high - low + 1
 
 
 def switch_off(node: Node) -> None:

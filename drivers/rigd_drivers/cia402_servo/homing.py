@@ -19,8 +19,6 @@ from rigd_drivers.cia402_servo.by_sdo import NOT_ENABLED
 
 #: Homing methods that do not move: 37, and 35 of older drives.
 Method = Literal[35, 37]
-#: Object 6064 has 32 bits.
-_SPAN: Final = 1 << 32
 #: A drive shows a mode within this, in s.
 _MODE_S: Final = 0.5
 #: It is enabled within this (brake, charging of its power stage), and homed within this, in ns.
@@ -36,8 +34,10 @@ class Homing:
         self.shown = 0  #: newest statusword
         self._errand: Errand | None = None
 
-    def begin(self, node: Node, method: Method, mode: Mode) -> None:
+    def begin(self, node: Node, method: Method, mode: Mode, span: int) -> None:
         """Begin to home ``node`` by ``method``; the drive is left switched off in ``mode``.
+
+        Its position begins again after ``span`` counts.
 
         Raises:
             DeviceError: that is in progress.
@@ -45,7 +45,7 @@ class Homing:
         """
         if self._errand is not None:
             raise DeviceError(f"{node} is being homed already")
-        self._errand = Errand(node, self._home(node, method, mode))
+        self._errand = Errand(node, self._home(node, method, mode, span))
 
     def advance(self) -> str | None:
         """Return what the drive shows once it is homed, None before; once per cycle.
@@ -70,7 +70,7 @@ class Homing:
         """Switch the drive off with the next PDO, and send nothing else."""
         self._errand, self.word = None, cia402.DISABLE_VOLTAGE
 
-    def _home(self, node: Node, method: Method, mode: Mode) -> Script:
+    def _home(self, node: Node, method: Method, mode: Mode, span: int) -> Script:
         problem: LinkError | ProtocolError | DeviceError | None = None
         before = shown = 0
         try:
@@ -84,7 +84,7 @@ class Homing:
             yield Write(objects.HOMING_METHOD, method)
             yield from _set_mode(node, Mode.HOMING)
             yield from self._enable(node)
-            shown = yield from self._set_zero(node, before)
+            shown = yield from self._set_zero(node, before, span)
         except (LinkError, ProtocolError, DeviceError) as error:
             problem = error
         self.word = cia402.DISABLE_VOLTAGE
@@ -110,7 +110,7 @@ class Homing:
             yield Pause()
         return self.shown
 
-    def _set_zero(self, node: Node, before: int) -> Part:
+    def _set_zero(self, node: Node, before: int, span: int) -> Part:
         """Start homing; return the position that the drive shows then."""
         self.word = cia402.ENABLE | cia402.START_HOMING
         deadline_ns = time.monotonic_ns() + _HOME_NS
@@ -123,7 +123,7 @@ class Homing:
                     "it refuses them",
                 )
             count = yield Read(objects.POSITION)
-            if self.shown & cia402.HOMED and nearer(count, 0, before, _SPAN):
+            if self.shown & cia402.HOMED and nearer(count, 0, before, span):
                 return count
             if time.monotonic_ns() > deadline_ns:
                 raise DeviceError(

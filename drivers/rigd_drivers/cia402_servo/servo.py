@@ -62,7 +62,8 @@ class Servo(Driver[ServoConfigT, CanBus]):
         self._tpdos = plan.feedback(config, self._feedback(config))
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
-        self._unwrap = Unwrap(1 << 32)
+        self._span = by_sdo.WHOLE_POSITION
+        self._unwrap = Unwrap(self._span)
         self._zero = 0.0
         self._enabling = cia402.Enabling()
         self._homing = Homing()
@@ -114,8 +115,9 @@ class Servo(Driver[ServoConfigT, CanBus]):
         node.ensure(self._choice.target, 0)
         by_sdo.set_mode(node, self._choice.mode)
         self._map(node)
-        self._unwrap = Unwrap(1 << 32)
-        count = self._unwrap.follow(node.read(objects.POSITION))
+        self._span = by_sdo.position_span(node)
+        self._unwrap = Unwrap(self._span)
+        count = self._unwrap.begin(node.read(objects.POSITION))
         self._zero = count if self.config.zero is None else self.config.zero
         self._armed = self._enabled = False
         self._inboxes = tuple(
@@ -209,13 +211,13 @@ class Servo(Driver[ServoConfigT, CanBus]):
             raise ValueError(f"{self.title} has no action {action!r}")
         if self._armed:
             raise DeviceError(f"{node} is armed", hint="home it at rest, before a run")
-        self._homing.begin(node, method, self._choice.mode)
+        self._homing.begin(node, method, self._choice.mode, self._span)
 
     def acted(self) -> str | None:
         """Return what the drive shows once it is homed, None before; see :meth:`Homing.advance`."""
         told = self._homing.advance()
         if told is not None:
-            self._unwrap = Unwrap(1 << 32)  # the step in its position is no movement
+            self._unwrap = Unwrap(self._span)  # the step in its position is no movement
             self._zero = self.config.zero or 0.0
         return told
 

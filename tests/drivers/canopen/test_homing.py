@@ -76,6 +76,26 @@ def test_position_that_is_not_zero_is_named(connect: Connect, clock: Clock) -> N
     assert node.objects[MODE] == number(9, 1)
 
 
+def test_zero_beyond_end_of_position_range_is_near(connect: Connect) -> None:
+    node = made()
+    node.objects |= {(0x607B, 1): number(0, 4), (0x607B, 2): number(9999, 4)}
+    node.objects[POSITION] = number(9990, 4)
+    driver, port = opened(connect, node)
+    driver.act("home")
+    told = None
+    while told is None:
+        if shown(driver, port, ATTAINED) == "1f 00":
+            node.objects[POSITION] = number(9999, 4)
+        told = driver.acted()
+    assert told == "node 2 on CAN bus scripted: shows 9999 counts, before 9990"
+    port.say(0x182, number(0x0250, 2) + number(0, 2) + number(9999, 4))
+    port.say(0x282, number(0, 4))
+    driver.link.begin(0)
+    row = driver.read(0)
+    assert row is not None
+    assert row[0] == pytest.approx(-0.1 / 4096)  # one count of 100 mm/rev
+
+
 def test_drive_that_is_not_enabled_is_not_homed(connect: Connect, clock: Clock) -> None:
     node = made()
     driver, port = opened(connect, node)

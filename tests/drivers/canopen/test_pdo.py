@@ -67,6 +67,12 @@ def test_counter_need_not_be_power_of_two() -> None:
     assert [unwrap.follow(c) for c in (3600 * 4096 - 2, 5, 3600 * 4096 - 1)] == [-2, 5, -1]
 
 
+def test_counter_begins_at_the_count_it_is_given() -> None:
+    unwrap = Unwrap(10_000)
+    assert unwrap.begin(9990) == 9990
+    assert [unwrap.follow(c) for c in (5, 9985)] == [10_005, 9985]
+
+
 def test_signed_object_is_followed_like_unsigned_one() -> None:
     unwrap = Unwrap(1 << 32)  # 6064 is unpacked with its sign
     assert [unwrap.follow(c) for c in (2**31 - 1, -(2**31), 2**31 - 2)] == [

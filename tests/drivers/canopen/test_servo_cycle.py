@@ -113,6 +113,35 @@ def test_angle_begins_at_opening_and_passes_counter_end(
 
 
 @pytest.mark.parametrize(
+    ("low", "high", "shown", "seen"),
+    [
+        (0, 9999, (9990, 9999, 0, 9), [9990, 9999, 10_000, 10_009]),
+        (-5000, 4999, (-4995, 4999, -5000), [-4995, -5001, -5000]),
+        (0, 0, (9990, 0), [9990, 0]),  # switched off
+        (-(2**31), 2**31 - 1, (2**31 - 1, -(2**31)), [2**31 - 1, 2**31]),
+    ],
+)
+def test_position_that_wraps_at_its_range_is_followed(
+    connect: Connect, low: int, high: int, shown: tuple[int, ...], seen: list[int]
+) -> None:
+    drive = servo()
+    drive.objects |= {(0x607B, 1): number(low, 4), (0x607B, 2): number(high, 4)}
+    drive.objects[0x6064, 0] = number(shown[0], 4)
+    bus, port = connect(drive)
+    driver = wheel(bus, zero="0 count")
+    driver.open()
+    found = []
+    for counts in shown:
+        feedback(port, OFF, 0, counts)
+        bus.begin(0)
+        row = driver.read(0)
+        assert row is not None
+        found.append(row[3])
+        bus.end(0)
+    assert found == seen
+
+
+@pytest.mark.parametrize(
     ("frame", "data", "message"),
     [
         (0x081, "10 23 03 00 00 00 00 00", r"emergency 0x2310 \(overcurrent at the output\)"),
