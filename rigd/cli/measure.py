@@ -64,7 +64,7 @@ def execute(args: argparse.Namespace) -> int:
         name = plan.name if plan is not None else run_info(recordings[0]).procedure
         write_junit(args.junit, Suite(name or "measure", cases_of_measures(result)))
     if args.json:
-        print(json.dumps(result_json(result), indent=2, ensure_ascii=False))
+        print(json.dumps(result_json(result), indent=2, ensure_ascii=False, allow_nan=False))
     else:
         print_measures(result)
     for recording in recordings:

@@ -1,6 +1,6 @@
 """Finds when conditions begin to hold, between the samples of a recording.
 
-A sample that is missing or NaN fulfils nothing. Between two samples a channel is taken for a
+A sample that is missing or not finite fulfils nothing. Between two samples a channel is taken for a
 straight line, so an event is found more finely than the period of its channel.
 """
 
@@ -60,14 +60,13 @@ def intervals(
     """Return when ``condition`` holds, its ``for`` aside.
 
     An interval begins at -inf if it holds at the first sample, and ends with the last sample that
-    fulfils it if a NaN follows.
+    fulfils it if one that is not finite follows.
     """
     if condition.magnitude:
         values = np.abs(values)
     sign = 1.0 if condition.comparison is Comparison.ABOVE else -1.0
     above = sign * (values - condition.threshold)
-    with np.errstate(invalid="ignore"):
-        holds = above > 0  # NaN holds not
+    holds = np.isfinite(above) & (above > 0)
     changes = np.flatnonzero(np.diff(holds.astype(np.int8))) + 1
     edges = [0, *changes.tolist(), len(holds)]
     found = []
@@ -82,8 +81,8 @@ def intervals(
 def _crossing(
     times: NDArray[np.float64], above: NDArray[np.float64], outside: int, inside: int
 ) -> float:
-    """Return where the line from a sample outside to one inside is 0; beside NaN the one inside."""
-    if np.isnan(above[outside]):
+    """Return where the line between two samples is 0; the one inside if the other is not finite."""
+    if not np.isfinite(above[outside]):
         return float(times[inside])
     share = above[inside] / (above[inside] - above[outside])
     return float(times[inside] + share * (times[outside] - times[inside]))

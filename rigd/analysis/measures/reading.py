@@ -154,12 +154,12 @@ class TrialReader:
         """Return the samples of the channel of a measure.
 
         Raises:
-            Unread: there is none, or one is NaN: it might be the one that counts.
+            Unread: there is none, or one is not finite: it might be the one that counts.
         """
         times, values = self._samples(measure.channel, span)
         if not len(values):
             raise Unread(f"no sample of {measure.channel} in {measure.window}")
-        if missing := int(np.isnan(values).sum()):
+        if missing := int((~np.isfinite(values)).sum()):
             raise Unread(f"{missing} of {len(values)} samples of {measure.channel} have no value")
         least = _LEAST.get(measure.kind, 1)
         if len(values) < least:
@@ -206,7 +206,7 @@ class TrialReader:
         """Return the value of a channel at a time, on the line between its two samples.
 
         Raises:
-            Unread: there is no sample before and after, or one of the two is NaN.
+            Unread: there is no sample before and after, or one of the two is not finite.
         """
         times, values = self._samples(name, span)
         after = int(np.searchsorted(times, at_s))
@@ -216,11 +216,10 @@ class TrialReader:
             pair = [after - 1, after]
         else:
             raise Unread(f"no sample of {name} before and after the event")
-        value = float(np.interp(at_s, times[pair], values[pair]))
-        if np.isnan(values[pair]).any():
+        if not np.isfinite(values[pair]).all():
             raise Unread(f"{name} has no value at the event")
         self._refuse_saturated(name, span, at_s)
-        return value
+        return float(np.interp(at_s, times[pair], values[pair]))
 
 
 def _slope(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:

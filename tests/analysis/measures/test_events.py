@@ -18,6 +18,7 @@ def samples(name: str) -> Samples:
         "spike": np.where(np.isclose(TIMES, 0.3), 1.0, np.where(TIMES > 0.55, 1.0, 0.0)),
         "down": -TIMES,
         "lost": np.where(np.isclose(TIMES, 0.4), np.nan, TIMES),
+        "broken": np.where(np.isclose(TIMES, 0.4), np.inf, TIMES),
         "high": np.ones(10),
     }
     return TIMES, values[name]
@@ -37,6 +38,8 @@ def above(channel: str, threshold: float, for_s: float = 0.0) -> Condition:
         ([[Condition("down", BELOW, -0.45)]], 0.45),
         ([[Condition("down", ABOVE, 0.45, magnitude=True)]], 0.45),
         ([[above("lost", 0.35)]], 0.5),  # no line leads to a sample that is missing
+        ([[above("broken", 0.35)]], 0.5),
+        ([[above("broken", 0.45)]], 0.5),
         ([[above("ramp", 0.25), above("spike", 0.5)]], 0.25),
         ([[above("ramp", 0.45), above("spike", 0.5)]], 0.55),  # both must hold
         ([[above("ramp", 0.65)], [above("spike", 0.5, for_s=0.2)]], 0.55),  # either

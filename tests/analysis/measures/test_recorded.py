@@ -274,6 +274,29 @@ def test_sample_without_value_is_never_passed_over(tmp_path: Path) -> None:
     assert why == "3 of 800 samples of axis.force have no value"
 
 
+@pytest.mark.parametrize(
+    ("measure", "words"),
+    [
+        ("{mean: axis.force, during: pull}", "1 of 800 samples of axis.force have no value"),
+        ("{slope: axis.force, during: pull}", "1 of 800 samples of axis.force have no value"),
+        (
+            "{channel: axis.force, when: axis.position > 20.05 mm}",
+            "axis.force has no value at the event",
+        ),
+        ("{duration: {to: axis.force > 5 N}, during: pull}", "axis.force > 5 N never came"),
+    ],
+)
+@pytest.mark.parametrize("bad", [math.inf, -math.inf, math.nan])
+def test_sample_that_is_not_finite_gives_reason(
+    tmp_path: Path, measure: str, words: str, bad: float
+) -> None:
+    def spoil(rows: np.ndarray) -> np.ndarray:
+        rows["force"][400] = bad
+        return rows
+
+    assert reason(tmp_path, measure, change={1: spoil}) == words
+
+
 def test_repeated_rows_of_late_device_do_not_count(tmp_path: Path) -> None:
     def repeat(rows: np.ndarray) -> np.ndarray:
         rows["force"][500:600] = 77.0
