@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence, Set
 from itertools import combinations
 from pathlib import Path
 from typing import Final
@@ -13,7 +13,7 @@ import numpy as np
 from rigd.analysis.source import RecordedSweep
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
-from rigd.record import TrialInfo
+from rigd.record import Recording, TrialInfo
 
 #: Trials that share so much of the shorter one, and differ nowhere, are one. A copy that lost a
 #: part to a power cut shares the rest; two simulations with one seed rest alike and then differ.
@@ -36,30 +36,44 @@ def refuse_same_file(paths: Sequence[Path]) -> None:
 
 
 def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
-    """Refuse recordings that hold a trial in common: no two trials have the same noise.
+    """Refuse recordings that hold a trial in common, judged by the signals of their plans.
 
     Raises:
         DataError: one is a copy of another, whole or in part, or an earlier state of it.
         RecordingError: a recording is damaged.
     """
-    for combination, other in combinations(sweeps, 2):
-        for first, second in _at_the_same_time(combination, other):
-            if _alike(combination, first, other, second):
+    channels = {channel for sweep in sweeps for channel in sweep.plan.signals.values()}
+    refuse_same_trials([sweep.recording for sweep in sweeps], channels)
+
+
+def refuse_same_trials(recordings: Sequence[Recording], channels: Collection[str]) -> None:
+    """Refuse recordings that hold a trial in common: no two trials have the same noise.
+
+    The streams of ``channels`` are compared.
+
+    Raises:
+        DataError: one is a copy of another, whole or in part, or an earlier state of it.
+        RecordingError: a recording is damaged.
+    """
+    streams = {channel.partition(".")[0] for channel in channels}
+    for recording, other in combinations(recordings, 2):
+        for first, second in _at_the_same_time(recording, other):
+            if _alike(recording, first, other, second, streams):
                 raise DataError(
                     f"trial {second.number} of {other.path} is sample for sample trial "
-                    f"{first.number} of {combination.path}",
+                    f"{first.number} of {recording.path}",
                     hint="one is a copy of the other, or both were simulated with the same seed: "
                     "give one of them",
                 )
 
 
 def _at_the_same_time(
-    sweep: RecordedSweep, other: RecordedSweep
+    recording: Recording, other: Recording
 ) -> Iterator[tuple[TrialInfo, TrialInfo]]:
-    for first in sweep.info.trials:
-        for second in other.info.trials:
-            if first.start_ns < _end_ns(second) and second.start_ns < _end_ns(first):
-                yield first, second
+    for first in recording.trials:
+        for second in other.trials:
+            if first.start_ns < _end_ns(second.info) and second.start_ns < _end_ns(first.info):
+                yield first.info, second.info
 
 
 def _end_ns(trial: TrialInfo) -> float:
@@ -67,14 +81,19 @@ def _end_ns(trial: TrialInfo) -> float:
     return math.inf if trial.end_ns is None else trial.end_ns
 
 
-def _alike(sweep: RecordedSweep, first: TrialInfo, other: RecordedSweep, second: TrialInfo) -> bool:
+def _alike(
+    recording: Recording,
+    first: TrialInfo,
+    other: Recording,
+    second: TrialInfo,
+    streams: Set[str],
+) -> bool:
     """Whether all rows that both trials have at the same time are the same, and they are many."""
-    streams = {channel.partition(".")[0] for channel in sweep.plan.signals.values()}
     shared = 0
     shorter = 0
-    for name in sorted(streams & sweep.recording.streams.keys() & other.recording.streams.keys()):
-        rows = sweep.recording.read(name, first.start_ns, first.end_ns)
-        others = other.recording.read(name, second.start_ns, second.end_ns)
+    for name in sorted(recording.streams.keys() & other.streams.keys() & streams):
+        rows = recording.read(name, first.start_ns, first.end_ns)
+        others = other.read(name, second.start_ns, second.end_ns)
         if rows.dtype != others.dtype:
             return False
         _, mine, theirs = np.intersect1d(

@@ -58,7 +58,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.junit is not None:
         check_writable(args.junit)
     plan = None if args.plan is None else load_procedure(args.plan)
-    recordings = [Recording.open(file) for file in dict.fromkeys(args.files)]
+    recordings = [Recording.open(file) for file in args.files]
     result = measured(recordings, plan)
     if args.junit is not None:
         name = plan.name if plan is not None else run_info(recordings[0]).procedure

@@ -169,3 +169,9 @@ def test_recording_without_measures_is_refused(folder: Path) -> None:
     ended = rigd("measure", "a.mcap", "--plan", "plain.yaml", cwd=folder)
     assert ended.code == 7
     assert "measures nothing" in ended.err
+
+
+def test_file_given_twice_is_refused(folder: Path) -> None:
+    ended = rigd("measure", "a.mcap", "a.mcap", cwd=folder)
+    assert ended.code == 7
+    assert "a.mcap is given twice" in ended.err

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from rigd.analysis.copies import refuse_same_file, refuse_same_trials
 from rigd.analysis.corrections import scope_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.reading import PlayedSteps, TrialReader
@@ -38,9 +39,12 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
 
     Raises:
         ConfigError: a measure does not fit a recording; names every problem with its place.
-        DataError: there is nothing to measure, or the recordings do not measure the same.
+        DataError: there is nothing to measure, the recordings do not measure the same or are of
+            different rigs, or one is there twice or beside a copy of itself.
         RecordingError: a recording is damaged.
     """
+    refuse_same_file([recording.path for recording in recordings])
+    _refuse_different_rigs(recordings)
     found: dict[tuple[str, tuple[tuple[str, str], ...]], list[tuple[Measure, TrialReading]]] = {}
     first: Procedure | None = None
     for recording in recordings:
@@ -54,7 +58,7 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
         if (own.source.measure, own.source.accept) != (first.source.measure, first.source.accept):
             raise DataError(
                 f"{recording.path} measures otherwise than {recordings[0].path}",
-                hint="measure them one by one, or give --procedure for all",
+                hint="measure them one by one, or give --plan for all",
             )
         played = PlayedSteps.of(recording, _steps(own))
         sensors = Sensors.of(recording, _formulas(recording, own))
@@ -65,6 +69,8 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
                 found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
     if first is None or not found:
         raise DataError("no trial began in these recordings: there is nothing to measure")
+    every = [items[0][0] for items in found.values()]
+    refuse_same_trials(recordings, measured_channels(every))
     order = list(first.source.measure)
     names = varied([dict(key) for _, key in found])
     summaries = [
@@ -77,8 +83,28 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
         for (_, key), items in found.items()
     ]
     summaries.sort(key=lambda item: order.index(item.measure.name))
-    constants = _used_constants(recordings[0], first, [items[0][0] for items in found.values()])
+    constants = _used_constants(recordings[0], first, every)
     return MeasureResult(tuple(summaries), constants)
+
+
+def _refuse_different_rigs(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of different rigs: the mean over them is that of none.
+
+    Raises:
+        DataError: there are two.
+    """
+    rigs = [(recording, _rig(recording)) for recording in recordings]
+    for recording, rig in rigs:
+        first, expected = rigs[0]
+        if rig != expected:
+            raise DataError(
+                f"{recording.path} is of the rig {rig!r}, {first.path} of the rig {expected!r}",
+                hint="measure the recordings of each rig by themselves",
+            )
+
+
+def _rig(recording: Recording) -> str:
+    return recording.metadata.get("run", {}).get("rig", "")
 
 
 def _used_constants(
@@ -167,7 +193,7 @@ def _trials(
         for name, item in _constants(recording).items()
     }
     known = Sensors.of(recording, {}).channels
-    name = recording.metadata.get("run", {}).get("rig", "") or str(recording.path)
+    name = _rig(recording) or str(recording.path)
     finder = ChannelFinder(name, known.get, lambda: list(known))
     own = {table: item.unit or "1" for table, item in source.tables.items()}
     reader = Reader(procedure.document, problems)

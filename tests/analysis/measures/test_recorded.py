@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,7 @@ def record(
     change: Mapping[int, Any] | None = None,
     extra: Sequence[tuple[float, str, int, Mapping[str, Any]]] = (),
     steps: Sequence[tuple[float, str]] = STEPS,
+    rig: str = "bench",
 ) -> Recording:
     """Write trials (number, force, whether complete); ``change`` edits the rows of one."""
     text = PROCEDURE.format(measure=measure)
@@ -92,7 +94,7 @@ def record(
         Attachment("rig.yaml", "application/yaml", RIG.encode()),
     ]
     with RecordingWriter.create(
-        path, streams=[AXIS, FRICTION], metadata={"run": {"procedure": "pull", "rig": "bench"}},
+        path, streams=[AXIS, FRICTION], metadata={"run": {"procedure": "pull", "rig": rig}},
         attachments=attachments, start_ns=START_NS, sync_interval_s=None,
     ) as writer:  # fmt: skip
         for place, (number, force, complete) in enumerate(trials, 1):
@@ -348,17 +350,50 @@ def test_bounds_follow_the_parameter_that_is_swept(tmp_path: Path) -> None:
 
 
 def test_trials_of_several_recordings_are_one_result(tmp_path: Path) -> None:
-    files = [record(tmp_path / f"{name}.mcap", "  it: {mean: axis.force}") for name in "ab"]
+    files = [record(tmp_path / f"{name}.mcap", "  it: {mean: axis.force}", change={1: moved(by)})
+             for name, by in (("a", 0.0), ("b", 0.01))]  # fmt: skip
     summary = only(measured(files))
     assert [reading.recording.stem for reading in summary.readings] == ["a", "b"]
     assert "a 1" in [line.trial for line in view_of(measured(files)).trials]
 
 
+def test_copy_of_recording_is_no_further_run(tmp_path: Path) -> None:
+    files = [record(tmp_path / f"{name}.mcap", "  it: {mean: axis.force}", change={1: moved(by)})
+             for name, by in (("a", 0.0), ("b", 0.01))]  # fmt: skip
+    shutil.copyfile(files[0].path, copy := tmp_path / "copy.mcap")
+    with pytest.raises(DataError, match=r"trial 1 of .*copy\.mcap is sample for sample .*a\.mcap"):
+        measured([*files, Recording.open(copy)])
+
+
+def test_copy_is_found_by_channel_of_condition(tmp_path: Path) -> None:
+    measure = "  it: {duration: {to: axis.position > 30 mm}}"
+    files = [record(tmp_path / f"{name}.mcap", measure) for name in "ab"]
+    with pytest.raises(DataError, match="sample for sample"):
+        measured(files)
+
+
+def test_one_file_by_two_paths_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    absolute = record(tmp_path / "a.mcap", "  it: {mean: axis.force}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match=r"^a\.mcap and /.*/a\.mcap are one file"):
+        measured([absolute, Recording.open(Path("a.mcap"))])
+
+
+def test_recordings_of_two_rigs_are_refused(tmp_path: Path) -> None:
+    files = [record(tmp_path / f"{rig}.mcap", "  it: {mean: axis.force}", change={1: moved(by)},
+                    rig=rig) for rig, by in (("bench", 0.0), ("tower", 0.01))]  # fmt: skip
+    with pytest.raises(DataError) as caught:
+        measured(files)
+    first, second = (file.path for file in files)
+    assert caught.value.message == f"{second} is of the rig 'tower', {first} of the rig 'bench'"
+
+
 def test_recordings_that_measure_otherwise_are_refused(tmp_path: Path) -> None:
     files = [record(tmp_path / f"{kind}.mcap", f"  it: {{{kind}: axis.force}}") for kind in
              ("mean", "max")]  # fmt: skip
-    with pytest.raises(DataError, match="measures otherwise"):
+    with pytest.raises(DataError, match="measures otherwise") as caught:
         measured(files)
+    assert caught.value.hint == "measure them one by one, or give --plan for all"
 
 
 def test_another_procedure_measures_old_recording(tmp_path: Path) -> None:
