@@ -216,15 +216,21 @@ class CsvTable:
             )
         if kind == "whole" and _NUMBER.fullmatch(plain):
             return f"{cell!r} is no whole number, as the first row has", None
-        other = cell.replace(",", ".") if not comma else cell
-        if _NUMBER.fullmatch(other):
-            sign, used = (".", ",") if comma else (",", ".")
-            return (
-                f"{cell!r} has a decimal {sign!r}, and the map says {used!r}",
-                f"correct the file if it mixes both signs, or the map: `decimal: '{sign}'`",
-            )
+        if problem := self.wrong_decimal(cell):
+            return problem
         return f"{cell!r} is no number", (
             f"if it means that there is no value, add `missing: [{cell!r}]` below `text:`"
+        )
+
+    def wrong_decimal(self, cell: str) -> tuple[str, str] | None:
+        """Return what is wrong with a number that has the other decimal sign, and what to do."""
+        used = self._text.decimal
+        sign = "." if used == "," else ","
+        if sign not in cell or not _NUMBER.fullmatch(cell.replace(sign, ".")):
+            return None
+        return (
+            f"{cell!r} has a decimal {sign!r}, and the map says {used!r}",
+            f"correct the file if it mixes both signs, or the map: `decimal: '{sign}'`",
         )
 
     def _blocks(self, first: int) -> Iterator[tuple[int, bytes]]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rigd.config.problems import suggest
+from rigd.importing.csv_table import CsvTable
 from rigd.importing.files import SourceFiles
 from rigd.importing.formats import open_table
 from rigd.importing.map import ImportMap, ParameterMap
 from rigd.importing.reading import SourceReader, text_cells
-from rigd.importing.table import find_column, unit_of
+from rigd.importing.table import SourceTable, find_column, unit_of
 from rigd.importing.trials import TrialSpan
-from rigd.model.errors import ConfigError
+from rigd.model.errors import ConfigError, Place
 from rigd.model.units import Unit
 
 
@@ -33,10 +34,16 @@ class FoundTrial:
 
 @dataclass(frozen=True)
 class _Row:
-    """One row of the table of the trials: texts, and units that its file states."""
+    """Where the parameters of a trial stand: texts and positions of columns in a row of a table."""
 
+    table: SourceTable
+    columns: Mapping[str, int]
+    number: int
     texts: Mapping[str, str]
-    units: Mapping[str, Unit] = field(default_factory=dict)
+
+    def place(self, name: str) -> Place:
+        """Return the place of a parameter."""
+        return self.table.place(self.columns[name], self.number)
 
 
 def found_trials(
@@ -74,7 +81,7 @@ def found_trials(
     found = []
     steps = [] if finder is None else finder.steps
     for number, span in zip(numbers, spans, strict=True):
-        row = _Row(span.texts)
+        row = _Row(shown.table, finder.parameters if finder else {}, span.row, span.texts)
         if table:
             key = span.key[0].strip()
             if key not in table:
@@ -130,17 +137,25 @@ def _table(what: ImportMap, test: SourceFiles) -> dict[str, _Row]:
         raise ConfigError(f"there is no table of the trials {path}", place=place)
     table = open_table(path, None, trials.table_text)
     key = find_column(table, trials.table_key, what.document.place(("trials", "table", "key")))
-    columns, units = {"": key}, {}
+    columns = {"": key}
     for item in what.parameters.values():
         if item.column is not None:
             at = what.document.place(("parameters", item.name, "column"))
             columns[item.name] = index = find_column(table, item.column, at)
             if item.unit is not None:
-                units[item.name] = unit_of(table, index, item.unit, at)
-    return {
-        row[""].strip(): _Row({k: v for k, v in row.items() if k}, units)
-        for row in text_cells(table, columns)
-    }
+                unit_of(table, index, item.unit, at)
+    rows: dict[str, _Row] = {}
+    for number, texts in enumerate(text_cells(table, columns)):
+        name = texts.pop("").strip()
+        first = rows.setdefault(name, _Row(table, columns, number, texts))
+        if texts != first.texts:
+            raise ConfigError(
+                f"the table of the trials has a second row {name!r}, which differs",
+                place=table.place(key, number),
+                hint=f"the first is {table.place(key, first.number)}; correct its key, or remove "
+                "one of the two",
+            )
+    return rows
 
 
 def _value(
@@ -152,8 +167,16 @@ def _value(
     text = row.texts[item.name] if item.field is None else test.texts[item.field]
     if item.unit is None:
         return text.strip(), None
-    comma = item.field is not None or decimal == ","
-    plain = text.strip().replace(",", ".") if comma else text.strip()
+    plain, place = text.strip(), item.place
+    if item.field is None:
+        place = row.place(item.name)
+        problem = row.table.wrong_decimal(plain) if isinstance(row.table, CsvTable) else None
+        if problem:
+            raise ConfigError(
+                f"the parameter {item.name}: {problem[0]}", place=place, hint=problem[1]
+            )
+    if item.field is not None or decimal == ",":
+        plain = plain.replace(",", ".")
     try:
         number = float(plain)
         if math.isfinite(number):
@@ -162,7 +185,7 @@ def _value(
     except ValueError:
         source = "the files' names" if item.field is not None else f"column {item.column!r}"
         raise ConfigError(
-            f"the parameter {item.name}: {text!r} in {source} is no number", place=item.place,
+            f"the parameter {item.name}: {text!r} in {source} is no number", place=place,
             hint="without `unit:` it is a word",
         ) from None  # fmt: skip
 

@@ -113,3 +113,47 @@ def test_trials_that_cannot_be_are_refused(bring_in: Import, more: str, words: s
     with pytest.raises(ConfigError) as raised:
         bring_in(TWO, more=more)
     assert words in str(raised.value)
+
+
+#: Two trials whose masses stand in a table beside the samples.
+TABLED = """\
+trials: {columns: load, table: {file: trials.txt, key: number, text: {decimal: ","}}}
+parameters: {mass: {column: mass, unit: kg}}
+"""
+PAIR = table(*(f"{i / 1000},{i},{i},{1 + i // 20},on" for i in range(40)))
+
+
+def test_table_of_trials_may_repeat_a_row(bring_in: Import, tmp_path: Path) -> None:
+    """The table of an exported recording has a row for each attempt at a trial."""
+    (tmp_path / "trials.txt").write_text("number;mass\n1;4,2\n2;8,4\n2;8,4\n;\n;\n")
+    found = [trial.parameters["mass"] for trial in bring_in(PAIR, more=TABLED).trials]
+    assert found == [4.2, 8.4]
+
+
+@pytest.mark.parametrize(
+    ("rows", "place", "words"),
+    [
+        ("1;4,2\n2;8,4\n2;12,6\n", "trials.txt:4:1", "a second row '2', which differs"),
+        ("1;4,2\n2;8.4\n", "trials.txt:3:3", "mass: '8.4' has a decimal '.', and the map says"),
+        ("1;4,2\n2;much\n", "trials.txt:3:3", "mass: 'much' in column 'mass' is no number"),
+    ],
+)
+def test_mistake_in_table_of_trials_is_placed(
+    bring_in: Import, tmp_path: Path, rows: str, place: str, words: str
+) -> None:
+    (tmp_path / "trials.txt").write_text(f"number;mass\n{rows}")
+    with pytest.raises(ConfigError) as raised:
+        bring_in(PAIR, more=TABLED)
+    assert str(raised.value.place).endswith(place)
+    assert words in raised.value.message
+
+
+@pytest.mark.parametrize(("decimal", "wrong"), [(",", "5.5"), (".", "5,5")])
+def test_parameter_has_decimal_sign_of_map(bring_in: Import, decimal: str, wrong: str) -> None:
+    right = wrong.replace(wrong[1], decimal)
+    text = "t;F;v;load\n" + "".join(f"{i};1;1;{right if i < 9 else wrong}\n" for i in range(18))
+    more = "trials: {columns: load}\nparameters: {load: {column: load, unit: kg}}\n"
+    with pytest.raises(ConfigError) as raised:
+        bring_in(text, f"{{separator: ';', decimal: '{decimal}'}}", more=more)
+    assert str(raised.value.place).endswith("old.csv:11:7")
+    assert f"load: {wrong!r} has a decimal {wrong[1]!r}" in raised.value.message
