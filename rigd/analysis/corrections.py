@@ -69,10 +69,12 @@ def _with_constant(plan: IdentifyPlan, name: str, text: str) -> IdentifyPlan:
     uncertainties = dict(plan.uncertainties)
     try:
         value = parse_quantity(written)
-        expected = parse_unit(plan.units.get(name) or value.unit.symbol)
+        recorded, needed = plan.units.get(name), needs.constant_units.get(name)
+        expected = parse_unit(recorded or needed or value.unit.symbol)
         if not value.unit.same_kind(expected):
             given = "no unit" if value.unit.symbol == "1" else f"the unit {value.unit}"
-            raise ValueError(f"{written!r} has {given}, recorded in {expected}")
+            where = "recorded in" if recorded else "the model takes it in"
+            raise ValueError(f"{written!r} has {given}, {where} {expected}")
         for u in further:
             uncertainties[name] = parse_uncertainty(u, value.unit)
     except ValueError as error:

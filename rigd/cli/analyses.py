@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -68,10 +68,10 @@ def _in_full(analysis: InstalledAnalysis) -> Iterator[str]:
         return
     yield from (f"  {line}".rstrip() for line in analysis.doc.splitlines())
     for title, names in (
-        ("signals", [f"{name} ({unit})" for name, unit in analysis.signals.items()]),
-        ("optional signals", [f"{k} ({unit})" for k, unit in analysis.optional_signals.items()]),
-        ("constants", analysis.constants),
-        ("optional constants", analysis.optional_constants),
+        ("signals", _with_units(analysis.signals, analysis.signals)),
+        ("optional signals", _with_units(analysis.optional_signals, analysis.optional_signals)),
+        ("constants", _with_units(analysis.constants, analysis.constant_units)),
+        ("optional constants", _with_units(analysis.optional_constants, analysis.constant_units)),
         ("trial parameters", analysis.trial_parameters),
         ("calibrated values that it uses", analysis.calibrated),
         ("calibrated values that it measures", analysis.measures),
@@ -82,6 +82,10 @@ def _in_full(analysis: InstalledAnalysis) -> Iterator[str]:
             yield f"{title}: {', '.join(names)}"
     if analysis.constants or analysis.optional_constants:
         yield "each constant is a quantity, or {value: 50 mm, u: 0.1 mm} with its uncertainty"
+
+
+def _with_units(names: Iterable[str], units: Mapping[str, str]) -> list[str]:
+    return [f"{name} ({units[name]})" if name in units else name for name in names]
 
 
 def _option(name: str) -> str:

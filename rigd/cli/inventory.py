@@ -83,6 +83,7 @@ class InstalledAnalysis(Installed):
     optional_signals: Mapping[str, str] = field(default_factory=dict)
     constants: tuple[str, ...] = ()
     optional_constants: tuple[str, ...] = ()
+    constant_units: Mapping[str, str] = field(default_factory=dict)  #: of those that state one
     trial_parameters: tuple[str, ...] = ()
     references: tuple[str, ...] = ()
     calibrated: tuple[str, ...] = ()
@@ -138,6 +139,7 @@ def look_at_analysis(point: EntryPoint) -> InstalledAnalysis:
             "optional_signals": needs.optional_signals,
             "constants": needs.constants,
             "optional_constants": needs.optional_constants,
+            "constant_units": needs.constant_units,
             "trial_parameters": needs.trial_parameters,
             "references": needs.references,
             "calibrated": needs.calibrated,

@@ -39,8 +39,9 @@ class Needs:
     """The inputs that the plan of a procedure must give, and those that it may give.
 
     ``signals`` and ``optional_signals`` map names to units; a channel must have a unit of the same
-    kind, or any for ``ANY_UNIT``. ``references`` are results that a plan may give published values
-    of.
+    kind, or any for ``ANY_UNIT``. ``constant_units`` maps constants to units likewise, "1" for a
+    plain number; one that is not in it may have any. ``references`` are results that a plan may
+    give published values of.
     """
 
     signals: Mapping[str, str]
@@ -52,6 +53,7 @@ class Needs:
     calibrated: tuple[str, ...] = ()  #: values that the rig's calibration must have
     calibrated_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: of a signal
     calibrated_if_known: tuple[str, ...] = ()  #: values that are used if they are known
+    constant_units: Mapping[str, str] = field(default_factory=dict)
 
     def calibration(self, signals: Mapping[str, str]) -> tuple[str, ...]:
         """Return the calibrated values that an evaluation of ``signals`` uses."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from rigd.model.rows import row_dtype
 from rigd.procedure.loader import parse_procedure
 from rigd.record import Attachment, RecordingWriter
 from rigd.sdk.shipped import shipped_folder
+from rigd_analyses.lugre.analysis import LugreAnalysis
 
 START_NS = 1_790_000_000_000_000_000
 STREAMS = [
@@ -133,6 +135,32 @@ def test_a_wrong_correction_is_refused(
     with pytest.raises(ConfigError) as caught:
         corrected(record(units={"wheel_radius": "mm"}), Corrections({name: text}))
     assert all(part in f"{caught.value} {caught.value.hint}" for part in (f"--set {name}", *parts))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "parts"),
+    [
+        ("guide_friction_mass", "41 N", ["the unit N", "the model takes it in kg"]),
+        ("guide_friction_mass", "4200", ["no unit", "the model takes it in kg"]),
+        ("torque_constant", "29.8", ["no unit", "the model takes it in N m/A"]),
+        ("roller_transitions", "18 1/s", ["the unit 1/s", "the model takes it in 1"]),
+        ("wheel_radius", "50", ["no unit", "the model takes it in m"]),  # recorded without a unit
+    ],
+)
+def test_constant_without_recorded_unit_has_the_model_s(
+    record: Record, name: str, text: str, parts: list[str]
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        corrected(record(), Corrections({name: text}))
+    assert all(part in caught.value.message for part in (f"--set {name}={text}", *parts))
+
+
+def test_analysis_without_units_takes_any_constant(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LugreAnalysis, "needs", replace(LugreAnalysis.needs, constant_units={}))
+    sweep = corrected(record(), Corrections({"guide_friction_mass": "4200"}))
+    assert sweep.constant(sweep.trials[0], "guide_friction_mass") == 4200.0
 
 
 def test_a_procedure_gives_constants_of_rig_and_tables(record: Record) -> None:

@@ -10,8 +10,9 @@ from support.angle_recording import CONSTANTS, SIGNALS
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.plan import analysis_of
+from rigd.analysis.plan import analysis_of, find_analysis, of_kind
 from rigd.config.loader import load_rig
+from rigd.config.registry import ANALYSES, installed
 from rigd.daemon.execute import RunRequest, execute
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
@@ -63,6 +64,38 @@ def test_signals_are_of_kind_that_model_works_from() -> None:
     with pytest.raises(ConfigError, match=r"gauge_b is daq\.gauge_b, in 1; .* from V") as caught:
         analysis_of(converted, rig=rig)
     assert caught.value.hint == "did you mean 'daq.gauge_b_raw'?"
+
+
+def test_shipped_analyses_know_units_of_constants() -> None:
+    for model in installed(ANALYSES):
+        if not find_analysis(model).__module__.startswith("rigd_analyses."):
+            continue
+        needs = find_analysis(model).needs
+        assert set(needs.constant_units) == {*needs.constants, *needs.optional_constants}, model
+
+
+@pytest.mark.parametrize(
+    ("procedure", "rig"),
+    [
+        ("approach_angles", "angle-1"),
+        ("calibrate_friction", "angle-1"),
+        ("calibrate_load_cell", "angle-cell-1"),
+        ("calibrate_rise", "angle-1"),
+        ("calibrate_scale", "angle-1"),
+        ("calibrate_torque", "angle-1"),
+        ("circles", "articulated-1"),
+        ("constant_current", "lugre-1"),
+        ("lateral_sweep", "lugre-1"),
+        ("validation_masses", "lugre-1"),
+    ],
+)
+def test_shipped_procedures_give_constants_in_these_units(procedure: str, rig: str) -> None:
+    plan = compile_procedure(load_procedure(procedure), load_rig(rig), {}).identify
+    assert plan is not None
+    needs = find_analysis(plan.model).needs
+    assert plan.units
+    for name, unit in plan.units.items():
+        assert of_kind(unit, needs.constant_units[name]), f"{name} in {unit}"
 
 
 def test_a_model_of_converted_values_takes_no_calibration(tmp_path: Path) -> None:

@@ -35,10 +35,18 @@ def test_every_installed_analysis_is_listed(tmp_path: Path) -> None:
 def test_analysis_is_shown_with_its_needs(tmp_path: Path) -> None:
     shown = rigd("analyses", "approach-angle", cwd=tmp_path)
     assert shown.code == 0, shown.err
-    for text in ("normal_force (V)", "set, load, voltage", "torque_scale", "--calibration"):
+    for text in (
+        "normal_force (V)",
+        "angle (rad)",
+        "pre_trigger (s)",
+        "set, load, voltage",
+        "torque_scale",
+        "--calibration",
+    ):
         assert text in shown.out
     (found,) = rigd("analyses", "lugre", "--json", cwd=tmp_path).json
     assert found["signals"]["acceleration"] == "m/s^2"
+    assert found["constant_units"]["torque_constant"] == "N m/A"
     assert "by_recording" in found["options"]
     assert "{value: 50 mm, u: 0.1 mm}" in rigd("analyses", "lugre", cwd=tmp_path).out
 

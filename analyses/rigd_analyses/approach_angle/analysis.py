@@ -37,6 +37,11 @@ class ApproachAngleAnalysis(Analysis):
         optional_signals={"normal_force": "V", "final_travel": "m", "final_turning": "rad"},
         constants=("angle", "wheel_radius", "wheel_inertia", "platform_mass", "gravity"),
         optional_constants=("stop_travel", "most_turning", "pre_trigger"),
+        constant_units={
+            **{"angle": "rad", "wheel_radius": "m", "wheel_inertia": "kg m^2"},
+            **{"platform_mass": "kg", "gravity": "m/s^2"},
+            **{"stop_travel": "m", "most_turning": "rad", "pre_trigger": "s"},
+        },
         references=("maximum",),
         trial_parameters=("set", "load", "voltage"),
         calibrated=(

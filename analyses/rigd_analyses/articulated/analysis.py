@@ -29,6 +29,12 @@ class ArticulatedAnalysis(Analysis):
             *("rotor_inertia", "body_mass", "body_inertia", "wheel_mass", "wheel_inertia"),
             *("gravity", "certain_grip"),
         ),
+        constant_units={
+            **dict.fromkeys(("wheel_radius", "half_track", "half_wheelbase"), "m"),
+            **dict.fromkeys(("body_mass", "wheel_mass"), "kg"),
+            **dict.fromkeys(("rotor_inertia", "body_inertia", "wheel_inertia"), "kg m^2"),
+            **{"hinge_distance": "m", "gear_ratio": "1", "gravity": "m/s^2", "certain_grip": "1"},
+        },
         references=("k_lon", "k_lat", "k_roll", "mu_s", "mu_d"),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rigd.analysis import Analysis, Evaluation, Needs, Options
+from rigd_analyses.lugre.rig.constants import UNITS
 
 if TYPE_CHECKING:
     from rigd.analysis.designing import Designed, DesignRequest
@@ -34,6 +35,7 @@ class LugreAnalysis(Analysis):
             *("wheel_inertia", "bearing_torque"),
             "roller_transitions",  # per revolution of the wheel
         ),
+        constant_units={**UNITS, "guide_friction_mass": "kg"},
         references=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameters=("current",),
     )

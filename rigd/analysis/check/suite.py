@@ -163,6 +163,17 @@ class _Bench:
                 parse_unit("1" if unit == ANY_UNIT else unit)
             except ValueError as error:
                 yield f"signal {name}: {error}", "give a unit that rigd knows, such as N m/V"
+        constants = (*needs.constants, *needs.optional_constants)
+        for name, unit in needs.constant_units.items():
+            if name not in constants:
+                yield (
+                    f"there is no constant {name!r} that has a unit",
+                    "name it in `constants` or `optional_constants` too",
+                )
+            try:
+                parse_unit(unit)
+            except ValueError as error:
+                yield f"constant {name}: {error}", "give a unit that rigd knows, 1 for a number"
         if not needs.signals:
             yield "it needs no signal", "name the signals that it works from in `needs`"
         used = (*needs.calibrated, *needs.calibrated_if_known, *self._analysis.measures)

@@ -65,7 +65,10 @@ class Mean(Analysis):
 
 
 class WithoutWords(Mean):
-    needs = Needs(signals={"x": "parsec per week"}, constants=("offset",), calibrated=("scale",))
+    needs = Needs(
+        signals={"x": "parsec per week"}, constants=("offset",), calibrated=("scale",),
+        constant_units={"offset": "ells", "ofset": "m"},
+    )  # fmt: skip
 
 
 WithoutWords.__doc__ = None
@@ -186,6 +189,8 @@ def test_analysis_that_is_slow_to_import_is_found(
     ("broken", "rule", "words"),
     [
         (WithoutWords, "declares what it needs", "parsec"),
+        (WithoutWords, "declares what it needs", "constant offset: unknown unit 'ells'"),
+        (WithoutWords, "declares what it needs", "no constant 'ofset' that has a unit"),
         (WithoutWords, "declares what it needs", "calibrated value scale"),
         (WithoutWords, "declares what it needs", "no docstring"),
         (Wrong, "recovers the truth (case 1)", "the truth is 3"),

@@ -17,6 +17,7 @@ class PendulumAnalysis(Analysis):
     needs = Needs(
         signals={"angle": "rad", "held": "1"},
         constants=("inertia", "weight_moment"),
+        constant_units={"inertia": "kg m^2", "weight_moment": "N m"},
         trial_parameters=("start",),
         references=("coulomb", "viscous"),
     )

@@ -55,6 +55,10 @@ class TorqueCalibration(_Calibration):
             "alignment_uncertainty",
             "poisson",
         ),
+        constant_units={
+            **{"arm": "m", "arm_uncertainty": "m", "mass_uncertainty": "1", "poisson": "1"},
+            **{"gravity": "m/s^2", "gravity_uncertainty": "m/s^2", "alignment_uncertainty": "rad"},
+        },
         trial_parameters=("mass",),
     )
     measures = ("torque_scale",)
@@ -72,6 +76,7 @@ class ScaleCalibration(_Calibration):
     needs = Needs(
         signals=_signals("load"),
         constants=("weight_uncertainty", "division"),
+        constant_units={"weight_uncertainty": "1", "division": "kg"},
         trial_parameters=("weight",),
     )
     measures = ("load_scale",)
@@ -89,6 +94,7 @@ class LoadCellCalibration(_Calibration):
     needs = Needs(
         signals=_signals("normal_force", "load"),
         constants=("division", "gravity"),
+        constant_units={"division": "kg", "gravity": "m/s^2"},
         trial_parameters=("load",),
         calibrated=("load_scale",),
     )
@@ -107,6 +113,10 @@ class FrictionCalibration(_Calibration):
     needs = Needs(
         signals=_signals("gauge_a", "gauge_b", "wheel_angle", "platform_position"),
         constants=("platform_mass", "platform_mass_uncertainty", "gravity", "wheel_inertia"),
+        constant_units={
+            **{"platform_mass": "kg", "platform_mass_uncertainty": "1"},
+            **{"gravity": "m/s^2", "wheel_inertia": "kg m^2"},
+        },
         trial_parameters=("test",),
         calibrated=("torque_scale", "wheel_scale", "platform_scale", "rail_load"),
     )
@@ -125,6 +135,7 @@ class RiseCalibration(_Calibration):
     needs = Needs(
         signals=_signals("load", "platform_position"),
         constants=("division",),
+        constant_units={"division": "kg"},
         trial_parameters=("load",),
         calibrated=("platform_scale",),
     )

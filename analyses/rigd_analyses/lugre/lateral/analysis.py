@@ -30,6 +30,11 @@ class LateralAnalysis(Analysis):
         optional_signals=LugreAnalysis.needs.optional_signals,
         constants=(*LugreAnalysis.needs.constants, *DRIVE, *GEOMETRY),
         optional_constants=("guide_friction_mass", *ROLLERS),
+        constant_units={
+            **LugreAnalysis.needs.constant_units,
+            **dict.fromkeys(GEOMETRY, "m"),
+            **{"mu_R_dry": "1", "mu_R_vis": "s/m"},
+        },
         trial_parameters=("current", "lateral_speed"),
     )
     options = ("by_recording", "model")

@@ -24,6 +24,8 @@ CONSTANTS = {
     "bearing_torque": ("N m", True),
     "roller_transitions": ("per turn", True),
 }
+#: The same units as rigd reads them; a number per turn has none.
+UNITS = {name: "1" if unit in ("", "per turn") else unit for name, (unit, _) in CONSTANTS.items()}
 
 
 @dataclass(frozen=True)

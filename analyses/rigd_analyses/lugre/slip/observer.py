@@ -11,7 +11,7 @@ from pydantic import ValidationInfo, field_validator, model_validator
 
 from rigd.observers.model import Known, ObserverModel, ObserverOptions, ObserverPlan, Wanted
 from rigd.sdk import Channel, Documented, In
-from rigd_analyses.lugre.rig.constants import CONSTANTS
+from rigd_analyses.lugre.rig.constants import UNITS
 
 
 class FrictionOptions(Documented):
@@ -99,9 +99,7 @@ class SlipObserver(ObserverModel):
         Channel("speed", "m/s", "speed of the carriage"),
         Channel("zero", "m/s^2", "zero of the accelerometer"),
     )
-    constants: ClassVar[Mapping[str, str]] = {
-        name: "1" if unit in ("", "per turn") else unit for name, (unit, _) in CONSTANTS.items()
-    }
+    constants: ClassVar[Mapping[str, str]] = UNITS
     optional_constants: ClassVar[frozenset[str]] = frozenset(
         ("no_load_viscous", "bearing_torque", "roller_transitions")
     )
