@@ -22,7 +22,7 @@ from rigd_drivers.labjack.config import (
     LabjackWatchdogOptions,
     tick_of,
 )
-from rigd_drivers.labjack.device import ANEW_S, CALL_S, CYCLE_S, Device
+from rigd_drivers.labjack.device import CALL_S, CYCLE_S, Device
 
 #: More than a device has.
 _MOST_INPUTS: Final = 14
@@ -31,6 +31,8 @@ _MOST_LINES: Final = 23
 _RAIL_V: Final = 10.0
 #: The watchdog is looked at so often while it is being proven, in s.
 _LOOK_S: Final = 0.005
+#: After a new connection has failed, none is tried for so long, in s.
+AWAY_S: Final = 1.0
 
 
 class Expired(DeviceError):
@@ -67,6 +69,7 @@ class Labjack(Card):
             DAC_SPAN_V if tick_of(name) is None else TDAC_SPAN_V for name in config.analog_outputs
         ]
         self._open = False
+        self._away_until_s = 0.0  # until then it is not tried again
         self._forget()
 
     def _forget(self) -> None:
@@ -93,7 +96,7 @@ class Labjack(Card):
         except BaseException:
             self._device.close()
             raise
-        self._open = True
+        self._open, self._away_until_s = True, 0.0
 
     def close(self) -> None:
         """Bring the outputs to rest and close; closing twice is silent."""
@@ -210,18 +213,25 @@ class Labjack(Card):
         """Put out what has been set now; see :class:`Card`.
 
         If the connection is of no use, all outputs are brought to rest over a new one. Takes 0.5 s
-        at most, and 0.7 s more with a new connection.
+        at most, and 0.5 s more with a new connection. If that fails, it fails at once for a second:
+        each drive of a card calls this as it is made safe.
         """
         if not self._open:
             return
+        if time.monotonic() < self._away_until_s:
+            raise LinkError(f"{self._device} could not be reached again")
         try:
             self._device.put(self._volts_out, self._lines_out)
         except (LinkError, ProtocolError):
             self._fed_s = None
             self._volts_out = [0.0] * len(self._spans)
             self._lines_out = self._device.resting_lines
-            with self._device.call_time.within(ANEW_S + CALL_S):
-                self._device.open_anew()
+            try:
+                with self._device.call_time.within(CALL_S):
+                    self._device.open_anew()
+            except (LinkError, ProtocolError):
+                self._away_until_s = time.monotonic() + AWAY_S
+                raise
 
     def confirm_outputs(self) -> None:
         """Write all outputs once more, and read the digital ones back; see :class:`Card`."""

@@ -225,7 +225,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             self._port.close()
 
     def _open_anew(self) -> None:
-        self._port.open(ANEW_S)
+        self._port.open_again(ANEW_S)
         self._lines.clear()
         self._questions = Questions()
 

@@ -57,12 +57,18 @@ class TcpTransport:
     def __init__(self, host: str, port: int) -> None:
         self.where = f"{host}:{port}"
         self._address = (host, port)
+        self._peer: tuple[str, int] | None = None
         self._socket: socket.socket | None = None
 
     def open(self, timeout_s: float) -> None:
-        """See :class:`Transport`."""
+        """See :class:`Transport`.
+
+        Once it was open, it is opened again at the same address: to find that of a name may take
+        seconds.
+        """
         try:
-            self._socket = socket.create_connection(self._address, timeout_s)
+            self._socket = socket.create_connection(self._peer or self._address, timeout_s)
+            self._peer = self._socket.getpeername()[:2]
         except OSError as error:
             raise LinkError(
                 f"cannot connect to {self.where}: {error}",

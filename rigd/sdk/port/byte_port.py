@@ -26,7 +26,7 @@ _STREAM: Final = socket.SOCK_STREAM
 
 
 class BytePort:
-    """A port of bytes. Only :meth:`open` waits, by default at most :data:`CONNECT_S`.
+    """A port of bytes. Only :meth:`open` waits, at most :data:`CONNECT_S`, and :meth:`open_again`.
 
     A serial port is this process's alone (``flock``): a second opening is refused.
     """
@@ -35,6 +35,7 @@ class BytePort:
         self._config = config
         self._port: serial.Serial | socket.socket | None = None
         self._lost: OSError | None = None
+        self._peer: tuple[str, int] | None = None  # where the TCP port was open last
         #: The port, for messages.
         self.where = config.port
 
@@ -43,23 +44,39 @@ class BytePort:
         """Whether it was opened, and not closed since; a port that is lost is still open."""
         return self._port is not None
 
-    def open(self, connect_s: float = CONNECT_S) -> None:
-        """Open the port; a TCP port must accept within ``connect_s``, in s.
+    def open(self) -> None:
+        """Open the port.
 
         Raises:
             LinkError: there is no such port, it is not ours to open, or open already.
 
         """
+        self._open(None, CONNECT_S)
+
+    def open_again(self, connect_s: float) -> None:
+        """Open the port as it was; a TCP port must accept within ``connect_s``, in s.
+
+        It is at the address that it had: to find that of a name may take seconds.
+
+        Raises:
+            LinkError: see :meth:`open`.
+
+        """
+        self._open(self._peer, connect_s)
+
+    def _open(self, peer: tuple[str, int] | None, connect_s: float) -> None:
         self._check_closed()
         if not self._config.is_tcp:
             self._port = self._serial()
             return
         try:
             host, port = self._config.address
-            self._port = socket.create_connection((host, int(port)), connect_s)
+            opened = socket.create_connection(peer or (host, int(port)), connect_s)
+            self._peer = opened.getpeername()[:2]
         except OSError as error:
             raise self._unanswered(error) from error
-        self._set_up(self._port)
+        self._set_up(opened)
+        self._port = opened
 
     async def open_on_loop(self) -> None:
         """Open the port without blocking the event loop; raises what :meth:`open` does."""

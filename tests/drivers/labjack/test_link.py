@@ -286,6 +286,22 @@ def test_broken_connection_is_replaced_to_make_safe(card: ServedLabjack, link: L
     assert (card.block.volts_out[0], card.state()["lines"]) == (0.0, 0)
 
 
+def test_mute_card_is_waited_for_once(
+    card: ServedLabjack, link: Labjack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each drive of a card makes it safe: together they may not keep other devices waiting."""
+    monkeypatch.setattr("rigd_drivers.labjack.link.AWAY_S", 600.0)
+    cycle(link)
+    card.inject("silent")
+    with pytest.raises(LinkError, match="answer"):
+        link.put_out()
+    with pytest.raises(LinkError, match="could not be reached again"):
+        link.put_out()
+    card.clear()
+    monkeypatch.setattr(link, "_away_until_s", 0.0)  # the time is over
+    link.put_out()
+
+
 def test_lines_rest_though_the_tick_fails(card: ServedLabjack, link: Labjack) -> None:
     link.set_volts(0, 5.0)
     link.set_line(8, high=True)

@@ -102,9 +102,10 @@ def test_it_keeps_what_a_fast_driver_promises() -> None:
 
 
 @contextmanager
-def opened(**options: Any) -> Iterator[tuple[LineOutputs, Any]]:
+def opened(host: str = "127.0.0.1", **options: Any) -> Iterator[tuple[LineOutputs, Any]]:
     device = supply()
-    config = LineOutputsConfig.model_validate({**OPTIONS, "port": device.port, **options})
+    port = device.port.replace("127.0.0.1", host)
+    config = LineOutputsConfig.model_validate({**OPTIONS, "port": port, **options})
     driver = LineOutputs(config, None)
     try:
         driver.open()
@@ -190,6 +191,26 @@ def test_broken_connection_is_replaced_to_make_safe() -> None:
         with pytest.raises(DeviceError, match="is gone"):
             cycle_until(driver, 5.0, lambda: False)
         assert device.output
+        driver.make_safe()
+        driver.confirm_safe()
+        assert not device.output
+
+
+def test_lost_name_server_does_not_delay_safety(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = socket.getaddrinfo
+
+    def away(host: str, *arguments: Any, **options: Any) -> Any:
+        if host == "localhost":
+            raise socket.gaierror("no name server answers")
+        return find(host, *arguments, **options)
+
+    with opened(host="localhost") as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        monkeypatch.setattr(socket, "getaddrinfo", away)
+        drop(device)
+        with pytest.raises(DeviceError, match="is gone"):
+            cycle_until(driver, 5.0, lambda: False)
         driver.make_safe()
         driver.confirm_safe()
         assert not device.output
