@@ -58,6 +58,8 @@ def add_derived(
         inputs=tuple(reader.builder.inputs),
         outputs=before.outputs | {name: term.row for name, term in terms.items()},
         uses=before.uses | {name: term.uses for name, term in terms.items()},
+        differences=before.differences
+        | {name for name, term in terms.items() if term.is_difference},
     )
     devices = dict(rig.devices)
     for group, names in graph.groups().items():

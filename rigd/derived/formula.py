@@ -106,8 +106,7 @@ class _Reader:
                     below = 2 * parse_unit(term.unit).offset - (term.constant or 0.0)
                     return self.builder.constant(below, term.dimension, term.unit)
                 self.without_own_zero("negate", node, term)
-                negated = self.fold(Op.NEGATE, (term,), term.dimension)
-                return replace(negated, is_difference=term.is_difference)
+                return self.fold(Op.NEGATE, (term,), term.dimension)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.number(operand, depth)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
@@ -162,9 +161,9 @@ class _Reader:
                     f"{dimension_text(left.dimension)}",
                     self.at(node.right), _missing(left, right),
                 )  # fmt: skip
-            if op is Op.ADD and left.constant is None:
+            if op is Op.ADD and not left.is_difference and (left.unit or left.constant is None):
                 self.without_own_zero("add", node.right, right)
-            elif op is Op.ADD and (right.unit or right.constant is None):
+            if op is Op.ADD and not right.is_difference and right.constant is None:
                 self.without_own_zero("add", node.left, left)
             same = left.dimension == right.dimension
             dimension = left.dimension if same else plain(left.dimension)
@@ -178,10 +177,9 @@ class _Reader:
             self.without_own_zero("divide", node, left, right)
             dimension = over(left.dimension, right.dimension)
             of_arc = is_angle(left.dimension, right.dimension, of_arc=of_arc)
-        term = replace(
-            self.fold(op, (left, right), dimension), of_arc=of_arc,
-            is_difference=_is_difference(op, left, right),
-        )  # fmt: skip
+        term = replace(self.fold(op, (left, right), dimension), of_arc=of_arc)
+        if op in _VERBS:
+            term = replace(term, is_difference=_is_difference(op, left, right))
         if term.constant is not None and bool(left.unit) != bool(right.unit):
             return replace(term, unit=left.unit or right.unit)
         return term
@@ -196,17 +194,21 @@ class _Reader:
                 f"write the difference in {difference}, or the value in {difference}",
             )  # fmt: skip
 
-    def difference_beside(self, terms: Sequence[Term], nodes: Sequence[ast.expr]) -> bool:
-        """Return whether one of ``terms`` is a difference; refuse degC and such beside it."""
-        is_difference = any(term.is_difference for term in terms)
-        for term, node in zip(terms, nodes, strict=True):
-            if is_difference and term.unit:
+    def without_difference(
+        self, terms: Sequence[Term], fixed: Sequence[Fixed], nodes: Sequence[ast.expr]
+    ) -> None:
+        """Refuse degC and such in ``fixed`` quantities beside a difference in ``terms``."""
+        for item, node in zip(fixed, nodes, strict=True):
+            if item.unit and any(term.is_difference for term in terms):
+                unit = parse_unit(item.unit)
+                small = unit.difference()
+                size, value = small.from_si(item.value - unit.offset), small.from_si(item.value)
                 raise FormulaError(
-                    f"a difference stands beside a value in {term.unit}, which has a zero of its "
-                    "own", self.at(node),
-                    f"write the difference in {parse_unit(term.unit).difference()}",
+                    f"a difference of two channels stands beside a value in {unit}, which has a "
+                    "zero of its own", self.at(node),
+                    f"write {size:g} {small} if the difference is meant, {value:g} {small} if it "
+                    "is a value",
                 )  # fmt: skip
-        return is_difference
 
     def power(self, node: ast.BinOp, depth: int) -> Term:
         base, power = self.number(node.left, depth), self.number(node.right, depth)
@@ -235,7 +237,7 @@ class _Reader:
                     self.at(node.comparators[place]), _missing(left, right),
                 )  # fmt: skip
             items = (node.left, *node.comparators)[place : place + 2]
-            self.difference_beside((left, right), items)
+            self.without_difference((left, right), [_fixed(left), _fixed(right)], items)
             match operator:
                 case ast.Lt():
                     parts.append(self.builder.add(Op.LESS, left, right, is_condition=True))
@@ -269,6 +271,7 @@ class _Reader:
         terms: list[Term] = []
         nodes: list[ast.expr] = []
         tables: list[list[Fixed]] = []
+        points: list[ast.expr] = []
         for kind, item in zip(known.takes, node.args, strict=True):
             if kind != "list":
                 nodes.append(item)
@@ -278,18 +281,21 @@ class _Reader:
                 if not isinstance(item, ast.List):
                     raise FormulaError("expected a list '[...]'", self.at(item), known.usage)
                 tables.append([self.fixed(point, depth, known.usage) for point in item.elts])
+                points = points or item.elts
             elif kind == "constant":
                 terms.append(self.constant(item, depth, known.usage))
             else:
                 terms.append(self.number(item, depth))
         places = [self.at(item) for item in node.args]
         call = Call(self.builder, self.period_s, self.at(node), places, known.usage, tables)
-        made = known.make(call, terms)
-        return replace(made, is_difference=self.difference_beside(terms, nodes))
+        self.without_difference(terms, [_fixed(term) for term in terms], nodes)
+        if tables:
+            self.without_difference(terms, tables[0], points)
+        return known.make(call, terms)
 
     def fixed(self, node: ast.expr, depth: int, usage: str) -> Fixed:
         term = self.constant(node, depth, usage)
-        return Fixed(math.nan if term.constant is None else term.constant, term.dimension)
+        return _fixed(term)
 
     def constant(self, node: ast.expr, depth: int, usage: str) -> Term:
         term = self.number(node, depth)
@@ -298,15 +304,21 @@ class _Reader:
         return term
 
 
+def _fixed(term: Term) -> Fixed:
+    value = math.nan if term.constant is None else term.constant
+    return Fixed(value, term.dimension, term.unit)
+
+
 def _is_difference(op: Op, left: Term, right: Term) -> bool:
-    """Return whether the result of ``op`` is a difference; that of two channels counts as one."""
+    """Return whether a sum or difference is a difference; that of two channels counts as one."""
     if op is Op.SUBTRACT and not right.is_difference:
         return left.is_difference or bool(right.unit) or right.constant is None
-    if op is Op.SUBTRACT or right.constant is not None:
+    if op is Op.SUBTRACT:
         return left.is_difference
-    if op is Op.ADD and left.constant is None:
-        return left.is_difference and right.is_difference
-    return left.is_difference or right.is_difference
+    # A fixed quantity without a zero of its own is a difference, if the other is one.
+    left_is = left.is_difference or (left.constant is not None and not left.unit)
+    right_is = right.is_difference or (right.constant is not None and not right.unit)
+    return left_is and right_is
 
 
 def _hint_for(node: ast.expr) -> str | None:

@@ -27,10 +27,11 @@ Kind = Literal["quantity", "condition", "constant", "list"]
 
 
 class Fixed(NamedTuple):
-    """A fixed quantity in a list: its value in SI, and its dimension."""
+    """A fixed quantity in a list; ``unit`` as in :class:`Term`."""
 
     value: float
     dimension: Dimension
+    unit: str = ""
 
 
 @dataclass(frozen=True)

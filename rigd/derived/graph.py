@@ -97,7 +97,8 @@ class Graph:
 
     ``inputs`` are the channels that they use, in the order of the table of inputs: readings
     (``device.channel``) and setpoints as written (``device.setpoint_setpoint``). ``outputs`` maps
-    each derived channel to its row, ``uses`` to the channels that devices measure for it.
+    each derived channel to its row, ``uses`` to the channels that devices measure for it;
+    ``differences`` are the derived channels that are the difference of two values.
     """
 
     rows: tuple[GraphRow, ...]
@@ -106,6 +107,7 @@ class Graph:
     inputs: tuple[str, ...]
     outputs: dict[str, int]
     uses: dict[str, frozenset[str]]
+    differences: frozenset[str] = frozenset()
 
     def term(self, name: str, dimension: Dimension) -> Term:
         """Return the derived channel ``name``, of this ``dimension``, as a part of a formula."""
@@ -113,7 +115,10 @@ class Graph:
         row = self.rows[place]
         value = self.parameters[row.parameter] if row.op is Op.CONSTANT else None
         is_condition = Op.LESS <= row.op <= Op.NOT
-        return Term(place, dimension, value, is_condition, self.uses[name])
+        is_difference = name in self.differences
+        return Term(
+            place, dimension, value, is_condition, self.uses[name], is_difference=is_difference
+        )
 
     def is_conditional(self, name: str) -> bool:
         """Return whether ``name``, or a derived channel in it, has a value under a condition only.
@@ -203,7 +208,12 @@ class Builder:
         """Return the term of an operation on ``terms``."""
         row = self._row(op, tuple(term.row for term in terms), parameters, size)
         uses = frozenset[str]().union(*(term.uses for term in terms))
-        return Term(row, dimension, None, is_condition, uses)
+        is_difference = (
+            not is_condition
+            and op is not Op.LOOKUP
+            and any(term.is_difference and term.dimension == dimension for term in terms)
+        )
+        return Term(row, dimension, None, is_condition, uses, is_difference=is_difference)
 
     def _row(
         self,

@@ -19,7 +19,7 @@ _FACTOR: Final = re.compile(
 )
 _JOIN: Final = re.compile(r"[ \t]*[/·][ \t]*|[ \t]+")
 _COMMA: Final = re.compile(r"(?<![\w.])(\d+),(\d+)(?=\s*[A-Za-zµμΩ°%])")
-_SEPARATED: Final = re.compile(r"(?<![\w.])\d[\d.]*_[\d_.]*\d")
+_SEPARATED: Final = re.compile(r"(?<![\w.])\d[\d.]*(?:[eE][-+]?\d+)?_[\d_.]*\d")
 #: What stands in place of a quantity; no channel can have this name.
 STAND_IN: Final = "_q"
 

@@ -46,9 +46,9 @@ class Runner:
         stamps: Sequence[int],
         applied: Sequence[float],
     ) -> None:
-        """Connect to the cycle's tables: ``values``, ``stamps`` of devices, setpoints ``applied``.
+        """Connect to the cycle's tables: ``values``, ``stamps`` of their values, setpoints ``applied``.
 
-        ``late_ns`` has the age above which the row of each device counts as stale. A channel that
+        ``late_ns`` has the age above which each stamp counts as stale. A channel that
         the rig lacks is NaN.
         """
         self._cycle = values, stamps, applied

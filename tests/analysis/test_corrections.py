@@ -147,7 +147,7 @@ def test_a_wrong_correction_is_refused(
         ("wheel_radius", "50", ["no unit", "the model takes it in m"]),  # recorded without a unit
     ],
 )
-def test_constant_without_recorded_unit_has_the_model_s(
+def test_constant_not_recorded_needs_unit_of_model(
     record: Record, name: str, text: str, parts: list[str]
 ) -> None:
     with pytest.raises(ConfigError) as caught:

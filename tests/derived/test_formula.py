@@ -74,6 +74,10 @@ def test_fixed_part_is_computed_once(text: str, value: float) -> None:
     [
         "oven.t - 20 degC > 2 K", "oven.t - 5 K > 20 degC", "oven.t - (oven.t - room.t) < 20 degC",
         "deadband(oven.t - 20 degC, 2 K)", "oven.t + 5 K > 20 degC",
+        "oven.t - room.t + 20 degC > 5 degC", "20 degC + (oven.t - room.t) > 5 degC",
+        "(card.input - 1 V) * (oven.t / 1 V) > 20 degC",
+        "lookup(oven.t - room.t, [0 K, 9 K], [20 degC, 30 degC]) > 25 degC",
+        "where(card.input - 1 V > 2 V, oven.t, 20 degC) > 5 degC",
     ],
 )  # fmt: skip
 def test_differences_and_values_of_temperature_are_told_apart(text: str) -> None:
@@ -121,8 +125,12 @@ def test_differences_and_values_of_temperature_are_told_apart(text: str) -> None
         ("deadband(oven.t, 2 degC)", "2 degC", "write it in K"),
         ("oven.t + 5 degC", "5 degC", "cannot add a value in degC"),
         ("5 degC + oven.t", "5 degC", "cannot add a value in degC"),
-        ("oven.t - 20 degC < 2 degC", "2 degC", "difference in K"),
-        ("2 degC > abs(mean(oven.t - room.t, 1 s))", "2 degC", "difference in K"),
+        ("1e1_0 * load.force", "1e1_0", "write 1e10"),
+        ("oven.t - 20 degC < 2 degC", "2 degC", "write 2 K if the difference is meant, 275.15 K"),
+        ("2 degC > abs(mean(oven.t - room.t, 1 s))", "2 degC", "write 2 K"),
+        ("where(load.force > 1 N, oven.t - room.t, 5 degC)", "5 degC", "write 5 K"),
+        ("lookup(oven.t - room.t, [0 K, 10 degC], [0 N, 1 N])", "10 degC", "write 10 K"),
+        ("2 * (oven.t - room.t) > 3 degC", "3 degC", "write 3 K"),
         ("(" * 60 + "load.force" + ")" * 60 + " * é", "é", "cannot read 'é'"),
         ("-" * 200 + "load.force", "", "nests deeper than 30"),
         ("load.force * " * 40 + "2", "", "at most 300 characters"),

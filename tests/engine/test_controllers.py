@@ -343,7 +343,7 @@ def with_slow_sensor(derived: str, stale: str, *changes: tuple[str, str]) -> Pla
     return played
 
 
-def test_slow_channel_beside_measured_one_does_not_delay_it() -> None:
+def test_slow_channel_of_group_delays_no_controller() -> None:
     played = with_slow_sensor("rim.push: {is: 2 * accelerometer.acceleration}", "10 ms")
     assert played.play() == (Severity.DONE, "")
     quick = Played(rig_with())

@@ -167,7 +167,7 @@ def test_failed_reading_repeats_no_computed_row() -> None:
     assert times[-1] == calls[-1] - 1_000_000
 
 
-def test_derived_channel_may_be_as_old_as_its_readings() -> None:
+def test_derived_channel_is_late_with_its_readings() -> None:
     path = shipped_folder("configs") / "sim_lugre.yaml"
     rig = parse_rig(path.read_text().replace("interlocks:\n", DERIVED, 1), path)
     mounted = wire(rig, VirtualClock(rig.period_ns, 0), Control(), 1).cycle.rig

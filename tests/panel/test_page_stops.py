@@ -154,7 +154,7 @@ def test_stop_answered_the_second_way_is_confirmed(panel: ServedPanel, watched: 
     assert (len(sent), len(given(panel, "stop"))) == (1, 2)
 
 
-def test_late_answer_the_first_way_is_confirmed(panel: ServedPanel, watched: Watched) -> None:
+def test_stop_is_confirmed_by_either_answer(panel: ServedPanel, watched: Watched) -> None:
     """The request of the second way is carried out first; its answer comes last."""
     lines: list[WebSocketRoute] = []
     numbers: list[int] = []

@@ -127,6 +127,22 @@ def kelvin(celsius: float) -> Any:
     return pytest.approx(celsius + 273.15, rel=1e-12)
 
 
+RISE = "{is: oven.temperature - 25 degC}"
+SMALL = 'computed.small: {is: "where(computed.rise < 2 degC, 1, 0)"}'
+
+
+@pytest.mark.parametrize("key", ["", ", lowpass: 1 Hz", ", where: oven.pressure > 1 barg"])
+def test_derived_difference_is_no_value_in_celsius(key: str) -> None:
+    rig = RIG.replace(RISE, RISE.replace("}", f"{key}}}"))
+    with pytest.raises(ConfigError, match=r"write 2 K if the difference is meant, 275.15 K if"):
+        oven(rig.replace("\nconstants:", f"  {SMALL}\n\nconstants:"))
+    text = PROCEDURE.replace(
+        "trial:\n", f"derived:\n  {SMALL.replace('computed.s', 'own.s')}\ntrial:\n"
+    )
+    with pytest.raises(ConfigError, match="write 2 K if the difference is meant"):
+        compile_procedure(parse_procedure(text, Path("p.yaml")), oven(rig), {})
+
+
 def test_rig_file_in_celsius_is_held_in_kelvin() -> None:
     rig = oven()
     temperature, pressure = rig.devices["oven"].channels[:2]
