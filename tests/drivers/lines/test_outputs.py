@@ -102,9 +102,9 @@ def test_it_keeps_what_a_fast_driver_promises() -> None:
 
 
 @contextmanager
-def opened(host: str = "127.0.0.1", **options: Any) -> Iterator[tuple[LineOutputs, Any]]:
+def opened(**options: Any) -> Iterator[tuple[LineOutputs, Any]]:
     device = supply()
-    port = device.port.replace("127.0.0.1", host)
+    port = device.port.replace("127.0.0.1", options.pop("host", "127.0.0.1"))
     config = LineOutputsConfig.model_validate({**OPTIONS, "port": port, **options})
     driver = LineOutputs(config, None)
     try:
