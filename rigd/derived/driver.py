@@ -46,8 +46,11 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
 
     def __init__(self, config: DerivedConfig, link: Evaluator) -> None:
         super().__init__(config, link)
+        place = list(config.graph.groups()).index(config.group)
         #: The newest row as a ring has it; the memory stays the same.
-        self.packed = link.packed[list(config.graph.groups()).index(config.group)]
+        self.packed = link.packed[place]
+        #: Where the row begins in the results of the evaluator.
+        self.begins = link.begins[place]
 
     @classmethod
     def declare(cls, config: DerivedConfig) -> Declaration:

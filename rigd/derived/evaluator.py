@@ -59,6 +59,8 @@ class Evaluator:
         self._stepped = self._numbers[then[2] :][2 * count : 3 * count]
         self._results, self._taken = self._floats[at[4] :], self._numbers[then[4] :]
         self._resets = self._reset_places()
+        #: Where the row of each group begins in :attr:`results`.
+        self.begins = list(accumulate(sizes, initial=0))
         words = [2 * size + 1 for size in sizes]
         self._packed = np.zeros(sum(words), dtype=np.uint32)
         packed, ends = self._packed.data.cast("B"), list(accumulate(words, initial=0))

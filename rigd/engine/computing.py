@@ -74,7 +74,7 @@ class Computing:
         self._evaluator = evaluator
         drivers = [(n, mount, mount.driver) for n, mount in enumerate(rig.mounts)]
         self._observers = [(n, m.values, d) for n, m, d in drivers if isinstance(d, Observer)]
-        derived = [(n, m.values) for n, m, d in drivers if isinstance(d, Derived)]
+        derived = [(n, m.values, d.begins) for n, m, d in drivers if isinstance(d, Derived)]
         self._derived = list(runs(derived))
         self._own_stamps = slice(len(rig.mounts), len(rig.mounts) + 2 * len(rig.derived))
         binds = [driver.bind for _, _, driver in self._observers]

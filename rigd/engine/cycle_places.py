@@ -24,17 +24,19 @@ class DevicePlaces(NamedTuple):
         return cls(mount.name, driver, places, places.stop - places.start)
 
 
-def runs(groups: Sequence[tuple[int, slice]]) -> Iterator[tuple[slice, slice, slice]]:
+def runs(groups: Sequence[tuple[int, slice, int]]) -> Iterator[tuple[slice, slice, slice]]:
     """Yield groups of derived channels that follow one another, to be taken at once.
 
-    ``groups`` have the number of their mount and their places in the table of values, in the order
-    of the graph. The slices are those of mounts, values and results.
+    ``groups`` have the number of their mount, their places in the table of values, and where their
+    results begin. The slices are those of mounts, values and results.
     """
-    at = first = 0
-    for place, (mount, values) in enumerate(groups):
-        if place + 1 < len(groups) and groups[place + 1][0] == mount + 1:
-            continue
-        begin, start = groups[first]
-        width = values.stop - start.start
-        yield slice(begin, mount + 1), slice(start.start, values.stop), slice(at, at + width)
-        at, first = at + width, place + 1
+    first = 0
+    for place, (mount, values, at) in enumerate(groups):
+        width = values.stop - values.start
+        if place + 1 < len(groups):
+            following, _, then = groups[place + 1]
+            if following == mount + 1 and then == at + width:
+                continue
+        begin, start, origin = groups[first]
+        yield slice(begin, mount + 1), slice(start.start, values.stop), slice(origin, at + width)
+        first = place + 1

@@ -78,7 +78,8 @@ class MountedRig:
         for index, mount in enumerate(self.mounts):
             owners += [index] * (mount.values.stop - mount.values.start)
         for place, name in enumerate(self.derived):
-            owners[self.readings[name]] = len(self.mounts) + place
+            if name in self.readings:  # a part of a rig computes all groups, and may have some
+                owners[self.readings[name]] = len(self.mounts) + place
         return tuple(owners)
 
     @cached_property

@@ -46,7 +46,7 @@ class Runner:
         stamps: Sequence[int],
         applied: Sequence[float],
     ) -> None:
-        """Connect to the cycle's tables: ``values``, ``stamps`` of their values, setpoints ``applied``.
+        """Connect to the cycle's tables: ``values``, their ``stamps``, setpoints ``applied``.
 
         ``late_ns`` has the age above which each stamp counts as stale. A channel that
         the rig lacks is NaN.

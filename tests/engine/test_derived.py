@@ -10,6 +10,7 @@ import pytest
 from support.bench import ListSink
 
 from rigd.config.loader import parse_rig
+from rigd.daemon.manual.choice import only
 from rigd.engine.clock import VirtualClock
 from rigd.engine.computing import late_after
 from rigd.engine.control import Control
@@ -178,3 +179,26 @@ def test_derived_channel_is_late_with_its_readings() -> None:
     late_ns = late_after(mounted, rig.period_ns)
     for name, age_ns in (("scaled.acceleration", 500_000_000), ("cart.twice", 0)):
         assert late_ns[mounted.stamp_of[mounted.readings[name]]] == age_ns
+
+
+def test_part_of_rig_computes_its_own_groups() -> None:
+    derived = """\
+derived:
+  way.twice: {is: 2 * carriage.position + 1 m}
+  push.twice: {is: 2 * accelerometer.acceleration}
+interlocks:
+"""
+    path = shipped_folder("configs") / "sim_lugre.yaml"
+    rig = parse_rig(path.read_text().replace("interlocks:\n", derived, 1), path)
+    clock = VirtualClock(rig.period_ns, 1_790_000_000_000_000_000)
+    cycle = wire(only(rig, ["push"]), clock, Control(), 1).cycle
+    sink = KeptRows()
+    record = {stream.name: Recorded() for stream in cycle.rig.streams}
+    host = InProcessHost(cycle, clock, virtual=True, sink=sink, record=record)
+    assert not host.open()
+    assert host.arm() is None
+    host.play(CycleProgram((Segment("rest", duration_s=0.01),)))
+    host.drain()
+    measured = sink.of("accelerometer")["acceleration"]
+    assert np.array_equal(sink.of("push")["twice"], 2 * measured)
+    assert cycle.readings()["push.twice"] == 2 * measured[-1]
