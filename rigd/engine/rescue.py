@@ -50,14 +50,6 @@ def rescue(rig: RigConfig, names: Collection[str], within_s: float = RESCUE_S) -
     return found
 
 
-async def _rescue_slow(driver: SlowDriver) -> None:
-    try:
-        await driver.open()
-        await driver.make_safe()
-    finally:
-        await driver.close()
-
-
 def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
     begun = time.monotonic()
     try:
@@ -67,7 +59,7 @@ def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
         if isinstance(driver, SlowDriver) and driver.second_link:
             import asyncio  # the cycle, which may do this once it is over, does without
 
-            asyncio.run(_rescue_slow(driver))
+            asyncio.run(driver.rescue())
         elif isinstance(driver, Driver) and driver.second_link:
             insist(driver.rescue)
         else:

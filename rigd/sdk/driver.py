@@ -352,6 +352,23 @@ class SlowDriver(AnyDriver[ConfigT, LinkT]):
         """
         raise NotImplementedError(f"{type(self).__name__} has no safe state")
 
+    async def rescue(self) -> None:
+        """Make the device safe over a new connection of this driver; then close it.
+
+        Called on a new instance in another process, after the process that ran the device was
+        killed: an answer to that one may still come. Bounded to about 0.5 s. Only if
+        ``second_link``. By default :meth:`open` and :meth:`make_safe`; a device that can be made
+        safe without an answer is made safe first.
+
+        Raises:
+            DeviceError, LinkError, ProtocolError: see :meth:`make_safe`.
+        """
+        try:
+            await self.open()
+            await self.make_safe()
+        finally:
+            await self.close()
+
     async def prove_watchdog(self) -> float:
         """Be silent once, and return after how many seconds the device made itself safe.
 

@@ -172,6 +172,19 @@ class Scpi(SlowDriver[ScpiConfig, None]):
         async with self._lock:
             await self._check_safe()
 
+    async def rescue(self) -> None:
+        """Send `safe` over a new connection before anything is asked; see :class:`SlowDriver`."""
+        await self._port.open()
+        try:
+            self._send_safe()
+            await self._port.quiet(QUIET_S, timeout_s=self.config.timeout)
+            try:
+                await self._check_safe()
+            except DeviceError:  # or an answer to the process that was killed
+                await self._check_safe()
+        finally:
+            self._port.close()
+
     async def close(self) -> None:
         """Close the port; closing twice is silent."""
         self._is_open = False

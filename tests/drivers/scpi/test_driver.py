@@ -17,6 +17,7 @@ from support.visa_bridge import Bridge
 from rigd.cli.new import rendered
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
+from rigd.sdk.port import LinePort
 from rigd_drivers.polling import PolledStatus
 from rigd_drivers.scpi.config import ScpiConfig
 from rigd_drivers.scpi.driver import Scpi
@@ -298,6 +299,40 @@ SUPPLY = {
     "silence": "1 s",
     "timeout": "0.2 s",
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sent", "delay_s", "options"),
+    [
+        (b"MEAS:TEMP?\n", 0.3, {}),
+        (b"HELLO\n", 0.0, {"start": ()}),
+        (b"OUTP?\n", 0.0, {"identify": "WHO?"}),
+    ],
+    ids=["late answer", "error in queue", "no identity"],
+)
+def test_rescue_sends_safe_before_any_question(
+    tmp_path: Path, sent: bytes, delay_s: float, options: dict[str, Any]
+) -> None:
+    async def main() -> None:
+        oven = SimOven("oven", tmp_path / "oven")
+        await oven.start()
+        config = ScpiConfig.model_validate(
+            {**OVEN, "port": str(tmp_path / "oven"), "timeout": "0.5 s", **options}
+        )
+        oven.inject("late", delay_s=delay_s)
+        killed = LinePort(config)
+        await killed.open()
+        killed.send(b"OUTP ON\n" + sent)
+        await asyncio.sleep(0.05)
+        killed.close()
+        assert oven.state()["output"]
+        try:
+            await Scpi(config, None).rescue()
+            assert not oven.state()["output"]
+        finally:
+            await oven.stop()
+
+    asyncio.run(main())
 
 
 @contextmanager
