@@ -7,7 +7,6 @@ A port never waits unless the caller asks for it. A port turns every failure int
 from __future__ import annotations
 
 import errno
-import select
 import socket
 import struct
 import time
@@ -16,7 +15,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from rigd.sdk import LinkError
+from rigd.sdk import LinkError, readable
 from rigd_drivers.canopen import frames
 
 if TYPE_CHECKING:
@@ -128,7 +127,7 @@ class SocketPort(Port):
 
     def wait(self, timeout_s: float) -> None:
         """Wait for a packet."""
-        select.select([self._socket], [], [], timeout_s)
+        readable(self._socket, timeout_s)
 
     def close(self) -> None:
         """Close the socket; what was sent still arrives."""

@@ -9,7 +9,6 @@ setpoints to rest, makes every device safe, and ends.
 from __future__ import annotations
 
 import pickle
-import select
 import signal
 import socket
 import sys
@@ -35,6 +34,7 @@ from rigd.engine.slow.stand_ins import StandIns
 from rigd.engine.stand_in import StandIn
 from rigd.engine.wiring import in_cycle, wire
 from rigd.model.severity import Severity
+from rigd.model.system import readable
 from rigd.record.events import NO_TRIAL
 from rigd.sdk import Driver
 
@@ -97,7 +97,7 @@ class CycleProcess:
                 if self._ticking:
                     self._tick()
                 else:
-                    select.select([self._link], [], [], IDLE_S)
+                    readable(self._link, IDLE_S)
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
                 if not self.over:
                     self._receive()

@@ -6,12 +6,16 @@ Names of ``os`` are asked for when they are used: each system has others.
 from __future__ import annotations
 
 import os
+import select
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.model.errors import Exit, RigdError
+
+if TYPE_CHECKING:
+    from _typeshed import FileDescriptorLike
 
 #: For ``os.open``: the bytes of a file as they are. Windows otherwise changes ends of lines.
 BINARY: Final[int] = getattr(os, "O_BINARY", 0)
@@ -39,6 +43,17 @@ def require_linux(what: str) -> None:
             f"{what} needs Linux; on this system rigd reads, imports, exports and identifies "
             "recordings, runs in virtual time, and reaches rigs elsewhere by `rigd remote`"
         )
+
+
+def readable(handle: FileDescriptorLike, timeout_s: float) -> bool:
+    """Wait until bytes have arrived at a descriptor, or it has ended; False after ``timeout_s``.
+
+    Any descriptor will do: ``select.select`` refuses those above 1023, which a daemon with many
+    connections has.
+    """
+    poll = select.poll()
+    poll.register(handle, select.POLLIN)
+    return bool(poll.poll(max(0.0, timeout_s) * 1e3))
 
 
 def read_at(fd: int, length: int, offset: int) -> bytes:

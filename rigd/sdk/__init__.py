@@ -2,6 +2,7 @@
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.model.system import readable
 from rigd.sdk.declaration import Declaration, Input
 from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.driver import (
@@ -56,5 +57,6 @@ __all__ = [
     "Stream",
     "WrongEntries",
     "accepted",
+    "readable",
     "shipped_configs",
 ]

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
-import select
 import time
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, TypeVar
 
-from rigd.sdk import Declaration, DeviceError, Driver, DriverConfig, LinkError, ProtocolError
+from rigd.sdk import (
+    Declaration,
+    DeviceError,
+    Driver,
+    DriverConfig,
+    LinkError,
+    ProtocolError,
+    readable,
+)
 from rigd.sdk.port import BytePort, Heard, LineBuffer, Questions
 from rigd_drivers.lines.outputs import LineOutputsConfig, clipped
 from rigd_drivers.lines.reader import LineReader, Reading
@@ -295,7 +302,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         deadline = time.monotonic() + timeout_s
         last = b""
         while (left := deadline - time.monotonic()) > 0:
-            select.select([self._port.fileno()], [], [], left)
+            readable(self._port.fileno(), left)
             for line in self._lines.feed(self._port.receive()):
                 answer = take(line)
                 if answer is not None:

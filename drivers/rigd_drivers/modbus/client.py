@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import select
 import time
 from collections.abc import Callable
 from typing import Final
 
-from rigd.sdk import DeviceError, LinkError
+from rigd.sdk import DeviceError, LinkError, readable
 from rigd_drivers.modbus.exchange import Answer, Exchange, Failure
 from rigd_drivers.modbus.framing import Trouble
 from rigd_drivers.modbus.pdu import EXCEPTIONS, PASSING, Request
@@ -171,7 +170,7 @@ class Client:
         if now_ns >= limit_ns:
             return False
         until_ns = min(limit_ns, max(self._exchange.next_ns, now_ns))
-        select.select([self._transport.fileno()], [], [], (until_ns - now_ns) * 1e-9)
+        readable(self._transport.fileno(), (until_ns - now_ns) * 1e-9)
         return True
 
     def _gave_up(self, request: Request, failure: Failure | None, within_s: float) -> Exception:

@@ -9,7 +9,6 @@ hold as many rows as they can.
 from __future__ import annotations
 
 import os
-import select
 import signal
 import time
 from typing import Final
@@ -17,6 +16,7 @@ from typing import Final
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import Board, Phase, RecorderState, RunFolder, Word
 from rigd.model.errors import Exit, RecordingError
+from rigd.model.system import readable
 
 #: File in the run's folder with the error that stopped the recording.
 ERROR_FILE: Final = "recorder.error"
@@ -131,4 +131,4 @@ class Others:
             except ProcessLookupError:
                 self._handles[pid] = None
         handle = self._handles[pid]
-        return handle is None or bool(select.select([handle], [], [], 0)[0])
+        return handle is None or readable(handle, 0.0)

@@ -7,7 +7,6 @@ each such device has a process of its own.
 from __future__ import annotations
 
 import pickle
-import select
 import socket
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Op
 from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError, RigdError
+from rigd.model.system import readable
 
 #: Longest time for opening: connect to a device server, set up a card.
 OPEN_S: Final = 30.0
@@ -153,7 +153,7 @@ class BlockHelper:
             self._child.fence(None)
 
     def _has_message(self, timeout_s: float) -> bool:
-        return bool(select.select([self._opened_link()], [], [], timeout_s)[0])
+        return readable(self._opened_link(), timeout_s)
 
     def _receive(self) -> object:
         """Return the next message; None if the process has closed its end."""

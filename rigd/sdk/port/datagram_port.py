@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import select
 import socket
 from typing import Final, NamedTuple
 
 from rigd.model.errors import DeviceError, LinkError
+from rigd.model.system import readable
 
 #: Longest datagram kept, in bytes, unless the driver gives another length.
 MAX_DATAGRAM: Final = 8192
@@ -126,9 +126,7 @@ class DatagramPort:
             LinkError: it is not open.
 
         """
-        poll = select.poll()
-        poll.register(self._opened(), select.POLLIN)
-        return bool(poll.poll(max(0.0, timeout_s) * 1e3))
+        return readable(self._opened(), timeout_s)
 
     def close(self) -> None:
         """Close the port; closing twice is silent."""

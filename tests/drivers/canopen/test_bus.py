@@ -10,6 +10,7 @@ import can
 import pytest
 from support.can_bench import Clock, Connect
 from support.can_script import ScriptedBus
+from support.descriptors import beyond_select
 
 from rigd.sdk import LinkError
 from rigd_drivers.can_bus import FRAMES_PER_CYCLE, CanBus, CanBusConfig
@@ -250,6 +251,21 @@ def test_simulated_bus_that_ends_is_lost(tmp_path: Path) -> None:
             bus.end(0)
     finally:
         bus.close()
+
+
+def test_frame_is_awaited_beyond_1024_descriptors(tmp_path: Path) -> None:
+    path = str(tmp_path / "bus")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(path)
+        listener.listen()
+        with beyond_select():
+            port = open_port("hub", path, 1_000_000)
+            peer, _ = listener.accept()
+            with peer:
+                peer.send(bytes.fromhex("80 00 00 00 00 00 00 00") + bytes(8))
+                port.wait(5.0)
+                assert port.receive() == (0x080, b"")
+            port.close()
 
 
 def test_last_frame_sent_arrives_although_frames_are_unread(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from support.descriptors import beyond_select
 
 from rigd.cli.new import rendered
 from rigd.config.loader import parse_rig
@@ -193,6 +194,17 @@ def test_broken_connection_is_replaced_to_make_safe() -> None:
         assert device.output
         driver.make_safe()
         driver.confirm_safe()
+        assert not device.output
+
+
+def test_device_is_rescued_beyond_1024_descriptors() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        driver.close()  # as the kernel does for a process that was killed
+        assert device.output
+        with beyond_select():
+            LineOutputs(driver.config, None).rescue()
         assert not device.output
 
 

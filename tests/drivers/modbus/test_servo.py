@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
+from support.descriptors import beyond_select
 from support.modbus_bench import ServoBench, cycle, rows_of, status
 from support.stalls import witnessed
 
@@ -261,6 +262,15 @@ def test_another_process_can_rescue(servo: ServoBench) -> None:
         began = time.monotonic()
         servo.driver().rescue()
         assert time.monotonic() - began < 1.0 + lost_s()
+    assert servo.comes_to_rest()
+
+
+@TCP
+def test_drive_is_rescued_beyond_1024_descriptors(servo: ServoBench) -> None:
+    driver = armed(servo)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    with beyond_select():
+        servo.driver().rescue()
     assert servo.comes_to_rest()
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.blocks import Counter, CounterConfig, alive, device_of, until
+from support.descriptors import beyond_select
 
 from rigd.model.errors import DeviceError, LinkError
 
@@ -50,6 +51,13 @@ def test_rows_reach_ring_and_newest_table(placed: Placed) -> None:
     assert t_ns + START_NS - ORIGIN_NS == rows["t_ns"][-1]
     assert values == [rows["number"][-1], rows["half"][-1], rows["status"][-1]]
     assert t_ns <= time.monotonic_ns() + 1_000
+
+
+def test_helper_starts_beyond_1024_descriptors(placed: Placed) -> None:
+    with beyond_select():
+        place = placed(counter())
+        place.helper.start()
+        assert place.helper.poll() is None
 
 
 def test_device_that_cannot_open_reports_reason(placed: Placed) -> None:
