@@ -136,21 +136,24 @@ def processes(
         )
         prepare(rig, folder, job, record=kept.record, ring_s=RING_S)
         recorder = RecorderProcess(folder)
-        recorder.start()
-        host = launch(
-            rig,
-            folder,
-            job,
-            control,
-            record=kept.record,
-            seed=seed,
-            watched=(_KeptAlive(recorder, control),),
-            finish=recorder.finish,
-        )
+        host = None
         try:
+            recorder.start()
+            host = launch(
+                rig,
+                folder,
+                job,
+                control,
+                record=kept.record,
+                seed=seed,
+                watched=(_KeptAlive(recorder, control),),
+                finish=recorder.finish,
+            )
             recorder.wait_until_recording()
         except BaseException:
-            host.discard()
+            if host is not None:
+                host.discard()
+            recorder.discard()
             folder.clear()  # nothing was sampled
             raise
     except BaseException:

@@ -142,6 +142,12 @@ class RecorderProcess:
             self._child.wait(None)
         self._folder.clear()
 
+    def discard(self) -> None:
+        """End the process before anything was sampled; a recording that it made new is removed."""
+        self._kill()
+        if self.state is RecorderState.RECORDING and not (job := self._folder.job).resume:
+            job.recording.unlink(missing_ok=True)
+
     def _kill(self) -> bool:
         """Kill the process; return whether it has ended."""
         return self._child is None or self._child.fence(_REAP_S)
