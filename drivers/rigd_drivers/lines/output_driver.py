@@ -56,6 +56,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         self._ask, self._ask_state = encoded(config.ask), encoded(config.state.ask)
         self._asked = b""  # the question that is open
         self._due_s = 0.0  # when the channels are asked again
+        self._set_due_s = 0.0  # when setpoints may be sent again
         self._state_due = False  # the state is asked next
         self._wanted: tuple[float, ...] | None = None  # None before arm(), and once it is safe
         self._sent: tuple[bytes, ...] = ()  # lines of the setpoints that were sent last
@@ -132,14 +133,14 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         return self._wanted is not None and bool(self._on)
 
     def read(self, t_ns: int) -> Sequence[float] | None:
-        """Return the newest row, if there is one, and ask for the next.
+        """Return the newest row, if there is one; send setpoints and the next question.
 
         Raises:
             DeviceError: the output went off by itself, or the port is gone.
 
         """
         row = self._heard(time.monotonic())
-        self._ask_next(time.monotonic())
+        self._send_next(time.monotonic())
         if self._was_ready and self._on is False:
             raise DeviceError(
                 f"{self._port.where} has switched its output off",
@@ -149,7 +150,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         return row
 
     def write(self, setpoints: Sequence[float]) -> None:
-        """Take the setpoints, clipped to their ranges; they are sent with the next question.
+        """Take the setpoints, clipped to their ranges; they are sent once in a period.
 
         Raises:
             DeviceError: one is NaN; those before hold.
@@ -250,26 +251,32 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         text, state = line.decode("latin-1").strip(), self.config.state
         return {state.safe.strip(): False, state.ready.strip(): True}.get(text)
 
-    def _ask_next(self, now_s: float) -> None:
-        """Send the next question, if one is due and no answer is."""
-        if self._questions.is_open or self._questions.left(now_s):
+    def _send_next(self, now_s: float) -> None:
+        """Send setpoints that have changed, and the next question, if they are due.
+
+        While a question is open nothing is sent: a line would break off its answer. Setpoints do
+        not wait for an answer that was given up.
+        """
+        if self._questions.is_open:
+            return
+        if self._wanted is not None and now_s >= self._set_due_s:
+            lines = self._setting(self._wanted)
+            pairs = zip(lines, self._sent, strict=True)
+            if changed := b"".join(new for new, old in pairs if new != old):
+                self._port.send(changed)
+                self._sent, self._set_due_s = lines, now_s + self.config.period
+        if self._questions.left(now_s):
             return
         if self._state_due:
-            self._send(self._ask_state, b"", now_s)
+            self._question(self._ask_state, now_s)
             self._state_due = False
         elif now_s >= self._due_s:
-            setting = b""
-            if self._wanted is not None:
-                lines = self._setting(self._wanted)
-                pairs = zip(lines, self._sent, strict=True)
-                setting = b"".join(new for new, old in pairs if new != old)
-                self._sent = lines
-            self._send(self._ask, setting, now_s)
+            self._question(self._ask, now_s)
             self._due_s = now_s + self.config.period
             self._state_due = True
 
-    def _send(self, question: bytes, setting: bytes, now_s: float) -> None:
-        self._port.send(setting + question)
+    def _question(self, question: bytes, now_s: float) -> None:
+        self._port.send(question)
         self._asked = question
         self._questions.asked(now_s, self.config.timeout)
 

@@ -184,6 +184,27 @@ def drop(device: Any) -> None:
     device.answer = dropping
 
 
+def test_setpoint_does_not_wait_for_late_answer() -> None:
+    with opened() as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        answer, heard = device.answer, []
+
+        def losing(message: bytes) -> bytes:
+            """Lose the answer to the next question for channels."""
+            heard.append(message.decode().split()[0])
+            answered: bytes = answer(message)
+            lost = message.startswith(b"MEAS") and heard.count(heard[-1]) == 1
+            return b"" if lost else answered
+
+        device.answer = losing
+        cycle_until(driver, 5.0, lambda: any(item.startswith("MEAS") for item in heard))
+        before = len(heard)
+        driver.write((7.0,))
+        cycle_until(driver, 7.0, lambda: device.driven == 7.0)
+        assert heard[before] == "VOLT", "it was sent before the next question"
+
+
 def test_broken_connection_is_replaced_to_make_safe() -> None:
     with opened() as (driver, device):
         driver.arm()
