@@ -260,6 +260,8 @@ class Scpi(SlowDriver[ScpiConfig, None]):
         """Raise what stands in the error queue, all of it."""
         if self.config.errors is None:
             return
+        if self.config.state is not None and self._port.is_doubtful:
+            await self._answer(self.config.state.ask)  # an entry can be read only once
         found: list[Entry] = []
         for _ in range(ENTRIES):
             answer = await self._answer(self.config.errors)

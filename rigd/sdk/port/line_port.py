@@ -66,6 +66,15 @@ class LinePort:
         return self._questions.late
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether :meth:`ask` will send its question twice, as an earlier answer may still come.
+
+        Before a question that is not to be repeated, such as that for an entry of a queue, ask
+        another.
+        """
+        return self._questions.is_doubtful
+
+    @property
     def overlong(self) -> int:
         """Lines thrown away because they were too long."""
         return self._buffer.overlong

@@ -50,6 +50,11 @@ class Questions:
         """Whether a question waits for its answer."""
         return self._asked_s is not None
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the next answer will be doubtful, so that its question is asked twice."""
+        return bool(self._owed) and not self._settling
+
     def left(self, now_s: float) -> float:
         """Return how long to wait before the next question, in s; 0 if it may be asked."""
         return 0.0 if self.is_open else max(0.0, self._until_s - now_s)

@@ -208,6 +208,20 @@ def test_refused_setpoint_is_named_with_its_error(tmp_path: Path) -> None:
     play(tmp_path, scene, setpoints={"temperature": high})
 
 
+def test_refused_setpoint_after_lost_answer_is_named(tmp_path: Path) -> None:
+    high = {**OVEN["setpoints"]["temperature"], "high": "400 degC"}
+
+    async def scene(driver: Scpi, oven: SimOven) -> None:
+        oven.inject("lost")
+        assert await driver._take() is None
+        oven.clear("lost")
+        with pytest.raises(DeviceError, match=r"-222 'Data out of range' when temperature is set"):
+            await driver.write([350.0 + ICE])
+
+    del high["read"], high["within"]
+    play(tmp_path, scene, setpoints={"temperature": high})
+
+
 def test_infinite_reading_is_nan_with_its_bit(tmp_path: Path) -> None:
     async def scene(driver: Scpi, oven: SimOven) -> None:
         oven.inject("broken_wire")
