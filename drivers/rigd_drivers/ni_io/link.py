@@ -262,7 +262,7 @@ class NiIo(Card):
         if not self._open:
             return
         try:
-            self._signals.put(self._volts_out, self._lines_out, again=again)
+            self._signals.put_lines_first(self._volts_out, self._lines_out, again=again)
         except Expired:
             if not self._at_rest():
                 raise

@@ -253,10 +253,22 @@ class Signals:
                 )
                 self._put_lines = list(lines)
 
+    def put_lines_first(
+        self, volts: Sequence[float], lines: Sequence[bool], *, again: bool = False
+    ) -> None:
+        """Give the digital outputs, then the analogue ones: either also if the other fails.
+
+        See :meth:`put`.
+        """
+        try:
+            self.put((), lines, again=again)
+        finally:
+            self.put(volts, lines, again=again)
+
     def rest(self) -> None:
-        """Bring the digital outputs to rest, then the analogue ones; see :meth:`put`."""
-        self.put((), self.resting_lines, again=True)
-        self.put([0.0] * self._config.analog_outputs, self.resting_lines, again=True)
+        """Bring all outputs to rest; see :meth:`put_lines_first`."""
+        volts = [0.0] * self._config.analog_outputs
+        self.put_lines_first(volts, self.resting_lines, again=True)
 
     def start_watchdog(self, watchdog: WatchdogOptions) -> None:
         """Start the timer of the card, with the outputs at rest as its expiration states."""

@@ -69,6 +69,22 @@ def test_voltage_beyond_range_is_clipped(card: ServedCard, link: NiIo) -> None:
     assert card.block.volts_out[0] == -10.0
 
 
+def test_lines_rest_although_analog_outputs_fail(card: ServedCard, link: NiIo) -> None:
+    def lose_task() -> None:
+        (lost,) = [name for name in card.part._tasks if "ao" in name]
+        del card.part._tasks[lost]
+
+    link.set_volts(0, 4.0)
+    link.set_line(4, high=True)
+    cycle(link)
+    card.on_loop(lose_task)
+    link.set_volts(0, 0.0)
+    link.set_line(4, high=False)
+    with pytest.raises(DeviceError):
+        link.put_out()
+    assert not card.block.lines_out & 0b1_0000
+
+
 def test_counter_that_wraps_is_counted_on(card: ServedCard, link: NiIo) -> None:
     counter = EncoderCounter(0, fastest=1e12)
     counter.open(link, at_zero=True)
