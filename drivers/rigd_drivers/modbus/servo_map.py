@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Self
 
 from annotated_types import Ge, Gt, Le, MinLen
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from rigd.sdk import In
 from rigd_drivers.modbus.registers import (
@@ -53,7 +53,7 @@ class ServoMap(Access):
     """Registers of a speed drive, and the writes that enable, disable and reset it."""
 
     setpoint: Register
-    """Speed that the motor shall have."""
+    """Speed that the motor shall have, of either sign: int16, int32 or float32."""
     speed: Register
     """Speed that it has."""
     scale: Annotated[float, In("rad/s/count"), Gt(0)]
@@ -76,6 +76,15 @@ class ServoMap(Access):
     """Written to leave a fault, disabled; each is held until the fault is gone, or for `hold`."""
     hold: Annotated[float, In("s"), Gt(0), Le(5)] = 0.2
     """Longest that a write of `reset` is held; a drive looks at its commands every 2 to 50 ms."""
+
+    @field_validator("setpoint")
+    @classmethod
+    def _setpoint_has_a_sign(cls, setpoint: Register) -> Register:
+        if setpoint.type.startswith("uint"):
+            raise ValueError(
+                f"{setpoint.type} holds no negative speed: name the register of the signed speed"
+            )
+        return setpoint
 
     @model_validator(mode="after")
     def _steps_are_seen(self) -> Self:

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from rigd.model.errors import ConfigError
 from rigd_drivers import device_file
 from rigd_drivers.modbus.registers import Access, Register
 from rigd_drivers.modbus.servo_map import ServoMap
@@ -55,6 +56,17 @@ def test_shipped_drive_maps_match_their_manuals(name: str, setpoint: int, watchd
     assert described.setpoint.address == setpoint
     assert described.watchdog.time.address == watchdog
     assert described.scale == pytest.approx(0.10471975512)  # rpm
+
+
+def test_unsigned_setpoint_register_is_refused(tmp_path: Path) -> None:
+    shipped = device_file.find("schneider-atv320", "modbus-servo", Path("nowhere"))
+    path = tmp_path / "map.yaml"
+    text = shipped.read_text("utf-8").replace("type: int16", "type: uint16", 1)
+    path.write_text(text)
+    with pytest.raises(
+        ConfigError, match=r"map\.yaml:17:3: setpoint: uint16 holds no negative speed"
+    ):
+        device_file.read(path, ServoMap, path)
 
 
 def test_one_reading_is_asked_for_in_one_request() -> None:
