@@ -22,8 +22,6 @@ PERIOD_S: Final = 0.05
 _PULSES_PER_TIME: Final = 5
 #: A confirmation of the card older than this, in s, is no row of this cycle any more.
 FRESH_S: Final = 0.15
-#: An order to open that is under way may be confirmed this long after it was given, in s.
-_SAFE_S: Final = 2 * CALL_S
 _LOOK_S: Final = 0.002
 
 
@@ -172,25 +170,30 @@ class NiRelay(Driver[NiRelayConfig, None]):
             keeper.want(closed=value >= 0.5)
 
     def make_safe(self) -> None:
-        """Open the relay and let the one-shot drop; waits for the card's answer, 1 s at most.
+        """Order the relay to open, and let the one-shot drop; never waits."""
+        self._armed_ns = self._up_ns = 0
+        if self._keeper is not None:
+            self._keeper.starve()
+            self._keeper.want(closed=False, at_once=True)
+
+    def confirm_safe(self) -> None:
+        """Wait until the card confirms that the relay opens.
 
         Raises:
-            LinkError: the card does not confirm; the one-shot opens the relay.
+            DeviceError, LinkError: it does not; the one-shot opens the relay.
         """
-        self._armed_ns = self._up_ns = 0
         keeper = self._keeper
         if keeper is None:
             return
-        keeper.starve()
-        wish = keeper.want(closed=False, at_once=True)
-        deadline = time.monotonic() + _SAFE_S
+        wish = keeper.wish
+        deadline = time.monotonic() + CALL_S
         while keeper.known.wish < wish:
             failed = keeper.failed
             if failed is not None and failed.wish >= wish:
                 raise failed.why
             if time.monotonic() > deadline:
                 raise LinkError(
-                    f"the card did not confirm within {_SAFE_S:g} s that the relay opens",
+                    f"the card did not confirm within {CALL_S:g} s that the relay opens",
                     hint="switch the motor's supply off; see that the card can be reached",
                 )
             time.sleep(_LOOK_S)

@@ -269,6 +269,7 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
     driver.make_safe()
+    driver.confirm_safe()
     assert not rig.bench.line[-1][1]
     edges = len(rig.bench.edges)
     cycles(driver, 1.0, lambda: not rig.bench.one_shot.up)  # ignores everything
@@ -276,6 +277,15 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     assert not rig.bench.line[-1][1]
     driver.make_safe()
     armed(driver)
+
+
+def test_hanging_server_does_not_delay_other_devices(rig: Rig) -> None:
+    driver = armed(rig.opened())
+    cycles(driver, 1.0, lambda: rig.bench.closed)
+    rig.inject("stall", seconds=3600)
+    driver.make_safe()  # the devices behind it are ordered next
+    with pytest.raises(LinkError, match=r"did not confirm within 0\.5 s|switch a line"):
+        driver.confirm_safe()
 
 
 def test_dead_server_is_reported_and_make_safe_ends(rig: Rig) -> None:
@@ -290,8 +300,9 @@ def test_dead_server_is_reported_and_make_safe_ends(rig: Rig) -> None:
         armed(driver)
     with pytest.raises(LinkError, match=r"(switch|read) a line .*UNAVAILABLE"):
         cycles(driver, 1.0, lambda: False)
+    driver.make_safe()
     with pytest.raises(LinkError):
-        driver.make_safe()
+        driver.confirm_safe()
     driver.close()
     driver.close()
 
