@@ -211,7 +211,7 @@ class Scpi(SlowDriver[ScpiConfig, None]):
         if state is None or not self._armed:
             return
         answer = await self._answer(state.ask)
-        if answer != state.ready.strip():
+        if answer != state.ready.strip() and self._armed:
             raise DeviceError(
                 f"{self.config.port} answers {answer!r} to {state.ask!r} in mid-run: its output is "
                 "not on any more",

@@ -198,6 +198,22 @@ def test_output_that_goes_off_is_a_fault(tmp_path: Path) -> None:
     play(tmp_path, scene)
 
 
+def test_output_off_by_make_safe_is_no_fault(tmp_path: Path) -> None:
+    async def scene(driver: Scpi, oven: SimOven) -> None:
+        async def check() -> None:
+            async with driver._lock:
+                await driver._check_output()
+
+        await armed(driver)
+        checking = asyncio.create_task(check())
+        await asyncio.sleep(0)  # it is about to ask
+        await driver.make_safe()
+        assert not oven.state()["output"]
+        await checking
+
+    play(tmp_path, scene)
+
+
 def test_refused_setpoint_is_named_with_its_error(tmp_path: Path) -> None:
     high = {**OVEN["setpoints"]["temperature"], "high": "400 degC"}
 
