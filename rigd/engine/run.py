@@ -113,8 +113,8 @@ class Run:
             raise
         finally:
             # In this order: the rig must be safe before anything that can fail or take time.
-            problems = self.host.make_safe()
             try:
+                problems = self.host.make_safe()
                 self._record_end(way.ending, reason)
             finally:
                 self.host.close()

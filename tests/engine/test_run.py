@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import pytest
-from support.bench import PERIOD_NS, Axis, Bench, Stubborn, move, procedure
+from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.engine.control import Control
 from rigd.engine.result import Progress
@@ -249,6 +249,22 @@ class BrokenAxis(Axis):
 def test_even_bug_in_driver_leaves_safe_rig() -> None:
     bench = Bench(axis=BrokenAxis())
     with pytest.raises(ZeroDivisionError):
+        bench.run(procedure([move("one", 0.5)])).execute()
+    assert_safe(bench)
+
+
+class FullSink(ListSink):
+    """A recording without room for what could not be made safe."""
+
+    def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
+        if kind == "fault":
+            raise RecordingError("the disk is full")
+        super().event(t_ns, kind, trial, data)
+
+
+def test_devices_are_closed_if_make_safe_raises() -> None:
+    bench = Bench(sink=FullSink())  # it cannot record that its stubborn device is not safe
+    with pytest.raises(RecordingError, match="the disk is full"):
         bench.run(procedure([move("one", 0.5)])).execute()
     assert_safe(bench)
 
