@@ -37,6 +37,8 @@ class ScriptedNode:
             self.state = {0x01: 0x05, 0x80: 0x7F, 0x02: 0x04}[data[0]]
             if self.beats:
                 self.outputs.append((0x700 + self.node, bytes([self.state])))
+        elif identifier == 0x600 + self.node and data[0] == 0x80:
+            pass  # an abort has no answer
         elif identifier == 0x600 + self.node and self.state != 0x04:  # stopped: no SDO
             for _ in range(self.replies):
                 self.outputs.append((0x580 + self.node, self._serve(data)))

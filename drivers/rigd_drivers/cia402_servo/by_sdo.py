@@ -144,7 +144,8 @@ def force_off(bus: CanBus, node_id: int) -> None:
     """Switch a drive off, and check that it gives no torque.
 
     A node that another master has stopped takes neither PDOs nor SDOs (CiA 301, 7.3.2.2.4); it is
-    made pre-operational then. Takes some 0.5 s at most, and asks no EDS.
+    made pre-operational then. An answer to another question may still come; the order is then
+    given once more. Takes some 0.5 s at most, and asks no EDS.
 
     Raises:
         LinkError: it does not answer.
@@ -157,7 +158,7 @@ def force_off(bus: CanBus, node_id: int) -> None:
     node.attach()
     try:
         node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-    except LinkError:
+    except (LinkError, ProtocolError):
         node.order(nmt.Command.PRE_OPERATIONAL)
         node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
     if not reached(node, TORQUELESS, RESCUE_TIMEOUT_S):

@@ -81,6 +81,26 @@ def test_drive_that_ignores_its_pdos_is_switched_off(connect: Connect, state: in
     assert drive.objects[0x6041, 0] == number(OFF, 2)
 
 
+class Late(Answering):
+    """A drive that still owes an answer to a read of its statusword."""
+
+    owed = bytes.fromhex("4b 41 60 00 37 02 00 00")
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        if identifier == 0x601 and data[0] == 0x2B and self.owed:
+            self.outputs.append((0x581, self.owed))
+            self.owed = b""
+        super().hear(identifier, data)
+
+
+def test_late_answer_does_not_hinder_the_rescue(connect: Connect) -> None:
+    drive = Late(1, servo().objects)
+    bus, _ = connect(drive)
+    drive.objects[0x6041, 0] = number(ENABLED, 2)
+    wheel(bus).rescue()
+    assert drive.objects[0x6041, 0] == number(OFF, 2)
+
+
 def test_drive_that_stays_enabled_is_reported(connect: Connect) -> None:
     drive, driver, _ = moving(connect)
     drive.heeds = False
