@@ -185,6 +185,15 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
                 f"{state.safe}"
             )
 
+    async def rescue(self) -> None:
+        """Do `safe` before anything is read, then look at `state`; see :class:`SlowDriver`."""
+        self._process = self._new_process(acted=True)
+        try:
+            await self._begin(self._process)
+            await self.make_safe()
+        finally:
+            await self.close()
+
     async def close(self) -> None:
         """End the process, which closes the instrument; closing twice is silent."""
         process, self._process = self._process, None

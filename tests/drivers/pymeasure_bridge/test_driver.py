@@ -235,6 +235,18 @@ def test_supply_that_stays_on_is_not_safe() -> None:
     play(scene)
 
 
+def test_rescue_makes_safe_before_it_reads_anything() -> None:
+    supply = Supply2260B()
+    try:
+        supply.output = True
+        config = supply_config(supply, start=(), model="another")
+        asyncio.run(Pymeasure(config, None).rescue())
+        assert not supply.output
+        assert supply.heard[0] == "OUTPut 0"
+    finally:
+        supply.stop()
+
+
 def test_silent_supply_obeys_and_is_not_reported_safe() -> None:
     async def scene(driver: Pymeasure, supply: Supply2260B) -> None:
         await armed(driver)
