@@ -55,6 +55,8 @@ class TrialSeries:
                 self._enter(event.trial)
             self._now = replace(self._now, step=self._entered, step_name=str(data.get("name", "")))
             self._entered += 1
+        elif event.kind == "prompt":  # the wait for the answer belongs to no step
+            self._now = replace(before, step=NONE, step_name="")
         elif event.kind == "hold":  # of which the time belongs to no step
             over = data.get("phase") == "over"
             step, name = (self._entered - 1, str(data.get("step", ""))) if over else (NONE, "")

@@ -12,7 +12,9 @@ from rigd.record.events import Event
 #: State of a run whose recording has no ``run_end`` after its last ``run_start``, and reason of a
 #: trial that another began within.
 INTERRUPTED: Final = "interrupted"
-_ENDS_STEP: Final = ("step", "hold", "trial_start", "trial_end", "run_start", "run_end")
+_ENDS_STEP: Final = (
+    "step", "hold", "prompt", "trial_start", "trial_end", "run_start", "run_end",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class Step:
 def steps(events: Sequence[Event]) -> tuple[Step, ...]:
     """Return the steps in the order of their start; each ends with the next step or its trial.
 
-    A step that was held ends there, and begins again where its time goes on: what was recorded
+    A step before a prompt ends where the prompt begins: the rig waits for the answer in no step. A
+    step that was held ends there, and begins again where its time goes on: what was recorded
     meanwhile belongs to no step.
     """
     done: list[Step] = []

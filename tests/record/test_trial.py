@@ -131,3 +131,16 @@ def test_importing_rigd_loads_neither_numpy_nor_mcap() -> None:
     code = "import sys, rigd; print(sorted({'numpy', 'mcap', 'pandas'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_step_ends_where_prompt_begins(create: Create, start_ns: int, tmp_path: Path) -> None:
+    played = [("trial_start", ""), ("step", "drive"), ("prompt", "turn"), ("answer", "turn"),
+              ("step", "next"), ("trial_end", "")]  # fmt: skip
+    with create() as writer:
+        for second, (kind, name) in enumerate(played):
+            writer.event(start_ns + second * 10**9, kind, 1, {"name": name} if name else {})
+    found = Recording.open(tmp_path / "run.mcap").steps
+    spans = [(item.name, item.start_ns - start_ns, (item.end_ns or 0) - start_ns) for item in found]
+    assert spans == [
+        ("drive", 10**9, 2 * 10**9), ("next", 4 * 10**9, 5 * 10**9),
+    ]  # fmt: skip

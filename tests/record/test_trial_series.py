@@ -32,6 +32,8 @@ RUN: list[tuple[str, int | None, dict[str, Any]]] = [
     ("late", 0, {"missed_slots": 1}),
     ("trial_end", 0, {"complete": True}),
     ("step", None, {"name": "back"}),
+    ("prompt", None, {"name": "look"}),
+    ("answer", None, {"name": "look"}),
     ("run_end", None, {"state": "complete"}),
 ]
 MARKS: list[Mark] = [

@@ -48,11 +48,11 @@ class Steps:
         Raises:
             DataError: the trial has no such step.
         """
-        entered = self._of(trial, "step")
-        for event, following in zip(entered, [*entered[1:], None], strict=True):
-            if event.data.get("name") == step:
-                end = trial.end_ns if following is None else following.t_ns
-                return event.t_ns, self.sweep.recording.end_ns if end is None else end
+        last_ns = self.sweep.recording.end_ns if trial.end_ns is None else trial.end_ns
+        for played in self.sweep.recording.steps:
+            inside = trial.start_ns <= played.start_ns <= last_ns
+            if (played.name, played.trial, inside) == (step, trial.number, True):
+                return played.start_ns, last_ns if played.end_ns is None else played.end_ns
         raise DataError(
             f"{self.sweep.path}: trial {trial.number} has no step {step!r}",
             hint="the shipped procedures calibrate_*.yaml show what a calibration needs",

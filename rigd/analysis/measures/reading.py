@@ -136,19 +136,34 @@ class TrialReader:
         ]
 
     def _samples(self, name: str, span: tuple[int, int]) -> Samples:
-        """Return times in s since the trial began (n,) and values (n,), without repeated rows."""
+        """Return times in s since the trial began (n,) and values (n,), without repeated rows.
+
+        While the rig waited at a prompt no step was played: these rows do not count.
+        """
         stream, _, channel = name.partition(".")
         key = (stream, *span)
         if key not in self._rows:
             rows = self.recording.read(stream, *span)
             if self.recording.streams[stream].has_status:
                 rows = rows[~stale_rows(rows[STATUS_FIELD])]
-            self._rows[key] = rows
+            self._rows[key] = self._in_steps(rows)
         rows = self._rows[key]
         seconds = (rows[TIME_FIELD].astype(np.int64) - self.trial.start_ns).astype(
             np.float64
         ) * 1e-9
         return seconds, rows[channel].astype(np.float64)
+
+    def _in_steps(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows within a step that was played; all rows of a trial without steps."""
+        played = self._played()
+        if not played:
+            return rows
+        times = rows[TIME_FIELD].astype(np.int64)
+        inside = np.zeros(len(rows), bool)
+        for step in played:
+            end_ns = self.recording.end_ns + 1 if step.end_ns is None else step.end_ns
+            inside |= (step.start_ns <= times) & (times < end_ns)
+        return rows[inside]
 
     def _values(self, measure: Measure, span: tuple[int, int]) -> Samples:
         """Return the samples of the channel of a measure.

@@ -228,6 +228,22 @@ def test_measure_that_cannot_be_read_has_reason(tmp_path: Path, measure: str, wo
     assert words in reason(tmp_path, measure)
 
 
+@pytest.mark.parametrize(
+    ("measure", "expected"),
+    [
+        ("{final: axis.position, during: pull}", 0.1 * 0.399),
+        ("{mean: axis.position, during: last 0.2 s of pull}", 0.1 * 0.2995),
+        ("{final: axis.position}", 0.1 * 0.799),
+        ("{mean: axis.position}", 0.1 * (0.1995 * 400 + 0.7495 * 100) / 700),
+    ],
+)
+def test_wait_at_prompt_is_not_measured(tmp_path: Path, measure: str, expected: float) -> None:
+    # The rig waits for the answer from 0.6 s to 0.9 s.
+    steps = ((0.0, "rest"), (0.2, "pull"), (0.9, "rest"), (1.0, "back"))
+    found = value(tmp_path, measure, steps=steps, extra=[(0.6, "prompt", 1, {"name": "turn"})])
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
 def test_trial_without_steps_is_measured_whole(tmp_path: Path) -> None:
     assert value(tmp_path, "{final: axis.heat}", steps=()) == pytest.approx(293.15 + 20 * 1.499)
 
