@@ -122,7 +122,7 @@ class Player:
 
         With ``pause`` a segment that can be held is held. Its time then stands still: no end
         condition is checked, only the limits of the trial. ``applied`` are the setpoints after the
-        limiter.
+        limiter: profiles begin there.
         """
         if self.entered:
             self.entered = []
@@ -155,7 +155,7 @@ class Player:
                 self._position += 1
                 return Outcome(Severity.DONE, last_values=last_values)
             self._position += 1
-            self._enter(t_ns, wanted)
+            self._enter(t_ns, wanted, applied or wanted)
         hold = self._hold
         if pause and hold is not None:
             hold.begin(t_ns, wanted, applied)
@@ -166,13 +166,13 @@ class Player:
                 wanted[place] = profile.at(t_s, initial)
         return None
 
-    def _enter(self, t_ns: int, wanted: MutableSequence[float]) -> None:
+    def _enter(self, t_ns: int, wanted: MutableSequence[float], before: Sequence[float]) -> None:
         self._began_ns = t_ns
         self._watches[self._position].restart()
         self._moving.clear()
         self.entered.append(self._segments[self._position].name)
         for place, profile in self._profiles[self._position]:
-            initial = wanted[place]
+            initial = before[place]  # not what was wanted: the limiter may still be on its way
             wanted[place] = profile.at(0.0, initial)
             if not isinstance(profile, ConstantProfile):
                 self._moving.append((place, profile, initial))

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from rigd.engine.limiter import Limiter
 from rigd.engine.player import Outcome, Player
+from rigd.model.limits import SetpointLimit
 from rigd.model.severity import Severity
 from rigd.procedure.profiles import ConstantProfile, Ramp
 from rigd.procedure.program import (
@@ -67,6 +69,18 @@ def test_unnamed_setpoints_hold_and_profiles_start_from_them() -> None:
     )
     history, _ = play(program, [(0, 0)] * 6)
     assert history == [(1.0, 2.0), (1.0, 2.0), (0.75, 2.0), (0.5, 2.0), (0.25, 2.0)]
+
+
+def test_profile_begins_at_setpoint_that_passed_limiter() -> None:
+    first = Segment("up", {"a.u": ConstantProfile(10.0)}, duration_s=0.002)
+    down = Segment("down", {"a.u": Ramp(None, 0.0, 0.004)}, duration_s=0.01)
+    player = Player(CycleProgram((first, down)), READINGS, SETPOINTS)
+    limiter = Limiter((SetpointLimit(0.0, 10.0, 1000.0), SetpointLimit(0.0, 10.0, 1000.0)), 1e-3)
+    wanted, passed = [0.0, 0.0], []
+    for k in range(7):
+        player.step(k * MS, (0.0, 0.0), wanted, limiter.applied)
+        passed.append(limiter.apply(wanted)[0])
+    assert passed == [1.0, 2.0, 2.0, 1.5, 1.0, 0.5, 0.0]
 
 
 def test_broken_condition_starts_its_time_again() -> None:
