@@ -72,6 +72,8 @@ class StepCompiler:
         for index, source in enumerate(sources):
             where = (*path, index)
             if not self._plays(where, source.when, scope):
+                if self.remembers:  # other prompts have changed meanwhile what this one set up
+                    self._shown.pop(where, None)
                 continue
             if isinstance(source, MoveSource):
                 segments.append(self._segment(where, source, scope, limits))

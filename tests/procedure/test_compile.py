@@ -191,6 +191,35 @@ def test_when_selects_steps_by_parameter(rig: RigConfig) -> None:
     assert names == changing + [["drive"]] * 2 + [["drive a ramp"]] * 3 + [["swing"]] * 2
 
 
+FLOORS = """\
+procedure: floors
+title: Floors
+doc: For tests.
+parameters:
+  floor: {doc: Floor, choices: [stone, pvc]}
+  turn: {doc: Number of the turn}
+sweep: {grid: {turn: [1, 2, 3, 4], floor: [stone, pvc]}}
+trial:
+  steps:
+    - {prompt: lay_stone, text: Lay stone., when: {floor: stone}, once_per: floor, choices: [done],
+       answer: done}
+    - {prompt: lay_pvc, text: Lay pvc., when: {floor: pvc}, once_per: floor, choices: [done],
+       answer: done}
+    - {step: wait, for: 1 s}
+"""
+
+
+@pytest.mark.parametrize("order", ["order: given", "order: random, seed: 3"])
+def test_prompt_hidden_by_when_is_due_again(compile_text: Compile, order: str) -> None:
+    text = FLOORS.replace("floor: [stone, pvc]}}", f"floor: [stone, pvc]}}, {order}}}")
+    trials = compile_text(text).trials
+    floors = [str(trial.parameters["floor"]) for trial in trials]
+    changes = [a != b for a, b in zip(floors, ["", *floors], strict=False)]
+    asked = [[step.name for step in trial.steps if isinstance(step, Prompt)] for trial in trials]
+    assert asked == [[f"lay_{floor}"] if new else []
+                     for floor, new in zip(floors, changes, strict=True)]  # fmt: skip
+
+
 def masses_asked(compiled: CompiledProcedure) -> list[tuple[int, object]]:
     return [
         (trial.number, step.answer)
