@@ -70,6 +70,8 @@ def _with_constant(plan: IdentifyPlan, name: str, text: str) -> IdentifyPlan:
     try:
         value = parse_quantity(written)
         recorded, needed = plan.units.get(name), needs.constant_units.get(name)
+        if recorded and needed and not of_kind(recorded, needed):
+            recorded = None  # the correction may mend it
         expected = parse_unit(recorded or needed or value.unit.symbol)
         if not value.unit.same_kind(expected):
             given = "no unit" if value.unit.symbol == "1" else f"the unit {value.unit}"

@@ -33,7 +33,7 @@ def analysis_of(
 
     Raises:
         ConfigError: no such analysis is installed, or it cannot be loaded; a signal, constant or
-            reference is missing or unknown; or a signal is of another kind than is needed.
+            reference is missing or unknown; or a signal or constant is of another kind.
     """
     analysis = _installed_analysis(plan.model, place)
     check_plan(plan, analysis, place, trial_parameters, rig)
@@ -114,6 +114,15 @@ def _mistakes(
             f"model {model} does not evaluate single trials",
             "leave `identify: check` out; `rigd identify` evaluates the recording",
         )
+    for name, unit in needs.constant_units.items():
+        given = plan.units.get(name)
+        if given is not None and not of_kind(given, unit):
+            kind = "no unit" if given == "1" else f"the unit {given}"
+            wanted_unit = "a plain number" if unit == "1" else unit
+            yield (
+                f"the constant {name} has {kind}; model {model} takes it in {wanted_unit}",
+                "correct it under `identify: constants:` in the procedure",
+            )
     for name in needs.trial_parameters:
         if trial_parameters is not None and name not in trial_parameters:
             message = f"model {model} needs trials with a parameter {name!r}"

@@ -163,6 +163,13 @@ def test_analysis_without_units_takes_any_constant(
     assert sweep.constant(sweep.trials[0], "guide_friction_mass") == 4200.0
 
 
+def test_recorded_constant_of_wrong_kind_is_mended(record: Record) -> None:
+    sweep = record()
+    wrong = replace(sweep, plan=replace(sweep.plan, units={**sweep.plan.units, "mass": "N"}))
+    mended = corrected(wrong, Corrections({"mass": "4 kg"}))
+    assert mended.constant(mended.trials[0], "mass") == 4.0
+
+
 def test_a_procedure_gives_constants_of_rig_and_tables(record: Record) -> None:
     text = PROCEDURE.replace("stone: 0.009, pvc: 0.022", "stone: 0.01, pvc: 0.03")
     sweep = with_procedure(record(), text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from rigd.config.registry import ANALYSES, installed
 from rigd.daemon.execute import RunRequest, execute
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
-from rigd.procedure.loader import load_procedure
+from rigd.procedure.loader import load_procedure, parse_procedure
 from rigd.procedure.program import IdentifyPlan
 
 PLAN = IdentifyPlan(
@@ -96,6 +97,27 @@ def test_shipped_procedures_give_constants_in_these_units(procedure: str, rig: s
     assert plan.units
     for name, unit in plan.units.items():
         assert of_kind(unit, needs.constant_units[name]), f"{name} in {unit}"
+
+
+@pytest.mark.parametrize(
+    ("written", "kind"),
+    [
+        ("mass: 4 N", "mass has the unit N; model lugre takes it in kg"),
+        ("mass: 4", "mass has no unit; model lugre takes it in kg"),
+        ("mass: ${current}", "mass has the unit A; model lugre takes it in kg"),
+        ("rolling_resistance: 4 mm",
+         "rolling_resistance has the unit mm; model lugre takes it in a plain number"),
+    ],
+)  # fmt: skip
+def test_constant_of_wrong_kind_is_refused(written: str, kind: str) -> None:
+    text = load_procedure("constant_current").file.text
+    name = written.partition(":")[0]
+    text = re.sub(rf"^    {name}: .*$", f"    {written}", text, flags=re.MULTILINE)
+    rig = load_rig("lugre-1")
+    plan = compile_procedure(parse_procedure(text, Path("p.yaml")), rig).identify
+    assert plan is not None
+    with pytest.raises(ConfigError, match=f"the constant {kind}"):
+        analysis_of(plan)
 
 
 def test_a_model_of_converted_values_takes_no_calibration(tmp_path: Path) -> None:
