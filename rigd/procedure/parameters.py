@@ -105,16 +105,15 @@ def read_parameters(
             value = _override(reader, parameter, overrides[name], scope)
             given[name] = scope[name] = value
         elif item.default is not None:
-            scope[name] = _default(reader, parameter, item.default, scope)
+            value = _default(reader, parameter, item.default, scope)
+            if name not in swept:  # a default that the sweep replaces gives nothing its value
+                scope[name] = value
         elif name not in swept:
             reader.note_key(
                 ("parameters", name), f"{name} has no value",
                 f"give it a default, sweep it, or run with --set {name}=...",
             )  # fmt: skip
             scope[name] = _unknown(parameter)
-    for name in swept:
-        if name not in given:
-            scope.pop(name, None)
     units = {name: item.unit for name, item in known.items() if not item.choices}
     return Parameters(known, scope, units, given)
 

@@ -244,3 +244,15 @@ def test_trial_in_which_no_step_plays(compile_text: Compile, small: str) -> None
     with pytest.raises(ConfigError, match=r"no step .*\{'floor': 'stone'"):
         compile_text(text)
     assert compile_text(text, floor="pvc").trials
+
+
+@pytest.mark.parametrize("keys", ["default:", "default: 1 A, min:"])
+def test_value_from_swept_default_is_refused(compile_text: Compile, small: str, keys: str) -> None:
+    text = small.replace("current: {doc: Motor current, unit: A,",
+                         "current: {doc: Motor current, unit: A, default: 0.5 A,")  # fmt: skip
+    text = text.replace(
+        "  speed: {doc",
+        f"  part: {{doc: Part, unit: A, {keys} '0.5 * ${{current}}'}}\n  speed: {{doc",
+    )
+    with pytest.raises(ConfigError, match=r"(?s)'\$\{current\}'.*the sweep varies current"):
+        compile_text(text)
