@@ -12,7 +12,6 @@ from rigd.model.errors import ConfigError
 from rigd.sdk.shipped import Kind, shipped_folder
 
 _KEYS: Final = {"configs": "rig", "maps": "map", "procedures": "procedure"}
-_HEAD_BYTES: Final = 4096  # the name is near the top of a file
 
 
 def is_path(given: str | Path) -> bool:
@@ -95,13 +94,12 @@ def titled(name: str, location: str) -> str:
 
 def _named_files(folder: Path, kind: Kind) -> Iterator[tuple[Path, str]]:
     """Yield the files of ``folder`` that state their kind, with the name that they give."""
-    pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*([A-Za-z0-9_-]+)", re.MULTILINE)
+    pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*[\"']?([A-Za-z0-9_-]+)", re.MULTILINE)
     for file in sorted(item for item in folder.glob("*.yaml") if item.is_file()):
         try:
-            with file.open("rb") as stream:
-                head = stream.read(_HEAD_BYTES).decode("utf-8", errors="replace")
+            text = file.read_text(encoding="utf-8-sig", errors="replace")
         except OSError:
             continue  # an unreadable file has no name; its path reports the error
-        match = pattern.search(head)
+        match = pattern.search(text)
         if match:
             yield file, match[1]

@@ -53,6 +53,26 @@ def test_missing_file_in_own_folder_finds_none_shipped(
     assert told.value.hint == "to use the shipped rig, give its name: wire_lugre"
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeffrig: lugre-1\n",
+        'rig: "lugre-1"\n',
+        "rig: 'lugre-1'\n",
+        "# note\n" * 700 + "rig: lugre-1\n",
+    ],
+    ids=["mark of byte order", "double quotes", "single quotes", "long comment"],
+)
+def test_own_file_is_found_however_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "configs" / "mine.yaml"
+    own.parent.mkdir()
+    own.write_text(text, encoding="utf-8")
+    assert find_file("lugre-1", "configs").resolve() == own
+
+
 def test_own_file_precedes_the_shipped_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
