@@ -85,7 +85,8 @@ def write_calibration(new: Calibration, before: str | None) -> None:
     path = new.path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        found = path.read_text("utf-8") if path.exists() else None
+        # As a file is read: with its line ends, without the mark of its byte order.
+        found = path.read_bytes().decode("utf-8-sig", "replace") if path.exists() else None
         if found != before:
             raise ConfigError(
                 f"{path} has changed since it was read; nothing is written",

@@ -201,6 +201,22 @@ def test_writing_replaces_file_and_leaves_nothing_beside_it(tmp_path: Path) -> N
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.parametrize(
+    "raw",
+    [TEXT.encode(), TEXT.replace("\n", "\r\n").encode(), TEXT.encode("utf-8-sig")],
+    ids=["LF", "CRLF", "mark of byte order"],
+)
+def test_calibration_file_of_any_editor_is_renewed(tmp_path: Path, raw: bytes) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_bytes(raw)
+    old = load_calibration(file)
+    new = renewed(
+        old, {"torque_scale": measured()}, name="bench", rigs=["bench-1"], path=file, on=TODAY
+    )
+    write_calibration(new, old.text)
+    assert load_calibration(file).values["torque_scale"] == measured()
+
+
 def test_file_changed_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(TEXT + "# by hand\n")
