@@ -8,7 +8,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rigd.cli import options
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rigd.daemon.calibrate import Renewal
     from rigd.model.errors import Exit
 
+#: Options of the run, which `--from` has no use for.
+_OF_RUNS: Final = ("set", "specimen", "note", "meta", "ask", "seed", "runs")
 HELP = "calibrate a rig: run a procedure, evaluate it, update the calibration file"
 EXAMPLES = """\
 examples:
@@ -84,6 +86,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_about(parser)
     options.add_json(parser)
     options.add_quiet(parser)
+    parser.set_defaults(defaults=parser.get_default)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -136,6 +139,13 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
         return load_rig(args.rig)
     if args.procedure is not None:
         raise ConfigError("--from evaluates a recording; remove the procedure")
+    of_runs = [f"--{name}" for name in _OF_RUNS
+               if getattr(args, name) != args.defaults(name)]  # fmt: skip
+    if of_runs:
+        raise ConfigError(
+            f"{', '.join(of_runs)} would change nothing: --from runs no procedure",
+            hint="remove it, or run the procedure again",
+        )
     info = run_info(Recording.open(args.recording))
     rig = load_rig(args.rig or info.rig)
     if rig.name != info.rig:

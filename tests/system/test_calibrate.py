@@ -136,6 +136,18 @@ def test_shipped_calibration_stays_and_copy_is_written(torque: Path, tmp_path: P
     assert len(load_calibration(tmp_path / FILE).history) == 2
 
 
+@pytest.mark.parametrize(
+    "option",
+    [("--set", "lever_arm=1 m"), ("--note", "x"), ("--meta", "a=b"), ("--specimen", "W7"),
+     ("--seed", "2"), ("--ask",), ("--runs", "there")],
+    ids=lambda option: option[0],
+)  # fmt: skip
+def test_options_of_run_are_refused_with_from(option: tuple[str, ...], tmp_path: Path) -> None:
+    done = rigd("calibrate", "--from", "torque.mcap", *OPERATOR, *option, cwd=tmp_path)
+    assert done.code == 2
+    assert f"{option[0]} would change nothing: --from runs no procedure" in done.err
+
+
 def test_without_terminal_and_without_yes_nothing_is_written(torque: Path, tmp_path: Path) -> None:
     done = rigd("calibrate", "--from", torque, *OPERATOR, cwd=tmp_path)
     assert done.code == 3
