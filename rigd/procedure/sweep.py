@@ -197,7 +197,8 @@ def _range(
                     "end on a whole number of steps")  # fmt: skip
         return []
     # Twelve digits: 0.15 A + 2 x 0.15 A is 0.45 A, not 0.44999999999999996 A.
-    return [
+    values: list[Value] = [
         Number(float(f"{start.value + index * step.value:.12g}"), start.dimension, start.unit)
-        for index in range(steps + 1)
+        for index in range(steps)
     ]
+    return [*values, end]  # as written: rounded it may be beyond a limit

@@ -9,6 +9,7 @@ import pytest
 
 from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
+from rigd.model.units import parse_quantity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
 from rigd.procedure.profiles import Chirp, ConstantProfile, Prbs, Ramp, Sine, Square, TableProfile
@@ -141,6 +142,19 @@ def test_grid_is_combined_with_rows_of_zip(compile_text: Compile, small: str) ->
     assert compiled.identify is not None
     # The sweep varies the floor: the constant is the trial parameter of this name.
     assert compiled.identify.constants["rolling_resistance"] == "rolling"
+
+
+def test_range_ends_at_value_as_written(compile_text: Compile, small: str) -> None:
+    text = small.replace("speed: {doc: Belt speed, unit: mm/s, default: 100 mm/s, max: 1 m/s}",
+                         "spin: {doc: Spin, unit: rpm, max: 1000 rpm}")  # fmt: skip
+    text = text.replace("${speed}", "100 mm/s").replace("go at 100 mm/s", "go")
+    text = text.replace(
+        "  grid:\n", "  grid:\n    spin: {from: 0 rpm, to: 1000 rpm, step: 500 rpm}\n"
+    )
+    assert (
+        max(trial.parameters["spin"] for trial in compile_text(text).trials)
+        == parse_quantity("1000 rpm").value
+    )
 
 
 def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
