@@ -57,7 +57,7 @@ def step_rows(
     variants, blocks = _by_name(procedure)
     durations: dict[str, list[float]] = {}
     ends = [t_ns for t_ns, _, _ in played[1:]] + [end_ns]
-    for (t_ns, _, name), until in zip(played, ends, strict=True):
+    for (t_ns, _, name), until in zip(played, ends, strict=False):  # perhaps no step began
         durations.setdefault(name, []).append((until - t_ns) * 1e-9)
     return tuple(
         StepRow(

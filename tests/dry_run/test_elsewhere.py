@@ -72,6 +72,13 @@ def test_interlock_of_real_file_refuses(tmp_path: Path) -> None:
     assert not peak.inside
 
 
+def test_trial_that_ends_before_its_steps_is_refused() -> None:
+    text = DRIVE.replace("  steps:\n", "  limits: {carriage.position: {low: 1 mm}}\n  steps:\n")
+    found = played(SIMULATED, text)
+    assert found.steps == ()
+    assert any("trial 1 would end early" in refusal for refusal in found.refusals)
+
+
 def test_rate_of_real_file_slows_the_sibling(tmp_path: Path) -> None:
     slow = changed(tmp_path, "high: 1.6 A, rate: 2000 A/s", "high: 1.6 A, rate: 1 A/s")
     found = {step.name: step for step in played(slow).steps}
