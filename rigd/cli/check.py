@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -291,15 +292,22 @@ def _kind(given: str) -> str:
         shipped = as_rig.startswith("to use") and not as_procedure.startswith("to use")
         hint = as_rig if shipped or path.parent.name == "configs" else as_procedure
         raise ConfigError(f"file {given!r} does not exist", hint=hint)
-    with path.open("rb") as stream:
-        lines = stream.read(4096).decode("utf-8", errors="replace").splitlines()
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read {given}: {error.strerror}", hint="check its permissions"
+        ) from error
+    keys = re.findall(r"^[\"']?([A-Za-z_]\w*)[\"']?:", text, re.MULTILINE)
+    if keys[:1] == ["specimen"]:  # what else it states may be called lab or rig too
+        return "specimen"
     # A rig file names its calibration and its lab too.
     for kind in ("rig", "procedure", "calibration", "lab", "specimen"):
-        if any(line.startswith(f"{kind}:") for line in lines):
+        if kind in keys:
             return kind
     # The key that names the kind is missing: use the keys that only one kind of file has.
     for key, kind in (("devices", "rig"), ("interlocks", "rig"), ("values", "calibration")):
-        if any(line.startswith(f"{key}:") for line in lines):
+        if key in keys:
             return kind
     return "procedure"
 

@@ -78,6 +78,8 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(f"{output} exists already", hint="give another file with -o")
     if output.suffix != ".yaml":
         raise ConfigError(f"{output} must end in .yaml")
+    if not output.parent.is_dir():
+        raise ConfigError(f"the folder {output.parent} does not exist", hint="make it first")
     designed = design(
         args.model,
         load_rig(args.rig),

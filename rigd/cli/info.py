@@ -89,7 +89,13 @@ def _write_attachments(recording: Recording, folder: Path) -> None:
         target = folder / name
         if target.exists():
             raise RecordingError(f"{target} exists already")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"{target.parent} cannot be made: {error.strerror}",
+                hint="give --attachments another FOLDER",
+            ) from error
         target.write_bytes(attachment.data)
         print(f"wrote {target}")
 

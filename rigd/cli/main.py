@@ -178,11 +178,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
-    if isinstance(getattr(args, "files", None), list):
-        args.files = expanded(args.files)
     if sys.stderr.isatty():
         compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
+        if isinstance(getattr(args, "files", None), list):
+            args.files = expanded(args.files)
         return int(args.execute(args))
     except RigdError as error:
         if args.debug:

@@ -114,12 +114,20 @@ def expanded(files: Sequence[File]) -> list[File]:
     """Return the files, and in place of each pattern those that it fits, as a Unix shell does it.
 
     Shells of Windows leave ``runs/*.mcap`` to the program. A pattern that fits no file stays.
+
+    Raises:
+        ConfigError: it is no pattern.
     """
+    from rigd.model.errors import ConfigError
+
     found: list[File] = []
     for file in files:
         path = Path(file)
         fitting: list[Path] = []
         if not path.exists() and any(mark in str(path) for mark in "*?["):
-            fitting = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+            try:
+                fitting = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+            except ValueError as error:
+                raise ConfigError(f"{path}: {error}", hint="such as runs/*.mcap") from error
         found += [type(file)(each) for each in fitting] or [file]
     return found

@@ -223,4 +223,7 @@ def _time(text: str) -> int:
         ) from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
-    return int(moment.timestamp()) * 1_000_000_000
+    seconds = int(moment.timestamp())
+    if seconds < 0 or moment.year > 2261:  # a recording has times in ns since 1970
+        raise argparse.ArgumentTypeError(f"{text!r} is not between the years 1970 and 2261")
+    return seconds * 1_000_000_000

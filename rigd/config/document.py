@@ -148,7 +148,9 @@ def _parse(text: str, path: Path) -> Document:
             place=_place_of(text, error.position, str(path)), hint="remove it",
         ) from error  # fmt: skip
     # The library does not catch errors of its own code in unexpected text.
-    except (YAMLError, ValueError, OverflowError, LookupError, AttributeError) as error:
+    except (
+        YAMLError, ValueError, OverflowError, LookupError, AttributeError, AssertionError,
+    ) as error:  # fmt: skip
         raise ConfigError(
             "the text from here on cannot be read as YAML 1.2", place=composer.last,
             hint="look for control characters and backslashes",

@@ -105,7 +105,7 @@ def _read_constants(
         known.values[name] = reference if is_swept else value.value
         known.units[name] = reader.units.get(reference) or describe_unit(value)
         if isinstance(root, Literal):
-            known.units[name] = parse_quantity(source.value.strip("+() \t\n")).unit.symbol
+            known.units[name] = parse_quantity(source.value.strip("+-() \t\n")).unit.symbol
         unit = parse_unit(known.units[name])
         u = read_uncertainty(reader.document, (*path, "u"), source.u, unit, reader.problems)
         if source.u is None and reference.startswith("rig."):

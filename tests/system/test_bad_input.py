@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from support.command import rigd
 
+from rigd.cli.check import _kind
+
 PROCEDURES = Path(__file__).parents[2] / "procedures"
 
 
@@ -130,3 +132,63 @@ def test_traceback_is_shown_only_with_debug(tmp_path: Path) -> None:
         check=False,
     )
     assert "Traceback" in debug.stderr
+
+
+@pytest.mark.parametrize("start", ["0001-01-01", "1900-01-01", "2300-01-01", "9999-12-31"])
+def test_start_that_no_recording_has_is_refused(tmp_path: Path, start: str) -> None:
+    done = rigd("run", "quick", "--rig", "lugre-1", "--start", start, cwd=tmp_path)
+    assert done.code == 2
+    assert f"'{start}' is not between the years 1970 and 2261" in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_text_that_is_no_pattern_is_refused(tmp_path: Path) -> None:
+    for words in (("info", "runs/**.mcap"), ("compare", "runs/**.mcap", "b.mcap")):
+        done = rigd(*words, cwd=tmp_path)
+        assert done.code == 2, words
+        assert "runs/**.mcap: Invalid pattern" in done.err
+
+
+def test_file_in_place_of_attachments_folder_is_named(tmp_path: Path) -> None:
+    rigd("run", "quick", "--rig", "lugre-1", "--output", "a.mcap", cwd=tmp_path)
+    (tmp_path / "there").write_text("mine")
+    done = rigd("info", "a.mcap", "--attachments", "there", cwd=tmp_path)
+    assert done.code == 7
+    assert "there cannot be made: File exists" in done.err
+    assert (tmp_path / "there").read_text() == "mine"
+
+
+def test_yaml_of_another_version_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "new.yaml").write_text("%YAML 1.3\n---\nprocedure: x\n")
+    done = rigd("check", "new.yaml", cwd=tmp_path)
+    assert done.code == 2
+    assert "cannot be read as YAML 1.2" in done.err
+
+
+def test_constant_with_blank_after_sign_is_read(tmp_path: Path) -> None:
+    text = (PROCEDURES / "constant_current.yaml").read_text()
+    text = text.replace("mass: ${rig.moving_mass}", "mass: '- 4000 g'")
+    (tmp_path / "signed.yaml").write_text(text)
+    done = rigd("check", "signed.yaml", "--rig", "lugre-1", cwd=tmp_path)
+    assert done.code == 0, done.err
+
+
+def test_design_into_missing_folder_is_refused(tmp_path: Path) -> None:
+    done = rigd("design", "--model", "m.json", "--rig", "lugre-1",
+                "--minutes", "1", "-o", "there/x.yaml", cwd=tmp_path)  # fmt: skip
+    assert done.code == 2
+    assert "the folder there does not exist" in done.err
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("specimen: W7\nlab: x\nrig: y\ncalibration: z\n", "specimen"),
+        ("\ufeffrig: x\n", "rig"),
+        ("# note\n" * 700 + "rig: x\n", "rig"),
+    ],
+    ids=["specimen", "mark of byte order", "long comment"],
+)
+def test_first_key_decides_kind_of_file(tmp_path: Path, text: str, kind: str) -> None:
+    (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
+    assert _kind(str(tmp_path / "a.yaml")) == kind

@@ -104,7 +104,7 @@ def files_of(given: str) -> list[Path]:
     """Return the recordings of one argument: a file, a folder, or a pattern with ``*``.
 
     Raises:
-        ConfigError: there is none.
+        ConfigError: there is none, or it is no pattern.
     """
     path = Path(given)
     if path.is_dir():
@@ -114,7 +114,10 @@ def files_of(given: str) -> list[Path]:
         return found
     if any(letter in given for letter in "*?[") and not path.exists():
         root = Path(path.anchor) if path.is_absolute() else Path()
-        found = sorted(root.glob(str(path.relative_to(path.anchor) if path.anchor else path)))
+        try:
+            found = sorted(root.glob(str(path.relative_to(path.anchor) if path.anchor else path)))
+        except ValueError as error:
+            raise ConfigError(f"{given}: {error}", hint="such as runs/*.mcap") from error
         if not found:
             raise ConfigError(f"no file matches {given}", hint="check the pattern")
         return found
