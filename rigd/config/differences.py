@@ -78,6 +78,9 @@ def _device(
     theirs = {item.name: item for item in there.setpoints}
     for setpoint in here.setpoints:
         full = f"{name}.{setpoint.name}"
+        if setpoint.name not in theirs:  # of a controller that measures another channel
+            yield Difference(f"setpoint {full}", "commanded", MISSING)
+            continue
         yield from _range(f"range of the setpoint {full}", setpoint, theirs[setpoint.name])
         limits = here.limits[setpoint.name], there.limits[setpoint.name]
         yield from _limit(full, setpoint, *limits)

@@ -106,6 +106,21 @@ def test_all_kinds_of_differences_are_listed(tmp_path: Path) -> None:
     assert found["range of wheel_servo.current"] == ("no bounds", "-25 A .. 25 A")
 
 
+def test_controller_of_another_channel_is_a_difference(tmp_path: Path) -> None:
+    held = """\
+controllers:
+  hold: {{measured: {0}, output: wheel_servo.current, kp: 1 A/{1}, output_limits: [-1 A, 1 A],
+         limits: {{low: 0 {1}, high: 1 {1}}}}}
+interlocks:
+"""
+    real = swap(NAMED, "interlocks:\n", held.format("carriage.position", "m"))
+    simulated = swap(SIMULATED, "interlocks:\n", held.format("wheel_encoder.angle", "rad"))
+    assert (
+        Difference("setpoint hold.position", "commanded", "none")
+        in sibling_of(tmp_path, real, simulated).differences
+    )
+
+
 def test_actuator_of_another_name_is_refused(tmp_path: Path) -> None:
     text = SIMULATED.replace("wheel_servo", "wheel_drive")
     refusal = refusal_of(tmp_path, simulated=text)
