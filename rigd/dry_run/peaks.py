@@ -42,7 +42,10 @@ class PeakSink:
             column = rows[name]
             low, high = float(np.fmin.reduce(column)), float(np.fmax.reduce(column))
             known = self.peaks.get(f"{stream}.{name}", (low, high))
-            self.peaks[f"{stream}.{name}"] = (min(known[0], low), max(known[1], high))
+            self.peaks[f"{stream}.{name}"] = (
+                float(np.fmin(known[0], low)),
+                float(np.fmax(known[1], high)),
+            )
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
         """Keep steps, trips and limited setpoints."""
