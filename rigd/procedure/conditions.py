@@ -224,7 +224,8 @@ def check_reachable(
         if limit.channel == condition.channel
     ]
     for lock in rig.interlocks:
-        if lock.source == condition.channel and lock.action > Severity.WARN:
+        at_once = not lock.delay_s  # else the value may leave the bounds for a time
+        if lock.source == condition.channel and lock.action > Severity.WARN and at_once:
             low = lock.low if isinstance(lock.low, float) else -math.inf
             high = lock.high if isinstance(lock.high, float) else math.inf
             barriers.append((low, high, f"interlock {lock.name} keeps it"))

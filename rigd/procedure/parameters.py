@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
+from rigd.derived.dimensions import fits
 from rigd.model.units import dimension_text, format_quantity, parse_unit
 from rigd.procedure.expression import (
     ExpressionError,
@@ -36,6 +37,12 @@ class Parameter:
     low: float
     high: float
 
+    def taken(self, value: Value) -> Value:
+        """Return ``value``, which is not refused; an arc over its radius as the angle it is."""
+        if isinstance(value, str) or not value.of_arc:
+            return value
+        return number_in(value.value, parse_unit(self.unit))
+
     def refuse(self, value: Value) -> tuple[str, str] | None:
         """Return the reason why ``value`` is not allowed and the remedy, or None."""
         if isinstance(value, str):
@@ -46,13 +53,19 @@ class Parameter:
             return None
         if self.choices:
             return f"{self.name} is a word", "one of " + ", ".join(self.choices)
-        if value.dimension != parse_unit(self.unit).dimension:
+        if not fits(value.dimension, parse_unit(self.unit).dimension, of_arc=value.of_arc):
             kind = dimension_text(value.dimension)
             given = f"{value.value:.6g} {kind}"
             if not any(value.dimension):
                 given = f"{value.value:.6g}, {kind}"
             return f"{self.name} is given as {given}, expected {self.unit}", (
                 f"such as '1 {self.unit}'" if self.unit != "1" else "give a plain number"
+            )
+        if value.is_difference and parse_unit(self.unit).offset:
+            return (
+                f"{self.name} is given as the difference of two values on a scale with a zero of "
+                "its own",
+                f"subtract a difference, such as '1 {parse_unit(self.unit).difference()}'",
             )
         if value.value < self.low or value.value > self.high:
             side, bound = (
@@ -202,7 +215,7 @@ def _default(reader: Reader, parameter: Parameter, text: str, scope: Scope) -> V
     if refusal is not None:
         reader.note(path, *refusal)
         return _unknown(parameter)
-    return value
+    return parameter.taken(value)
 
 
 def _override(reader: Reader, parameter: Parameter, text: str, scope: Scope) -> Value:
@@ -215,7 +228,7 @@ def _override(reader: Reader, parameter: Parameter, text: str, scope: Scope) -> 
     if refusal is not None:
         reader.problems.add(None, f"--set {parameter.name}={text}: {refusal[0]}", refusal[1])
         return _unknown(parameter)
-    return value
+    return parameter.taken(value)
 
 
 def _unknown(parameter: Parameter) -> Value:

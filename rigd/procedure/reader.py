@@ -22,6 +22,8 @@ from rigd.procedure.expression import (
     parse_expression,
 )
 
+#: What stands for a value in a text, its name written wrongly too.
+_ANY_NAME = re.compile(r"\$\{\s*([^{}]*?)\s*\}")
 _ONLY_NAME = re.compile(rf"\s*{NAME.pattern}\s*$")
 
 
@@ -150,7 +152,7 @@ class Reader:
             unit = self.units.get(match[1])
             return format_quantity(value.value, unit or describe_unit(value))
 
-        return NAME.sub(replace, template)
+        return _ANY_NAME.sub(replace, template)
 
     def _note_inside(
         self, path: KeyPath, error: ExpressionError, offset: int, scope: Scope

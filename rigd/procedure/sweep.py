@@ -155,7 +155,7 @@ def _read_value(
     if refusal is not None:
         reader.note(path, *refusal)
         return None
-    return value
+    return parameter.taken(value)
 
 
 def _range(

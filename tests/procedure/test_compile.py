@@ -157,6 +157,20 @@ def test_range_ends_at_value_as_written(compile_text: Compile, small: str) -> No
     )
 
 
+def test_speed_over_radius_is_angular_speed(compile_text: Compile, small: str) -> None:
+    omega = "omega: {doc: Spin, unit: rad/s, default: '${speed} / ${rig.wheel_radius}'}"
+    text = small.replace("tables:", f"  {omega}\ntables:")
+    assert compile_text(text).parameters["omega"] == pytest.approx(0.1 / 0.05)
+
+
+def test_interlock_with_delay_leaves_condition_reachable(compile_text: Compile, small: str) -> None:
+    until = "until: wheel_servo.current > 1.9 A"
+    text = small.replace("until: carriage.position > 1 m", until)
+    (program, *_) = compile_text(text).trials[0].steps
+    assert isinstance(program, CycleProgram)
+    assert program.segments[0].until[0][0].threshold == 1.9
+
+
 def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
     text = small.replace("{from: 0.5 A, to: 1.5 A, step: 0.5 A}",
                          "{from: 0.15 A, to: 1.5 A, step: 0.15 A}")  # fmt: skip

@@ -51,6 +51,8 @@ RECORD = "{wheel_encoder: 1, wheel_servo: 1, truth: 10}"
         (DRIVE, "wheel_servo.current: ${floor}", "${floor}\n        long", ["'stone' is a word"]),
         (DRIVE, "wheel_servo.current: 1.5 A)", ")\n        long", ["cannot read ')'"]),
         ("${rig.moving_mass}", "${rig.mass}", "${rig.mass}", ["unknown name '${rig.mass}'"]),
+        ("Lay ${floor}", "Lay ${Floor}", "${Floor}", ["unknown name '${Floor}'"]),
+        ("Lay ${floor}", "Lay ${rig.Mass}", "${rig.Mass}", ["unknown name '${rig.Mass}'"]),
         # names of the rig
         ("wheel_servo.current: ${", "wheel_servo.curent: ${", "wheel_servo.curent",
          ["no setpoint 'wheel_servo.curent'", "did you mean 'wheel_servo.current'"]),
@@ -256,4 +258,12 @@ def test_value_from_swept_default_is_refused(compile_text: Compile, small: str, 
         f"  part: {{doc: Part, unit: A, {keys} '0.5 * ${{current}}'}}\n  speed: {{doc",
     )
     with pytest.raises(ConfigError, match=r"(?s)'\$\{current\}'.*the sweep varies current"):
+        compile_text(text)
+
+
+def test_difference_of_temperatures_is_no_default(compile_text: Compile, small: str) -> None:
+    rise = "  rise: {doc: Rise, unit: degC, default: '${hot} - ${cold}'}\n"
+    hot = "  hot: {doc: Hot, unit: degC, default: 80 degC}\n"
+    text = small.replace("  speed: {doc", f"{hot}{hot.replace('hot', 'cold')}{rise}  speed: {{doc")
+    with pytest.raises(ConfigError, match="rise is given as the difference of two values"):
         compile_text(text)
