@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeAlias
 
 from rigd.analysis.copies import refuse_same_file, refuse_same_trials
 from rigd.analysis.corrections import scope_of
@@ -30,6 +31,9 @@ from rigd.procedure.reader import Reader
 from rigd.procedure.source import MoveSource
 from rigd.record import Recording, TrialInfo
 
+#: The setpoints of a trial, by name: its value in SI, or its word.
+_Point: TypeAlias = tuple[tuple[str, str], ...]
+
 
 def measured(recordings: Sequence[Recording], procedure: Procedure | None = None) -> MeasureResult:
     """Return the measures of all trials, those with equal setpoints together.
@@ -45,7 +49,8 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     """
     refuse_same_file([recording.path for recording in recordings])
     _refuse_different_rigs(recordings)
-    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[tuple[Measure, TrialReading]]] = {}
+    found: dict[tuple[str, _Point], list[tuple[Measure, TrialReading]]] = {}
+    shown: dict[_Point, dict[str, str]] = {}
     first: Procedure | None = None
     for recording in recordings:
         own = procedure or recorded_procedure(recording)
@@ -64,7 +69,8 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
         sensors = Sensors.of(recording, _formulas(recording, own))
         for trial, measures in _trials(recording, own):
             reader = TrialReader(recording, trial, played, sensors)
-            key = tuple((name, trial.text(name)) for name in trial.parameters)
+            key = _point(trial)
+            shown.setdefault(key, {name: trial.text(name) for name in trial.parameters})
             for measure in measures:
                 found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
     if first is None or not found:
@@ -72,19 +78,27 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     every = [items[0][0] for items in found.values()]
     refuse_same_trials(recordings, measured_channels(every))
     order = list(first.source.measure)
-    names = varied([dict(key) for _, key in found])
+    names = varied(list(shown.values()))
     summaries = [
         summary_of(
             items[0][0],
-            {name: text for name, text in key if name in names},
+            {name: text for name, text in shown[key].items() if name in names},
             [reading for _, reading in items],
-            dict(key),
+            shown[key],
         )
         for (_, key), items in found.items()
     ]
     summaries.sort(key=lambda item: order.index(item.measure.name))
     constants = _used_constants(recordings[0], first, every)
     return MeasureResult(tuple(summaries), constants)
+
+
+def _point(trial: TrialInfo) -> _Point:
+    """Return the setpoints of a trial, however its recording orders and shows them."""
+    values = trial.parameters.items()
+    return tuple(
+        sorted((name, f"{v:.9g}" if isinstance(v, float) else str(v)) for name, v in values)
+    )
 
 
 def _refuse_different_rigs(recordings: Sequence[Recording]) -> None:

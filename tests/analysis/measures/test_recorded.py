@@ -86,6 +86,8 @@ def record(
     extra: Sequence[tuple[float, str, int, Mapping[str, Any]]] = (),
     steps: Sequence[tuple[float, str]] = STEPS,
     rig: str = "bench",
+    more: Mapping[str, float] | None = None,
+    unit: str = "N",
 ) -> Recording:
     """Write trials (number, force, whether complete); ``change`` edits the rows of one."""
     text = PROCEDURE.format(measure=measure)
@@ -99,8 +101,11 @@ def record(
     ) as writer:  # fmt: skip
         for place, (number, force, complete) in enumerate(trials, 1):
             begin = START_NS + (place - 1) * ROWS * PERIOD_NS
-            data = {"number": number, "repeat": 1, "parameters": {"force": force},
-                    "units": {"force": "N"}}  # fmt: skip
+            parameters = {"force": force} | (more or {})
+            if unit != "N":
+                parameters = dict(reversed(parameters.items()))
+            data = {"number": number, "repeat": 1, "parameters": parameters,
+                    "units": {"force": unit, "span": "m"}}  # fmt: skip
             writer.event(begin, "trial_start", number, data)
             for at_s, step in steps:
                 writer.event(begin + round(at_s * 1e9), "step", number, {"name": step})
@@ -371,6 +376,18 @@ def test_trials_of_several_recordings_are_one_result(tmp_path: Path) -> None:
     summary = only(measured(files))
     assert [reading.recording.stem for reading in summary.readings] == ["a", "b"]
     assert "a 1" in [line.trial for line in view_of(measured(files)).trials]
+
+
+def test_equal_setpoints_written_otherwise_are_one_result(tmp_path: Path) -> None:
+    measure = "  it: {max: axis.force, during: pull}"
+    recordings = [
+        record(tmp_path / f"{unit}.mcap", measure, more={"span": 0.02}, unit=unit,
+               change={1: moved(shift)})
+        for unit, shift in (("N", 0.0), ("mN", 0.5))
+    ]  # fmt: skip
+    summary = only(measured(recordings))
+    assert len(summary.readings) == 2
+    assert summary.conditions == {"force": "1 N", "span": "0.02 m"}
 
 
 def test_copy_of_recording_is_no_further_run(tmp_path: Path) -> None:
