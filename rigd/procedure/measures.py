@@ -291,6 +291,8 @@ class _Reading:
         if text is None:
             return Window()
         path = (*self.path, "during")
+        if text.strip() in self.steps:
+            return Window(text.strip())
         match = _WINDOW.match(text)
         if match is None:
             hint = "write a step, 'last 2 s of STEP' or '1 s to 3 s of STEP'"

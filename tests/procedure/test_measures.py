@@ -124,3 +124,10 @@ def test_bounds_of_every_trial_are_checked(text: str, compile_text: Compile) -> 
     spoilt = text.replace('["0.9 * ${current}", "1.1 * ${current}"]', '["${current}", 1.4 A]')
     with pytest.raises(ConfigError, match="first bound is not below"):
         compile_text(spoilt)
+
+
+def test_step_named_like_window_is_measured(text: str, compile_text: Compile) -> None:
+    name = "rise to peak of force"
+    found = {item.name: item for item in compile_text(text.replace("drive", name)).measures}
+    assert found["push"].window == Window(name)
+    assert found["late"].window == Window(name, last_s=0.5)
