@@ -162,6 +162,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     """
     from rigd.config.calibration import load_calibration
     from rigd.config.following import blind_below, unsupervised
+    from rigd.config.lab import load_lab
     from rigd.config.loader import load_rig
 
     if kind == "calibration":
@@ -174,8 +175,6 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: valid file"
         )
     if kind == "lab":
-        from rigd.config.lab import load_lab
-
         lab = load_lab(Path(given))
         count = sum(item.required for item in lab.fields.values())
         return f"lab {lab.name}, {len(lab.fields)} fields, {count} required: right"
@@ -187,6 +186,8 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         return f"specimen {specimen.name}, {len(specimen.fields)} entries: right{_texts(specimen)}"
     if kind == "rig":
         checked = load_rig(given)
+        if checked.lab is not None:
+            load_lab(checked.lab)
         if checked.plant is not None:
             checked.plant.config.files()
         sibling = _sibling_text(checked)

@@ -52,7 +52,13 @@ def read_following(
             "compare a setpoint with the same quantity",
         )
     if source.only_while is not None:
-        _setpoint(document, (*path, "while"), source.only_while, rig, problems)
+        switch = _setpoint(document, (*path, "while"), source.only_while, rig, problems)
+        if switch is not None and switch.unit != "1":
+            problems.add(
+                document.place((*path, "while")),
+                f"{source.only_while} is in {switch.unit}, and 'while' needs a switch, 0 or 1",
+                "name the setpoint of a clutch or a relay, or leave 'while' out",
+            )
     if source.delay <= 0:
         problems.add(
             document.place((*path, "delay")),

@@ -452,6 +452,13 @@ def _interlock(
         )
         if deadband < 0:
             problems.add(document.place((*path, "deadband")), "the deadband must be at least 0")
+        if isinstance(low, float) and isinstance(high, float) and low < high < low + 2 * deadband:
+            problems.add(
+                document.place((*path, "deadband")),
+                f"the deadband {source.deadband} is more than half of the range from {source.low} "
+                f"to {source.high}: a trip could never clear",
+                "give a smaller one",
+            )
     _check_staleness(document, path, source, rig, problems)
     band = read_following(document, path, source, channel, rig, problems)
     return Interlock(

@@ -187,3 +187,13 @@ def test_shipped_rig_is_found_by_its_path(
     assert code == 2
     assert "to use the shipped rig, give its name: wire_lugre" in err
     assert "calibrate_rise" not in check("configs/wire_lugr.yaml", capsys=capsys)[2]
+
+
+def test_rig_whose_lab_is_missing_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (shipped_folder("configs") / "sim_lugre.yaml").read_text()
+    (tmp_path / "rig.yaml").write_text(text + "\nlab: nolab.yaml\n")
+    code, _, err = check(str(tmp_path / "rig.yaml"), capsys=capsys)
+    assert code == 2
+    assert "nolab.yaml" in err
