@@ -115,9 +115,9 @@ def _mistakes(
             "leave `identify: check` out; `rigd identify` evaluates the recording",
         )
     for name, unit in needs.constant_units.items():
-        given = plan.units.get(name)
-        if given is not None and not of_kind(given, unit):
-            kind = "no unit" if given == "1" else f"the unit {given}"
+        stated = plan.units.get(name)
+        if stated is not None and not of_kind(stated, unit):
+            kind = "no unit" if stated == "1" else f"the unit {stated}"
             wanted_unit = "a plain number" if unit == "1" else unit
             yield (
                 f"the constant {name} has {kind}; model {model} takes it in {wanted_unit}",

@@ -168,7 +168,8 @@ def test_interlock_with_delay_leaves_condition_reachable(compile_text: Compile, 
     text = small.replace("until: carriage.position > 1 m", until)
     (program, *_) = compile_text(text).trials[0].steps
     assert isinstance(program, CycleProgram)
-    assert program.segments[0].until[0][0].threshold == 1.9
+    above = Condition("wheel_servo.current", Comparison.ABOVE, 1.9)
+    assert program.segments[0].until == ((above,),)
 
 
 def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
