@@ -118,6 +118,7 @@ class PlayedRig:
         self.lease = Lease(lambda _: True, duration_s=lease_s)
         self.publisher: RigPublisher | None = None  #: once it is served
         self.requests: list[Asked] = []
+        self.stops = 0
         self.changes = 0  #: commands and stops that were carried out, but for renewals of the lease
         self.state: State = "idle"
         self.descriptors = 40

@@ -201,7 +201,7 @@ class ServedAxis:
     def command(self, verb: str, who: str = "alice", user: str = "", **args: Any) -> Any:
         """Command as the desk would, and return the answer as JSON has it."""
         known = find_verb(Kind.COMMAND, verb)
-        requester = Requester(who, user, Role.MAINTAINER)
+        requester = Requester(who, user, Role.MAINTAINER, self.service.stops)
         if known.rule.needs_lease:
             self.lease.check(requester.client)
         return self._answer(known, requester, args)

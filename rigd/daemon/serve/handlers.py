@@ -100,7 +100,7 @@ def bind_handlers(parts: Parts) -> Handlers:
         resume=lambda *_: steering.resume(),
         answer=lambda requester, args: steering.answer(requester, args.prompt_id, args.value),
         acknowledge=lambda requester, args: steering.acknowledge(requester, args.interlock),
-        act=lambda _, args: ActionReply(said=steering.act(args)),
+        act=lambda requester, args: ActionReply(said=steering.act(requester, args)),
         identify=lambda _, args: parts.aside.identify(_finished(parts, args.run)),
         draw=lambda _, args: _draw(parts, _finished(parts, args.run)),
         dry_run=lambda _, args: _dry_run(parts, args),

@@ -74,6 +74,11 @@ class RigService:
         )
 
     @property
+    def stops(self) -> int:
+        """How many stops were carried out."""
+        return self._parts.steering.stops
+
+    @property
     def helpless(self) -> str:
         """Why a restarted daemon can serve clients and this daemon cannot, or "".
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -84,6 +85,7 @@ class Steering:
         settle: Callable[[], None],
     ) -> None:
         self.last: LastRun | None = None  #: how the last run ended
+        self.stops = 0  #: how many were carried out: an older request begins nothing any more
         self._rig, self._folder, self._runs = rig, folder, runs
         self._library, self._lease, self._feed = library, lease, feed
         self._trips, self._notices = trips, notices
@@ -92,6 +94,7 @@ class Steering:
         self._lock = threading.Lock()
         self._running: Running | None = None
         self._acting: Acting | None = None
+        self._preparing = False  #: whether a start is checked and compiled; nothing runs yet
         self._leaving = ""  #: why nothing begins any more
         # No id comes again: an answer to a prompt of an earlier daemon must not be accepted.
         self._prompt_ids = itertools.count(time.time_ns() // 1_000_000)
@@ -110,28 +113,28 @@ class Steering:
             Refusal: it cannot be.
             RigdError: the procedure does not fit, or the recording cannot be made.
         """
-        self._check_free()
-        procedure = self._library.compile(args)
-        loss = args.on_client_loss
-        about = About(str(requester), args.note, args.meta, args.specimen)
-        request = RunRequest(
-            procedure,
-            args.procedure.text,
-            self._rig,
-            seed=SEED if args.seed is None else args.seed,
-            pace=self._pace,
-            folder=self._runs,
-            overrides=args.set,
-            about=about,
-            specimen=stated_specimen(about, self._rig.lab),
-        )
-        return self._begin(
-            requester,
-            replace(request, output=new_path(request)),
-            by_person=args.answers == "ask",
-            on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
-            expected_s=self._expected_s.get(_key(args)),
-        )
+        with self._preparation():
+            procedure = self._library.compile(args)
+            loss = args.on_client_loss
+            about = About(str(requester), args.note, args.meta, args.specimen)
+            request = RunRequest(
+                procedure,
+                args.procedure.text,
+                self._rig,
+                seed=SEED if args.seed is None else args.seed,
+                pace=self._pace,
+                folder=self._runs,
+                overrides=args.set,
+                about=about,
+                specimen=stated_specimen(about, self._rig.lab),
+            )
+            return self._begin(
+                requester,
+                replace(request, output=new_path(request)),
+                by_person=args.answers == "ask",
+                on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
+                expected_s=self._expected_s.get(_key(args)),
+            )
 
     def resume_run(self, requester: Requester, recording: Path, loss: str | None = None) -> Started:
         """Continue a run that ended before its last trial, in its file.
@@ -142,36 +145,36 @@ class Steering:
             Refusal: nothing is missing, or it cannot begin.
             RigdError: it was made with other files, or cannot be read.
         """
-        self._check_free()
-        point = read_resume_point(recording)
-        procedure = compile_procedure(
-            parse_procedure(_text(point), Path("procedure.yaml")),
-            self._rig,
-            point.overrides,
-            done=left_out(self._rig, self._pace, point.done),
-        )
-        if len(point.done) >= len(procedure.trials):
-            raise Refusal(Code.REFUSED, f"{recording.name} is complete: no trial is missing")
-        request = RunRequest(
-            procedure,
-            _text(point),
-            self._rig,
-            seed=point.seed,
-            pace=self._pace,
-            output=recording,
-            resume=point,
-            overrides=point.overrides,
-            about=About(operator=str(requester)),
-        )
-        check_resumable(request, point)
-        return self._begin(
-            requester,
-            request,
-            by_person=point.answered_by != "procedure",
-            on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
-        )
+        with self._preparation():
+            point = read_resume_point(recording)
+            procedure = compile_procedure(
+                parse_procedure(_text(point), Path("procedure.yaml")),
+                self._rig,
+                point.overrides,
+                done=left_out(self._rig, self._pace, point.done),
+            )
+            if len(point.done) >= len(procedure.trials):
+                raise Refusal(Code.REFUSED, f"{recording.name} is complete: no trial is missing")
+            request = RunRequest(
+                procedure,
+                _text(point),
+                self._rig,
+                seed=point.seed,
+                pace=self._pace,
+                output=recording,
+                resume=point,
+                overrides=point.overrides,
+                about=About(operator=str(requester)),
+            )
+            check_resumable(request, point)
+            return self._begin(
+                requester,
+                request,
+                by_person=point.answered_by != "procedure",
+                on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
+            )
 
-    def act(self, args: ActArguments) -> str:
+    def act(self, requester: Requester, args: ActArguments) -> str:
         """Perform an action of a device, and return the reply; nothing is armed.
 
         Raises:
@@ -184,6 +187,7 @@ class Steering:
             self._check_free_locked()
             self._acting = Acting(f"{args.action} of {args.device}", control)
         try:
+            self._check_not_stopped(requester)
             self._looks.end()
             return self._looks.act(args.device, args.action, control)
         finally:
@@ -230,13 +234,18 @@ class Steering:
             running.control.acknowledged.append(interlock)
 
     def stop(self, stop: Severity, reason: str) -> bool:
-        """End the activity on the rig; return whether the request is new. Waits for nothing."""
+        """End the activity on the rig; return whether the request is new. Waits for nothing.
+
+        A start or device action that was requested before does not begin any more.
+        """
+        self.stops += 1
+        preparing = self._preparing
         busy = [item.control for item in (self._running, self._acting) if item is not None]
         new = [item for item in busy if item.asked is None or item.asked < stop]
         for control in new:
             control.request(stop, reason)
             control.pause_wanted = False
-        return bool(new)
+        return bool(new) or (preparing and not busy)
 
     def client_lost(self, lost: ClientUser) -> str:
         """Do what the run specifies for a lost client; return the action, as text."""
@@ -287,6 +296,17 @@ class Steering:
         self._looks.end()
         self._trips.save()
 
+    @contextmanager
+    def _preparation(self) -> Iterator[None]:
+        """Check that a run may start, and let a stop end what is done within."""
+        with self._lock:
+            self._check_free_locked()
+            self._preparing = True
+        try:
+            yield
+        finally:
+            self._preparing = False
+
     def _begin(
         self,
         requester: Requester,
@@ -318,6 +338,7 @@ class Steering:
         if self._leaving:  # a signal that came since
             running.control.request(Severity.STOP, self._leaving)
         try:
+            self._check_not_stopped(requester)
             # Reading a long file may take longer than the lease lasts. From here on, a lost lease
             # has the effect on this run that the request states.
             self._lease.check(requester.client)
@@ -365,10 +386,6 @@ class Steering:
             raise Refusal(Code.CONFLICT, "nothing is running")
         return running
 
-    def _check_free(self) -> None:
-        with self._lock:
-            self._check_free_locked()
-
     def _check_free_locked(self) -> None:
         if self._leaving:
             raise Refusal(Code.CONFLICT, f"the daemon is ending: {self._leaving}")
@@ -377,6 +394,15 @@ class Steering:
             raise Refusal(Code.CONFLICT, f"{name} is running", hint="wait for its end, or stop it")
         if self._acting is not None:
             raise Refusal(Code.CONFLICT, f"{self._acting.what} is under way")
+
+    def _check_not_stopped(self, requester: Requester) -> None:
+        """Refuse what was requested before a stop; the activity must be known to :meth:`stop`."""
+        if requester.stops != self.stops:
+            raise Refusal(
+                Code.CONFLICT,
+                "stopped before it began",
+                hint="a stop came after this request; if it is to begin all the same, repeat it",
+            )
 
     @property
     def _pace(self) -> float | None:

@@ -91,6 +91,7 @@ class Requester:
     identity: str
     user: str = ""
     role: Role = Role.OBSERVER
+    stops: int = 0  #: how many stops the daemon had carried out when the request came
 
     @property
     def client(self) -> ClientUser:

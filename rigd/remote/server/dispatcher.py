@@ -64,6 +64,7 @@ class RoutedRequest:
     role: Role
     verb: Verb
     payload: bytes
+    stops: int  #: how many stops had been carried out when it came
 
 
 def role_of(setup: RemoteSetup, identity: str) -> Role | None:
@@ -117,7 +118,7 @@ class Dispatcher:
             )
         verb = find_verb(address.kind, address.verb)
         check_role(role, verb)
-        return RoutedRequest(key, address, role, verb, payload)
+        return RoutedRequest(key, address, role, verb, payload, self._service.stops)
 
     def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
         """Return the answer to a refused request, and count it."""
@@ -158,7 +159,8 @@ class Dispatcher:
 
     def _carry_out(self, routed: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         try:
-            requester = Requester(routed.address.identity, request.user, routed.role)
+            identity = routed.address.identity
+            requester = Requester(identity, request.user, routed.role, routed.stops)
             if routed.verb.rule.needs_lease:
                 self._lease.check(requester.client)
             result = self._service.answer(routed.verb, requester, request.args)

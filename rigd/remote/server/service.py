@@ -14,6 +14,11 @@ class Service(Protocol):
     time, so up to seven at once.
     """
 
+    @property
+    def stops(self) -> int:
+        """How many stops it has carried out; read as each request comes, so it must be quick."""
+        ...
+
     def status(self) -> Status:
         """Return the state of everything; called every half second, so it must be quick."""
         ...
