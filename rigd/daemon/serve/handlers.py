@@ -31,7 +31,6 @@ from rigd.remote.protocol.arguments import (
     ResumeRun,
     Since,
 )
-from rigd.remote.protocol.message import one_line
 from rigd.remote.protocol.results import (
     ActionReply,
     CheckReport,
@@ -170,8 +169,7 @@ def _dry_run(parts: Parts, args: Checked) -> DryRun:
 
 
 def _stop(parts: Parts, stop: Severity, requester: Requester, args: ReasonArguments) -> Stopped:
-    reason = one_line(args.reason)
-    why = f"{stop.word} by {requester}" + (f": {reason}" if reason else "")
+    why = f"{stop.word} by {requester}" + (f": {args.reason}" if args.reason else "")
     acted = parts.steering.stop(stop, why)
     if acted:
         parts.notices.note(why, "warning")

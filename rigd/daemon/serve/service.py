@@ -26,8 +26,7 @@ from rigd.remote.protocol import (
     Verb,
     as_json,
 )
-from rigd.remote.protocol.arguments import Checked, ReasonArguments
-from rigd.remote.protocol.message import one_line
+from rigd.remote.protocol.arguments import Checked
 from rigd.remote.protocol.results import Stopped
 from rigd.remote.protocol.status import Daemon, RefusedCounts, TrialStatus
 
@@ -213,6 +212,4 @@ def _audited(args: Message) -> dict[str, Any]:
     audited = as_json(args)
     if isinstance(args, Checked):
         del audited["procedure"]["text"]
-    if isinstance(args, ReasonArguments):
-        audited["reason"] = one_line(args.reason)
     return audited

@@ -25,7 +25,7 @@ from rigd.remote.protocol import (
     as_json,
     decode_frame,
 )
-from rigd.remote.protocol.arguments import ProcedureFile
+from rigd.remote.protocol.arguments import ProcedureFile, stop_reason
 from rigd.remote.protocol.results import (
     ActionReply,
     CheckReport,
@@ -285,7 +285,9 @@ class AsyncVerbs(ABC):
         return await self.connection.request(Kind.COMMAND, verb, args, result)
 
     async def _stop(self, verb: str, reason: str) -> bool:
-        found = await self.connection.request(Kind.STOP, verb, {"reason": reason}, Stopped)
+        found = await self.connection.request(
+            Kind.STOP, verb, {"reason": stop_reason(reason)}, Stopped
+        )
         return found.acted
 
     async def _release(self) -> LeaseView:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, SPECIMEN_NAME, About
-from rigd.remote.protocol.limits import MAX_COMPARED, MAX_PIECE_BYTES
-from rigd.remote.protocol.message import Message, Name, Text, User
+from rigd.remote.protocol.limits import MAX_COMPARED, MAX_PIECE_BYTES, MAX_REASON
+from rigd.remote.protocol.message import Message, Name, Text, User, one_line
 
 #: File name of a recording: never a path.
 RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
@@ -183,7 +183,17 @@ class ActArguments(Message):
 class ReasonArguments(Message):
     """Why a person stops the rig; shown, and recorded."""
 
-    reason: Annotated[str, StringConstraints(max_length=300)] = ""
+    reason: Annotated[
+        str,
+        BeforeValidator(lambda text: stop_reason(text) if isinstance(text, str) else text),
+        StringConstraints(max_length=MAX_REASON),
+    ] = ""
+    """A longer one is cut; characters that control a terminal become spaces."""
+
+
+def stop_reason(text: str) -> str:
+    """Return a reason as it travels, for any ``text``: no reason keeps a stop from being sent."""
+    return one_line(text[:MAX_REASON])
 
 
 def _digest(text: str) -> str:

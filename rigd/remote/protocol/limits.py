@@ -23,6 +23,8 @@ MAX_NAME: Final = 64
 MAX_USER: Final = 64
 #: Characters of a text for a person, of one or several lines.
 MAX_TEXT: Final = 4000
+#: Characters of the reason of a stop.
+MAX_REASON: Final = 300
 #: Points and channels of a frame.
 MAX_FRAME_POINTS: Final = 4096
 MAX_FRAME_CHANNELS: Final = 256

@@ -135,8 +135,8 @@ class Dispatcher:
                 return self._carry_out(routed, request)
             return self._once(routed, request)
         except Refusal as refusal:
-            if refusal.code is Code.VERSION and routed.address.kind is Kind.STOP:
-                refusal = self._stop_unread(routed, refusal)
+            if routed.address.kind is Kind.STOP:
+                return self._stop_unread(routed, request_id, refusal)
             return self.refuse(routed.key, refusal, request_id)
         except Exception:  # noqa: BLE001 - as below: the thread that answers must not end
             return self._bug(routed, request_id)
@@ -173,16 +173,19 @@ class Dispatcher:
         except Exception:  # noqa: BLE001 - reported to the client and logged; the daemon goes on
             return self._bug(routed, request.id)
 
-    def _stop_unread(self, routed: RoutedRequest, refusal: Refusal) -> Refusal:
-        """Carry out a stop of another version: its key contains all required data.
+    def _stop_unread(self, routed: RoutedRequest, request_id: str, refusal: Refusal) -> StoredReply:
+        """Carry out a stop with an invalid message: its key contains all required data.
 
         The reply has the form that every version can read.
         """
         requester = Requester(routed.address.identity, role=routed.role)
-        reason = ReasonArguments(reason="asked for in another version of the protocol")
-        self._service.answer(routed.verb, requester, reason)
+        reason = ReasonArguments(reason=f"by a message that is refused: {refusal.message}")
+        try:
+            self._service.answer(routed.verb, requester, reason)
+        except Exception:  # noqa: BLE001 - the thread that answers must not end
+            return self._bug(routed, request_id)
         done = f"{routed.verb.name}: carried out; {refusal.message}"
-        return Refusal(refusal.code, done, hint=refusal.hint)
+        return self.refuse(routed.key, Refusal(refusal.code, done, hint=refusal.hint), request_id)
 
     def _bug(self, routed: RoutedRequest, request_id: str) -> StoredReply:
         _log.exception("%s failed", routed.key)

@@ -96,6 +96,12 @@ def test_client_steers_run_from_start_to_end(remote: Served, client: Client) -> 
     assert [args["value"] for args in remote.rig.given("answer")] == [1.5, 1.5]
 
 
+def test_stop_is_sent_with_any_reason(remote: Served, client: Client) -> None:
+    remote.rig.state = "running"
+    assert client.stop("smoke\udcff" + 100_000 * "!") is True
+    assert remote.rig.given("stop") == [{"reason": "smoke " + 294 * "!"}]
+
+
 def test_observer_may_stop(remote: Served, client: Client) -> None:
     remote.rig.state = "running"
     assert client.stop("smoke") is True
