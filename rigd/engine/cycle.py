@@ -92,7 +92,8 @@ class Cycle:
         self.segment = ""
         #: How far the hold of the present step is; it stays until the next program is loaded.
         self.phase = HoldPhase.NONE
-        self.trips: list[Trip] = []  #: trips in this run, the first :data:`MOST_TRIPS`
+        #: Trips in this run: the first :data:`MOST_TRIPS`, and the first of each interlock.
+        self.trips: list[Trip] = []
         #: Called before the devices are made safe, which may take longer than a cycle.
         self.on_make_safe: Callable[[], None] = lambda: None
         self._emit: Emit = _nowhere
@@ -391,7 +392,9 @@ class Cycle:
 
     def _handle_trip(self, trip: Trip) -> None:
         interlock = trip.interlock
-        if len(self.trips) < MOST_TRIPS or interlock.latch:  # a latched interlock trips once
+        known = any(item.interlock.name == interlock.name for item in self.trips)
+        # A latched interlock trips once.
+        if len(self.trips) < MOST_TRIPS or interlock.latch or not known:
             self.trips.append(trip)
         if interlock.action > Severity.WARN:
             reason = f"interlock {interlock.name}: {trip.reason}"

@@ -102,6 +102,19 @@ def test_value_trembling_at_limit_fills_no_memory() -> None:
     assert "heavy is latched" in host.lockout_reason()
 
 
+def test_unlatched_abort_after_many_warnings_is_kept() -> None:
+    light = Interlock("light", "axis.load", high=1.0, action=Severity.WARN)
+    heavy = Interlock("heavy", "axis.load", high=3.0, action=Severity.ABORT)
+    bench = Bench(interlocks=(light, heavy))
+    host = bench.host()
+    loads = (0.5 + t_ns // 1_000_000 % 2 for t_ns in range(0, 10**12, 1_000_000))
+    bench.axis.answer = lambda _: (0.0, next(loads))
+    host.settle(1000)
+    bench.axis.answer = lambda _: (0.0, 4.0)
+    assert host.play(move("go", 1.0)).severity is Severity.ABORT
+    assert [trip.interlock.name for trip in host.trips] == [*MOST_TRIPS * ["light"], "heavy"]
+
+
 def test_each_interlock_action_takes_its_way_out() -> None:
     for action in (Severity.END_TRIAL, *STOPS):
         bench = Bench(interlocks=(Interlock("far", "axis.position", high=0.05, action=action),))

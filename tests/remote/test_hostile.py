@@ -194,9 +194,7 @@ def test_odd_names_are_refused_or_are_names(
     assert on_loopback.rig.done == before
 
 
-def test_spoilt_messages_but_stops_change_nothing(
-    on_loopback: Served, client: ZenohClient
-) -> None:
+def test_spoilt_messages_but_stops_change_nothing(on_loopback: Served, client: ZenohClient) -> None:
     """A seeded sample; benchmarks/remote_fuzz.py sends 10,000 to every key."""
     on_loopback.rig.hold_lease("eve")
     before = list(on_loopback.rig.done)
