@@ -201,7 +201,7 @@ def with_subscriber(rig: RigConfig, seconds: float) -> None:
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     with ExitStack() as stack:
         folder, _ = stack.enter_context(pushed(rig))
-        server = Server(rig.name, RemoteSetup((endpoint,)), Lease(lambda _: True))
+        server = Server(rig.name, RemoteSetup((endpoint,)), Lease())
         stack.callback(server.close)
         counted = stack.enter_context(looking_on(SUBSCRIBER, endpoint, rig.name))
         feed = Feed(rig, server.publisher)

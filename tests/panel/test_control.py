@@ -121,6 +121,8 @@ def test_control_passes_to_a_client_elsewhere(panel: ServedPanel) -> None:
     ada = panel.visitor()
     with ada.page():
         lease(ada, "take")
+        assert lease(ada, "give", to="bob") == 404
+        panel.rig.lease.request(ClientUser.of("bob"))
         assert lease(ada, "give", to="bob") == 200
         assert panel.rig.lease.view().is_held_by("bob")
         assert code_of_pause(ada) == "no_lease"

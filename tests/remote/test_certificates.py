@@ -100,7 +100,7 @@ def test_daemon_with_expired_certificate_does_not_serve(tmp_path: Path) -> None:
     expired = made_two_days_ago(tmp_path)
     setup = RemoteSetup(("tls/127.0.0.1:1",), files_of(tmp_path, SERVER), {"alice": "operator"})
     with pytest.raises(ConfigError, match=rf"rigd\.crt expired on {expired}") as caught:
-        Server("lugre-1", setup, Lease(lambda _: True))
+        Server("lugre-1", setup, Lease())
     assert "setup-tls" in str(caught.value.hint)
 
 

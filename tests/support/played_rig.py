@@ -115,7 +115,7 @@ class PlayedRig:
         lease_s: float = LEASE_S,
     ) -> None:
         self.name = name
-        self.lease = Lease(lambda _: True, duration_s=lease_s)
+        self.lease = Lease(duration_s=lease_s)
         self.publisher: RigPublisher | None = None  #: once it is served
         self.requests: list[Asked] = []
         self.stops = 0

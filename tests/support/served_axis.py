@@ -131,7 +131,7 @@ class ServedAxis:
         self.outlet = Outlet()
         self.notifications = threading.Event()
         self.folder = RunFolder.take(self.rig.name, command="test")
-        self.lease = Lease(lambda _: True, clock=self.clock)
+        self.lease = Lease(clock=self.clock)
         self.feed = Feed(self.rig, self.outlet)
         self.notices = Notices(self.notifications.set)
         self.recordings = Recordings(self.runs)

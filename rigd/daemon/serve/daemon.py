@@ -36,8 +36,7 @@ from rigd.engine.sink import Rows
 from rigd.model.channels import Stream
 from rigd.record.events import Event
 from rigd.remote.certificates import expires_soon
-from rigd.remote.protocol import Role
-from rigd.remote.server import Lease, Server, role_of
+from rigd.remote.server import Lease, Server
 
 #: The daemon does its periodic work this often, and at once if something has changed; in s.
 TICK_S: Final = 0.25
@@ -161,13 +160,7 @@ def _compose(
     stack.callback(folder.release)
     recordings = Recordings(runs)
     recordings.make_folder()
-    lease = Lease(
-        # On loopback every name may command: if the lease went to a name that no client has, it
-        # would expire, which may stop the run.
-        lambda name: (
-            _may_command(rig, name) and (name in rig.remote.roles or server.has_requested(name))
-        )
-    )
+    lease = Lease()
     stack.enter_context(before_programs())  # with every thread from here on, zenoh's too
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
     raw: Callable[[Stream, Rows], None] = _nowhere
@@ -238,11 +231,6 @@ def _nowhere(stream: Stream, rows: Rows) -> None:
 
 def _ignore(event: Event) -> None:
     """Discard an event of a run, as :func:`_nowhere` does rows."""
-
-
-def _may_command(rig: RigConfig, identity: str) -> bool:
-    role = role_of(rig.remote, identity)
-    return role is not None and role.includes(Role.OPERATOR)
 
 
 @contextmanager

@@ -126,7 +126,10 @@ class AsyncVerbs(ABC):
         return await self._release()
 
     async def lease_request(self) -> LeaseView:
-        """Ask the holder of the lease to hand it over; the holder is shown this client's name."""
+        """Ask the holder of the lease to hand it over; the holder is shown this client's name.
+
+        Once it is handed over, :meth:`lease_take` keeps it; else it is lost after six seconds.
+        """
         return await self._command("lease_request", LeaseView)
 
     async def lease_give(self, to: str) -> LeaseView:

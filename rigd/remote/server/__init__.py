@@ -1,7 +1,6 @@
 """Provides the server of a rig: access control, dispatch of requests, publication of live data."""
 
 from rigd.remote.server.admission import Admission
-from rigd.remote.server.dispatcher import role_of
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.publisher import RigPublisher
 from rigd.remote.server.server import Server, still_connected, working_for
@@ -13,7 +12,6 @@ __all__ = [
     "RigPublisher",
     "Server",
     "Service",
-    "role_of",
     "still_connected",
     "working_for",
 ]

@@ -30,19 +30,16 @@ class _Held:
 class Lease:
     """The right to command a rig; every method may be called from any thread.
 
-    ``may_hold`` returns whether an identity may hold the lease. ``clock`` is monotonic, ns;
-    ``wall`` is ns since the Unix epoch.
+    ``clock`` is monotonic, ns; ``wall`` is ns since the Unix epoch.
     """
 
     def __init__(
         self,
-        may_hold: Callable[[str], bool],
         *,
         clock: Callable[[], int] = time.monotonic_ns,
         wall: Callable[[], int] = time.time_ns,
         duration_s: float = LEASE_S,
     ) -> None:
-        self._may_hold = may_hold
         self._clock = clock
         self._wall = wall
         self._duration_ns = round(duration_s * 1e9)
@@ -133,26 +130,24 @@ class Lease:
     def give(self, client: ClientUser, to: ClientUser) -> LeaseView:
         """Hand the lease of ``client`` over.
 
-        If ``to`` names a user, that user must have asked. If it names a client alone, the first
-        user of the client that has asked gets the lease, or the client itself.
+        ``to`` must have asked: another would not renew the lease, and its end may stop the run. If
+        ``to`` names a client alone, the first user of the client that has asked gets the lease.
 
         Raises:
-            Refusal: ``client`` does not hold the lease, or ``to`` may not.
+            Refusal: ``client`` does not hold the lease, or ``to`` has not asked.
         """
         with self._lock:
             self._check(client)
             asking = (item for item in self._asking if item.identity == to.identity)
             found = next((item for item in asking if to.user in ("", item.user)), None)
-            if found is None and to.user:
-                raise Refusal(Code.NOT_FOUND, f"{to} does not ask for the lease any more")
-            if not self._may_hold(to.identity):
+            if found is None:
                 raise Refusal(
-                    Code.REFUSED,
-                    f"{to} may not hold the lease: it is no operator's name, or no client of that "
-                    "name has asked this rig for anything",
-                    hint="`rigd remote lease` lists those that ask for it",
+                    Code.NOT_FOUND,
+                    f"{to} does not ask for the lease",
+                    hint="`rigd remote lease` lists those that ask for it; others ask by "
+                    "`rigd remote lease request`",
                 )
-            return self._grant(found or to)
+            return self._grant(found)
 
     def seize(self, client: ClientUser) -> LeaseView:
         """Take the lease, even from another holder."""

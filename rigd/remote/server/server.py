@@ -53,9 +53,6 @@ _LONGEST_REST_S: Final = 0.1
 #: How long closing waits for requests in progress, in s; a longer one, such as a dry run, goes on.
 _LAST_REQUEST_S: Final = 2.0
 
-#: So many names of clients are stored, the newest.
-_MAX_REQUESTERS: Final = 256
-
 #: The place in zenoh's source that found an error: of no use in a message.
 _IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
 
@@ -112,7 +109,6 @@ class Server:
         self._inboxes = {lane: Inbox[_Waiting]() for lane in Lane}
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._requesters: dict[str, None] = {}  # clients that have sent a request, the newest last
         self._begun_s: dict[Lane, float] = {}  # when the request in progress began, monotonic
         self._publishing = threading.Lock()  # of two statuses, the newer one goes out last
         self._declared = ExitStack()  # undone in the reverse order
@@ -145,10 +141,6 @@ class Server:
                 self.publisher.status(service.status())
         except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
             _log.exception("the status cannot be published")
-
-    def has_requested(self, identity: str) -> bool:
-        """Return whether a client of that name has asked for anything since the daemon started."""
-        return identity in self._requesters
 
     @property
     def hangs(self) -> str:
@@ -216,19 +208,12 @@ class Server:
         except Refusal as refusal:
             _reply(query, key, dispatcher.refuse(key, refusal))
             return False
-        self._note(routed.address.identity)
         if not self._inboxes[routed.verb.rule.lane].put(
             routed.address.identity, _Waiting(routed, query)
         ):
             _reply(query, key, _BUSY)
             return False
         return True
-
-    def _note(self, identity: str) -> None:
-        self._requesters.pop(identity, None)
-        self._requesters[identity] = None
-        while len(self._requesters) > _MAX_REQUESTERS:
-            del self._requesters[next(iter(self._requesters))]
 
     def _show(self, query: zenoh.Query) -> None:
         """Send the newest status to a client that has just connected; on zenoh's thread."""

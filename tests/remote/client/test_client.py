@@ -176,8 +176,9 @@ def test_control_left_by_a_refusal_is_given_back(client: Client) -> None:
     assert client.lease().holder is None
 
 
-def test_control_given_away_is_not_released(client: Client) -> None:
+def test_control_given_away_is_not_released(remote: Served, client: Client) -> None:
     with client.control():
+        remote.rig.lease.request(ClientUser.of("bob"))
         connection = client.asynchronous.connection
         client.run_async(connection.request(Kind.COMMAND, "lease_give", {"to": "bob"}, LeaseView))
     assert client.lease().is_held_by("bob")

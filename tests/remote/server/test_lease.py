@@ -24,7 +24,6 @@ class Desk:
     def __init__(self) -> None:
         self.now_ns = 0
         self.lease = Lease(
-            lambda name: name != "observer",
             clock=lambda: self.now_ns,
             wall=lambda: WALL_NS + self.now_ns,
         )
@@ -137,14 +136,16 @@ def test_list_of_lease_requests_is_bounded(desk: Desk) -> None:
     assert desk.refuses("one-more", "request") is Code.BUSY
 
 
-def test_holder_gives_only_to_client_that_may_command(desk: Desk) -> None:
+@pytest.mark.parametrize("to", ["bob", "panel", "panel/Ada"])
+def test_holder_gives_only_to_who_asks(desk: Desk, to: str) -> None:
     desk.does("alice", "take")
+    desk.does("carol", "request")
     with pytest.raises(Refusal) as caught:
-        desk.give("bob", "bob")
+        desk.give("carol", to)
     assert caught.value.code is Code.NO_LEASE
-    with pytest.raises(Refusal) as caught:
-        desk.give("alice", "observer")
-    assert caught.value.code is Code.REFUSED
+    with pytest.raises(Refusal, match=r"does not ask for the lease\n.*lease request") as caught:
+        desk.give("alice", to)
+    assert caught.value.code is Code.NOT_FOUND
     assert desk.lease.view().holder == client("alice")
 
 

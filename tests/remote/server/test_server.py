@@ -26,14 +26,14 @@ def setup() -> RemoteSetup:
 def test_a_second_daemon_does_not_get_the_address() -> None:
     taken = setup()
     with serve(taken), pytest.raises(LinkError, match="another program listens there") as caught:
-        Server(RIG, taken, Lease(lambda name: True))
+        Server(RIG, taken, Lease())
     assert "a port each" in str(caught.value.hint)
 
 
 def test_foreign_address_is_reported_without_zenoh_source() -> None:
     elsewhere = RemoteSetup(("tcp/192.0.2.1:7447",))  # for documentation (RFC 5737)
     with pytest.raises(LinkError, match=r"cannot listen on tcp/192\.0\.2\.1:7447") as caught:
-        Server(RIG, elsewhere, Lease(lambda name: True))
+        Server(RIG, elsewhere, Lease())
     assert ".rs:" not in str(caught.value)
 
 
@@ -41,7 +41,7 @@ def test_missing_certificates_are_reported(tmp_path: Path) -> None:
     files = TlsFiles(tmp_path / "ca.crt", tmp_path / "rigd.crt", tmp_path / "rigd.key")
     listening = RemoteSetup((f"tls/127.0.0.1:{free_port()}",), files, {"alice": "operator"})
     with pytest.raises(ConfigError, match=r"rigd\.crt cannot be read: No such file") as caught:
-        Server(RIG, listening, Lease(lambda name: True))
+        Server(RIG, listening, Lease())
     assert "setup-tls" in str(caught.value.hint)
 
 
@@ -65,7 +65,7 @@ def test_server_listens_only_on_its_addresses() -> None:
     """By itself zenoh listens on every interface, joins a multicast group and shares memory."""
     listening, before = setup(), own_sockets()
     port = int(listening.listen[0].rpartition(":")[2])
-    with Server(RIG, listening, Lease(lambda name: True)) as server:
+    with Server(RIG, listening, Lease()) as server:
         assert own_sockets() - before == {f"tcp 0100007F:{port:04X}"}
         server.publisher.frame("wheel", bytes(60_000))  # memory would be shared from 3 KiB on
         assert not list(Path("/dev/shm").glob("*zenoh*"))
