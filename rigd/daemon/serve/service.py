@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rigd import __version__
@@ -19,6 +21,7 @@ from rigd.remote.protocol import (
     VERSION,
     Code,
     Kind,
+    Lane,
     Message,
     Refusal,
     Requester,
@@ -46,7 +49,8 @@ class RigService:
         self._refused = refused
         self._changed = changed
         self._numbers = itertools.count()
-        self._stops: deque[tuple[Verb, Requester, Message]] = deque()  # not yet in the audit log
+        self._unwritten: deque[Callable[[], None]] = deque()  # write a line of the audit log each
+        self._writing = threading.Lock()
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
         self._crowding = (0, 0)  # accept_pauses and unauthenticated_ended in the audit log
@@ -101,13 +105,14 @@ class RigService:
     def answer(self, verb: Verb, requester: Requester, args: Message) -> Message:
         """Carry out a verb; a verb that changes something is logged with its requester.
 
-        :meth:`tend` logs a stop: a disk that hangs must not delay an estop after a stop.
+        :meth:`tend` logs stops and what changes the lease: a disk that hangs must delay no estop
+        after a stop, and no renewal of the lease.
         """
         if verb.rule.kind is Kind.COMMAND:
             return self._command(verb, requester, args)
         result = verb.carry_out(self._handlers, requester, args)
         if result == Stopped(acted=True):  # a repeated stop changes nothing and is not logged
-            self._stops.append((verb, requester, args))
+            self._write(verb, requester, args, "done")
         return result
 
     def _command(self, verb: Verb, requester: Requester, args: Message) -> Message:
@@ -130,17 +135,16 @@ class RigService:
         return result
 
     def tend(self) -> None:
-        """Do periodic work: audit stops, act on an expired lease."""
-        while self._stops:
-            verb, requester, args = self._stops.popleft()
-            stop = _audited(args)
-            self._parts.audit.write(requester.identity, verb.name, stop, user=requester.user)
-            self._publish(verb, requester, stop)
+        """Do periodic work: act on an expired lease, then audit what waits."""
+        audit = self._parts.audit
         for holder in self._parts.lease.lost():
             done = self._parts.steering.client_lost(holder)
             self._parts.notices.note(f"{loss_of(holder)}: {done}", "warning")
-            self._parts.audit.write(holder.identity, "lease_lost", {}, done, user=holder.user)
-        broken, self._broken = self._broken, self._parts.audit.broken
+            self._unwritten.append(
+                partial(audit.write, holder.identity, "lease_lost", {}, done, user=holder.user)
+            )
+        self._write_all()
+        broken, self._broken = self._broken, audit.broken
         if self._broken and not broken:
             self._parts.notices.note(f"nothing can start: {self._broken}", "error")
         descriptors = self._parts.descriptors
@@ -148,13 +152,24 @@ class RigService:
         if crowding != self._crowding:
             self._crowding = crowding
             seen = dict(zip(("accept_pauses", "unauthenticated_ended"), crowding, strict=True))
-            self._parts.audit.write("rigd", "unauthenticated", seen)
+            audit.write("rigd", "unauthenticated", seen)
         self._parts.steering.tend()
 
     def _write(self, verb: Verb, requester: Requester, args: Message, result: str) -> None:
-        """Write a command to the audit log, and report it to the clients that watch."""
+        """Have a command written to the audit log; those of some lanes do not wait for it."""
         if not verb.rule.audited:
             return
+        self._unwritten.append(partial(self._write_line, verb, requester, args, result))
+        if verb.rule.lane not in (Lane.STOP, Lane.LEASE):
+            self._write_all()
+
+    def _write_all(self) -> None:
+        with self._writing:
+            while self._unwritten:
+                self._unwritten.popleft()()
+
+    def _write_line(self, verb: Verb, requester: Requester, args: Message, result: str) -> None:
+        """Write a command to the audit log, and report it to the clients that watch."""
         audited = _audited(args)
         self._parts.audit.write(
             requester.identity,
@@ -165,11 +180,8 @@ class RigService:
             user=requester.user,
         )
         if result == "done":
-            self._publish(verb, requester, audited)
-
-    def _publish(self, verb: Verb, requester: Requester, args: Mapping[str, Any]) -> None:
-        command = {"who": str(requester), "verb": verb.name, "args": dict(args)}
-        self._parts.feed.publish("command", command)
+            command = {"who": str(requester), "verb": verb.name, "args": audited}
+            self._parts.feed.publish("command", command)
 
 
 def _progress(running: Running) -> dict[str, Any]:

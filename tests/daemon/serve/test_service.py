@@ -143,6 +143,43 @@ def test_estop_does_not_wait_for_disk(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [line["what"] for line in served.audited()[2:]] == ["stop", "estop"]
 
 
+def test_lease_is_renewed_while_the_disk_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hang(*_: object, **__: object) -> None:
+        raise AssertionError("a lease command waited for the audit log")
+
+    with ServedAxis(tmp_path) as served:
+        served.start(LONG)
+        with monkeypatch.context() as broken:
+            broken.setattr(served.audit, "write", hang)
+            with pytest.raises(Refusal, match="alice has the control lease"):
+                served.command("lease_take", "bob")
+            served.command("lease_request", "bob")
+            served.command("lease_renew", "alice")
+        served.service.tend()
+    assert [(line["who"], line["what"]) for line in served.audited()[2:]] == [
+        ("bob", "lease_take"), ("bob", "lease_request"),
+    ]  # fmt: skip
+
+
+def test_run_of_lost_client_ends_before_logging(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(LONG)
+        served.stop("eve", "stop")
+        served.clock.ahead_ns += 10**11
+        handled: list[bool] = []
+
+        def note(*_: object, **__: object) -> None:
+            handled.append(any("has vanished" in item.text for item in served.status.notices))
+
+        monkeypatch.setattr(served.audit, "write", note)
+        served.service.tend()
+    assert handled == [True, True]
+
+
 def test_stop_while_devices_open_ends_the_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, opens_in_s=20.0) as served:
         served.start()

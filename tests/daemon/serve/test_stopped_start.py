@@ -63,7 +63,7 @@ def test_stop_ends_start_that_is_compiled(tmp_path: Path, monkeypatch: pytest.Mo
         served.start(LONG)  # a start after the stops begins
         served.service.tend()
     assert [line["what"] for line in served.audited()] == [
-        "lease_take", "start", "lease_take", "start", "stop", "estop",
+        "lease_take", "stop", "estop", "start", "lease_take", "start",
     ]  # fmt: skip
 
 
