@@ -243,6 +243,7 @@ declare namespace Api {
     rig: string;
     title: string;
     t_ns: number;
+    rows_ns: number;
     seq: number;
     daemon: Daemon;
     state: "idle" | "preflight" | "blocked" | "armed" | "running" | "pausing" | "held" | "paused" | "stopping" | "finishing" | "aborting" | "faulted" | "estopped" | "done";

@@ -268,7 +268,8 @@ class PlayedRig:
             parameters={"current": played.target, "floor": "stone"},
         )  # fmt: skip
         return Status(
-            v=VERSION, rig=self.name, title=TITLE, t_ns=time.time_ns(), seq=self.said,
+            v=VERSION, rig=self.name, title=TITLE, t_ns=time.time_ns(),
+            rows_ns=time.time_ns(), seq=self.said,
             daemon=Daemon(
                 version="0.1.0", pid=os.getpid(), started_ns=1, descriptors=self.descriptors
             ),

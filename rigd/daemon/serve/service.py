@@ -63,6 +63,7 @@ class RigService:
             rig=parts.rig.name,
             title=parts.rig.title,
             t_ns=time.time_ns(),
+            rows_ns=parts.feed.t_ns,
             seq=next(self._numbers),
             daemon=self._daemon.model_copy(update=parts.descriptors.as_status()),
             **({"state": "idle"} if running is None else _progress(running)),

@@ -159,6 +159,8 @@ class Status(Message):
     title: DaemonText
     t_ns: Nanoseconds
     """Its time, in ns since the Unix epoch."""
+    rows_ns: Nanoseconds
+    """The same time on the clock of live data, which does not follow a step of the system clock."""
     seq: Count
     """Counts the status messages of this daemon."""
     daemon: Daemon

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -141,6 +142,17 @@ def test_estop_does_not_wait_for_disk(tmp_path: Path, monkeypatch: pytest.Monkey
             assert served.stop("eve", "estop")
         served.until_idle()
     assert [line["what"] for line in served.audited()[2:]] == ["stop", "estop"]
+
+
+@pytest.mark.parametrize("step_s", [-30, 30])
+def test_step_of_clock_leaves_ages_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step_s: int
+) -> None:
+    with ServedAxis(tmp_path) as served:
+        real = time.time_ns
+        monkeypatch.setattr(time, "time_ns", lambda: real() + step_s * 1_000_000_000)
+        before, now, after = served.ask("latest"), served.status, served.ask("latest")
+    assert before["t_ns"] <= now.rows_ns <= after["t_ns"]
 
 
 def test_lease_is_renewed_while_the_disk_hangs(

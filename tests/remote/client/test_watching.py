@@ -63,7 +63,7 @@ def status(
     interrupted: tuple[Interrupted, ...] = (),
 ) -> Status:
     return Status(
-        v=VERSION, rig="r", title="", t_ns=round(t_s * 1e9), seq=0,
+        v=VERSION, rig="r", title="", t_ns=round(t_s * 1e9), rows_ns=0, seq=0,
         daemon=Daemon(version="", pid=1, started_ns=0),
         state="idle" if run is None else "running", run=run, last=last, interrupted=interrupted,
     )  # fmt: skip

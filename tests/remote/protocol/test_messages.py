@@ -196,6 +196,7 @@ def test_a_status_survives_the_wire() -> None:
         rig="lugre-1",
         title="A rig",
         t_ns=1,
+        rows_ns=1,
         seq=2,
         daemon=Daemon(version="0.1.0", pid=7, started_ns=0),
         state="running",

@@ -101,7 +101,7 @@ function again() {
 function hear(message) {
   switch (message.kind) {
     case "status":
-      setClock(message.status.t_ns);
+      setClock(message.status.rows_ns);
       put("status", message.status);
       break;
     case "describe":

@@ -83,7 +83,7 @@ export const isOperator = () => known.me?.role === "operator" && known.describe?
 /** Whether the rig file lets this panel act on devices and take control from others. */
 export const isMaintainer = () => isOperator() && known.describe?.role === "maintainer";
 
-/** The rig's clock minus this computer's, in ms. */
+/** The clock of the rig's live data minus this computer's, in ms. */
 let offset = 0;
 /** @param {number} rigNanoseconds */
 export function setClock(rigNanoseconds) {
@@ -91,5 +91,5 @@ export function setClock(rigNanoseconds) {
   // Every message is delayed by the network: the offset follows the fastest message, and returns slowly.
   offset = Math.abs(seen - offset) > 2000 ? seen : Math.max(seen, offset - 1);
 }
-/** The rig's clock in ms since the epoch. */
+/** The clock of the rig's live data in ms since the epoch. */
 export const rigNow = () => Date.now() + offset;
