@@ -44,6 +44,7 @@ from rigd.remote.protocol import (
 from rigd.remote.protocol.arguments import ReasonArguments
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 from rigd.remote.protocol.message import check_size
+from rigd.remote.protocol.verbs import PATIENCE_S
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.refused import Refused
 from rigd.remote.server.requests import Requests, StoredReply
@@ -53,6 +54,8 @@ _log = logging.getLogger(__name__)
 
 #: The role, on loopback, of a client without certificate that the rig file gives none.
 LOCAL_ROLE: Final = Role.OPERATOR
+#: How long the requests of a lane may wait for one another, as their clients do.
+_WAIT_S: Final = {Lane.LONG: PATIENCE_S[Lane.LONG]}
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ class RoutedRequest:
     role: Role
     verb: Verb
     payload: bytes
+    came_ns: int  #: on the monotonic clock
     stops: int  #: how many stops had been carried out when it came
 
 
@@ -97,8 +101,9 @@ class Dispatcher:
         self._service = service
         self._lease = lease
         self._refused = refused
+        self._clock = clock
         self._requests: Mapping[Lane, Requests] = {
-            lane: Requests(clock=clock, wall=wall) for lane in Lane
+            lane: Requests(wait_s=_WAIT_S.get(lane, 0.0), clock=clock, wall=wall) for lane in Lane
         }
 
     def sort(self, key: str, payload: bytes) -> RoutedRequest:
@@ -118,7 +123,8 @@ class Dispatcher:
             )
         verb = find_verb(address.kind, address.verb)
         check_role(role, verb)
-        return RoutedRequest(key, address, role, verb, payload, self._service.stops)
+        stops = self._service.stops
+        return RoutedRequest(key, address, role, verb, payload, self._clock(), stops)
 
     def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
         """Return the answer to a refused request, and count it."""
@@ -152,7 +158,7 @@ class Dispatcher:
         answer = memory.recall(identity, request.id, digest)
         if answer is None:
             if routed.address.kind is not Kind.STOP:
-                memory.admit(identity, request.sent_ns)
+                memory.admit(identity, request.sent_ns, self._clock() - routed.came_ns)
             answer = self._carry_out(routed, request)
             memory.remember(identity, request.id, digest, answer)
         return answer

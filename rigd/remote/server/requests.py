@@ -42,15 +42,20 @@ class _Done:
 class Requests:
     """The stored requests of one lane; only the thread of this lane uses them.
 
-    ``clock`` is monotonic, ns; ``wall`` is ns since the Unix epoch.
+    ``wait_s`` is how long a request may wait for its turn without growing older: of a lane whose
+    clients wait that long, while an old request of another lane must not start a rig. ``clock`` is
+    monotonic, ns; ``wall`` is ns since the Unix epoch.
     """
 
     def __init__(
         self,
         *,
+        wait_s: float = 0.0,
         clock: Callable[[], int] = time.monotonic_ns,
         wall: Callable[[], int] = time.time_ns,
     ) -> None:
+        self._wait_ns = round(wait_s * 1e9)
+        self._memory_s = MEMORY_S + wait_s
         self._clock = clock
         self._wall = wall
         self._since_ns = clock()
@@ -76,14 +81,24 @@ class Requests:
             )
         return done.answer
 
-    def admit(self, identity: str, sent_ns: int) -> None:
+    def admit(self, identity: str, sent_ns: int, waited_ns: int = 0) -> None:
         """Check that a new request is fresh, and that it can be remembered.
+
+        ``waited_ns`` is how long it has waited here for its turn.
 
         Raises:
             Refusal: it is not, or it cannot.
         """
-        age_ns = self._wall() - sent_ns
+        spared_ns = min(waited_ns, self._wait_ns)
+        age_ns = self._wall() - sent_ns - spared_ns
         if abs(age_ns) > FRESH_S * 1e9:
+            if abs(age_ns - (waited_ns - spared_ns)) <= FRESH_S * 1e9:
+                raise Refusal(
+                    Code.REPLAYED,
+                    f"the request waited {waited_ns * 1e-9:.1f} s for others before it, "
+                    f"at most {self._wait_ns * 1e-9 or FRESH_S:.0f} s are allowed",
+                    hint="look at the status, then make a new request",
+                )
             side = "old" if age_ns > 0 else "ahead of the daemon's clock"
             raise Refusal(
                 Code.REPLAYED,
@@ -91,7 +106,7 @@ class Requests:
                 f"at most {FRESH_S:.0f} s are allowed",
                 hint="set the clocks of both computers (NTP)",
             )
-        if age_ns > self._clock() - self._since_ns:
+        if age_ns > self._clock() - self._since_ns - spared_ns:
             raise Refusal(
                 Code.REPLAYED,
                 "the request is older than this daemon; an earlier daemon may have carried it out",
@@ -104,13 +119,13 @@ class Requests:
         if mine is not None and len(mine) >= MAX_REQUESTS:
             raise Refusal(
                 Code.BUSY,
-                f"{identity} has sent {MAX_REQUESTS} commands within {MEMORY_S:.0f} s",
+                f"{identity} has sent {MAX_REQUESTS} commands within {self._memory_s:.0f} s",
                 hint="send fewer",
             )
 
     def remember(self, identity: str, request_id: str, digest: bytes, answer: StoredReply) -> None:
         """Store the answer to a request; one that was not admitted may displace the oldest."""
-        until_ns = self._clock() + round(MEMORY_S * 1e9)
+        until_ns = self._clock() + round(self._memory_s * 1e9)
         mine = self._done.setdefault(identity, OrderedDict())
         mine[request_id] = _Done(digest, answer, until_ns)
         if len(mine) > MAX_REQUESTS:

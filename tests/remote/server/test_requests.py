@@ -71,6 +71,13 @@ def test_request_possibly_done_by_earlier_daemon_is_refused(memory: Memory) -> N
     memory.admit(age_s=1.0)
 
 
+def test_request_that_waited_too_long_is_told(memory: Memory) -> None:
+    sent_ns = 1_700_000_000_000_000_000
+    memory.now_ns = round((FRESH_S + 1) * 1e9)
+    with pytest.raises(Refusal, match=r"waited 31\.0 s for others before it, at most 30 s"):
+        memory.requests.admit("alice", sent_ns, memory.now_ns)
+
+
 def test_reply_is_remembered_until_request_is_too_old(memory: Memory) -> None:
     """Sent as far ahead as is allowed, it stays fresh for twice as long."""
     memory.admit(age_s=-FRESH_S)

@@ -1,0 +1,72 @@
+"""What becomes of a request between its arrival and its answer."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+from support.played_rig import PlayedRig
+from support.served_rig import key, request
+
+from rigd.config.remote import RemoteSetup
+from rigd.remote.protocol import Keys
+from rigd.remote.protocol.limits import FRESH_S
+from rigd.remote.server.dispatcher import Dispatcher
+from rigd.remote.server.refused import Refused
+
+
+class Desk:
+    """A dispatcher, and clocks that stand until they are moved."""
+
+    def __init__(self) -> None:
+        self.began_ns = time.time_ns()
+        self.now_ns = 0
+        self.rig = PlayedRig()
+        self.rig.hold_lease("alice")
+        self.dispatcher = Dispatcher(
+            Keys("lugre-1"),
+            RemoteSetup(("tcp/127.0.0.1:1",), roles={}),
+            self.rig,
+            self.rig.lease,
+            Refused(),
+            clock=lambda: self.now_ns,
+            wall=lambda: self.began_ns + self.now_ns,
+        )
+        self.pass_s(60.0)
+
+    def pass_s(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+    def code(self, verb: str, payload: bytes, waits_s: float) -> Any:
+        """Return the code of the refusal of a request that waits for its turn; "" if none."""
+        routed = self.dispatcher.sort(key("cmd", "alice", verb), payload)
+        self.pass_s(waits_s)
+        said = json.loads(self.dispatcher.answer(routed).payload)
+        return said.get("error", {}).get("code", "")
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def sent(desk: Desk, verb: str) -> bytes:
+    return request(verb, sent_ns=desk.began_ns + desk.now_ns)
+
+
+def test_dry_run_may_wait_for_another(desk: Desk) -> None:
+    payload = sent(desk, "dry_run")
+    assert desk.code("dry_run", payload, waits_s=FRESH_S + 1) == ""
+    assert desk.code("dry_run", payload, waits_s=800.0) == ""  # answered from memory
+    assert desk.rig.verbs() == ["dry_run"]
+    desk.pass_s(200.0)
+    assert desk.code("dry_run", sent(desk, "dry_run"), waits_s=0.0) == ""  # forgets the first
+    assert desk.code("dry_run", payload, waits_s=0.0) == "replayed"
+    assert desk.rig.verbs() == ["dry_run", "dry_run"]
+
+
+def test_start_that_waited_too_long_is_refused(desk: Desk) -> None:
+    assert desk.code("start", sent(desk, "start"), waits_s=FRESH_S + 1) == "replayed"
+    assert desk.rig.verbs() == []
