@@ -63,6 +63,8 @@ class LiveStream:
         """Return a frame with ``rows``, and store them for clients that join later."""
         points = Points.of(self.stream, rows).reduced(FRAME_POINTS)
         recent = self._recent
+        while recent and recent[-1].times_ns[-1] > points.times_ns[0]:
+            recent.pop()  # the clock was set back between two runs
         recent.append(points.reduced(_KEPT_POINTS))
         oldest_ns = int(points.times_ns[-1]) - HISTORY_NS
         while recent[0].times_ns[-1] < oldest_ns:

@@ -90,3 +90,15 @@ def test_value_too_large_for_picture_becomes_infinite() -> None:
     frame = LiveStream(0, STREAM).frame(made)
     assert frame.low[0, 0] == np.inf
     assert np.isnan(frame.high[1, 0])
+
+
+def test_history_has_one_time_after_clock_step() -> None:
+    live = LiveStream(0, STREAM)
+    for first in range(3_600_000, 3_620_000, 33):
+        live.frame(rows(first, 33))
+    for first in range(0, 20_000, 33):
+        live.frame(rows(first, 33))
+    history = live.history()
+    assert history is not None
+    assert 9.9 <= history.time_s[-1] - history.time_s[0] <= 10.1
+    assert np.all(np.diff(history.time_s) > 0)
