@@ -199,7 +199,7 @@ def test_spoilt_messages_but_stops_change_nothing(on_loopback: Served, client: Z
     on_loopback.rig.hold_lease("eve")
     before = list(on_loopback.rig.done)
     rng = random.Random(5)
-    kinds = {"ask": ("events", "check", "runs", "fetch")}
+    kinds: dict[str, tuple[str, ...]] = {"ask": ("events", "check", "runs", "fetch")}
     kinds["cmd"] = tuple(verb for verb in ARGUMENTS if verb not in ("stop", "abort", "estop"))
     for kind, verbs in kinds.items():
         for verb in verbs:
