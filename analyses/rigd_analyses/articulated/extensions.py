@@ -84,6 +84,14 @@ class Moved:
             self.system.run(k, self.shared, self.local(k)) for k in range(len(self.system.trials))
         ]
 
+    def turn(self, trial: int) -> float:
+        """Return the heading in rad, as the camera sees it, at which one trial begins."""
+        return self.system.turn(trial, self.local(trial))
+
+    def seen(self, trial: int, changes: FloatArray) -> FloatArray:
+        """Return the outputs (n, 8, 1) of changes (n, 6) of the simulated poses."""
+        return self.system.seen(trial, changes[:, :, None], self.shared, self.local(trial))
+
     @cached_property
     def acted(self) -> list[FloatArray]:
         """Return the changes (n, 8, LANES) of the outputs of each trial by ACTING."""
@@ -167,25 +175,25 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
     """Yield what may be wrong with a marker, the camera's clock or the torques."""
 
     def shown(respond: Callable[[Run, FloatArray], FloatArray]) -> Callable[[], Columns]:
+        """Return outputs by changes (n, 6) of the poses in the frame of the simulation."""
         return lambda: [
-            respond(run, item.t_s)[:, :, None]
-            for run, item in zip(moved.runs, moved.system.trials, strict=True)
+            moved.seen(k, respond(run, item.t_s))
+            for k, (run, item) in enumerate(zip(moved.runs, moved.system.trials, strict=True))
         ]
 
     def off(column: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
         def respond(run: Run, _: FloatArray) -> FloatArray:
-            heading = run.pose[:, column + 2]
-            out = np.zeros((len(heading), 8))
-            c, s = np.cos(heading), np.sin(heading)
-            out[:, 2 + column], out[:, 3 + column] = (c, s) if ahead else (-s, c)
+            out = np.zeros_like(run.pose)
+            c, s = np.cos(run.pose[:, column + 2]), np.sin(run.pose[:, column + 2])
+            out[:, column], out[:, column + 1] = (c, s) if ahead else (-s, c)
             return out
 
         return respond
 
     def turned(column: int) -> Callable[[Run, FloatArray], FloatArray]:
         def respond(run: Run, _: FloatArray) -> FloatArray:
-            out = np.zeros((len(run.pose), 8))
-            out[:, 4 + column] = 1.0
+            out = np.zeros_like(run.pose)
+            out[:, 2 + column] = 1.0
             return out
 
         return respond
@@ -210,7 +218,7 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
         )  # fmt: skip
 
     def gained(run: Run, t_s: FloatArray) -> FloatArray:
-        return np.column_stack([np.zeros((len(t_s), 2)), run.rate * t_s[:, None]])
+        return np.asarray(run.rate * t_s[:, None])
 
     for module, column in (("front", 0), ("rear", 3)):
         for ahead, word in ((True, "ahead of"), (False, "aside of")):
@@ -252,11 +260,12 @@ def _contexts(moved: Moved) -> list[Context]:
     """Return what an error may depend on."""
     trials = moved.system.trials
     turned = [float(np.sign(np.round(run.pose[-1, 2]))) for run in moved.runs]
+    headings = [run.pose[:, 2] + moved.turn(k) for k, run in enumerate(moved.runs)]
     return [
         Context("the time in a trial", [item.t_s for item in trials]),
         Context("the place along x", [item.poses[:, 0] for item in trials]),
         Context("the place along y", [item.poses[:, 1] for item in trials]),
-        Context("the heading", [run.pose[:, 2] for run in moved.runs], round_rad=True),
+        Context("the heading", headings, round_rad=True),
         Context("the hinge's angle", [run.pose[:, 2] - run.pose[:, 5] for run in moved.runs]),
         Context("the sense of turning",
                 [np.full(len(item.poses), sign) for item, sign in zip(trials, turned, strict=True)],

@@ -243,11 +243,22 @@ class RobotSystem:
 
     def outputs_of(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the derivatives (n, 8, LANES) of the outputs that go along with ``run``."""
-        _, turn, stretch = self._placed(trial, run, shared, local)
-        out = np.zeros((len(run.pose), 8, LANES))
+        out = self.seen(trial, run.by_pose, shared, local)
         out[:, :2] = self.mean_torque(trial, run.by_torque) / self.gear_ratio
-        out[:, 2:] = self._turned(run.by_pose, turn, stretch)
         return out
+
+    def seen(
+        self, trial: int, changes: FloatArray, shared: FloatArray, local: FloatArray
+    ) -> FloatArray:
+        """Return the outputs (n, 8, c) of changes (n, 6, c) of the simulated poses."""
+        stretch = self._stretch(shared)
+        out = np.zeros((len(changes), 8, changes.shape[2]))
+        out[:, 2:] = self._turned(changes, self.turn(trial, local), stretch)
+        return out
+
+    def turn(self, trial: int, local: FloatArray) -> float:
+        """Return the heading in rad at the begin of one trial, in the frame of the camera."""
+        return float(self.trials[trial].standing[2] + local[LOCAL.index("heading")])
 
     def _outputs(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, 8) of a simulation."""
@@ -276,12 +287,16 @@ class RobotSystem:
         self, trial: int, run: Run, shared: FloatArray, local: FloatArray
     ) -> tuple[FloatArray, float, tuple[float, float]]:
         """Return the poses (n, 6) from the start, the heading there, and both scales."""
-        found = dict(zip(SHARED, shared, strict=True))
-        turn = float(self.trials[trial].standing[2] + local[2])
-        stretch = (1.0 + float(found["scale_x"]), 1.0 + float(found["scale_y"]))
+        turn, stretch = self.turn(trial, local), self._stretch(shared)
         placed = self._turned(run.pose[:, :, None], turn, stretch)[:, :, 0]
         placed[:, [2, 5]] += turn
         return placed, turn, stretch
+
+    @staticmethod
+    def _stretch(shared: FloatArray) -> tuple[float, float]:
+        """Return both scales of the camera."""
+        x, y = (1.0 + float(shared[SHARED.index(name)]) for name in ("scale_x", "scale_y"))
+        return x, y
 
     @staticmethod
     def _turned(poses: FloatArray, turn: float, stretch: tuple[float, float]) -> FloatArray:

@@ -16,6 +16,7 @@ from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
+from rigd_analyses.articulated.extensions import candidates
 from rigd_analyses.articulated.found import RobotFound, check_way, find, fitted_from, judged
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
@@ -302,6 +303,32 @@ def test_marker_off_its_place_is_named(
     assert words in gate.sentence
     assert gate.explanations[0].size == pytest.approx(size, rel=0.2)
     assert abs(np.log(found["k_lat"] / 200.0)) < 4.0 * sds["k_lat"]
+
+
+def quarter(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` in a frame of the camera that is turned by a quarter."""
+    x, y, heading = trial.poses[:, ::3], trial.poses[:, 1::3], trial.poses[:, 2::3]
+    turned = np.stack([-y, x, heading + 0.5 * np.pi], axis=2)
+    return replace(trial, poses=turned.reshape(len(x), 6))
+
+
+def test_marker_suspect_turns_with_the_robot(recordings: RobotSystem) -> None:
+    theta = np.concatenate([TRUTH, [0.0, 0.0, 0.0, 0.0, 1e-6]])
+    system = each(recordings.of([0]), quarter)
+    suspects = {item.name: item for item in candidates(system, theta)}
+    name = "a front marker ahead of the centre of its module"
+    before = system.trials[0].poses
+    expected = (ahead(system.trials[0]).poses - before) / 0.005
+    shown = suspects[name].columns()[0][:, 2:, 0]
+    assert np.corrcoef(shown.ravel(), expected.ravel())[0, 1] > 0.99
+
+
+def test_gaining_clock_shows_along_the_way(recordings: RobotSystem) -> None:
+    theta = np.concatenate([TRUTH, [0.0, 0.0, 0.0, 0.0, 1e-6]])
+    system = each(recordings.of([2]), quarter)  # straight ahead, along y
+    suspects = {item.name: item for item in candidates(system, theta)}
+    shown = suspects["a clock of the camera that gains"].columns()[0][:, 2:, 0]
+    assert np.max(np.abs(shown[:, 1])) > 100.0 * np.max(np.abs(shown[:, 0]))
 
 
 @pytest.mark.parametrize(
