@@ -23,7 +23,6 @@ from rigd.analysis.system import SomeTrials, System
 from rigd.analysis.uncertainty import scaled_pinv
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.articulated.extensions import candidates
-from rigd_analyses.articulated.reading import TORQUE_FRAMES
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
 
 SCORES: Final = 10  #: frames, 0.4 s: longest correlation of the scores that is accounted for
@@ -59,6 +58,7 @@ RULED_OUT_ROUGHLY: Final = 3.0  #: of the cost: the same, between the values tha
 HOPELESS: Final = 40.0  #: of the cost: no other parameter makes up for it
 NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
 OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
+CHORD_S: Final = 0.4  #: of the way by the camera: noise would lengthen shorter ones
 #: Relative: no two careful measures of a length differ by so much.
 UNLIKELY: Final = 0.03
 LENGTHS: Final = ("wheel_radius", "half_track", "half_wheelbase", "hinge_distance")
@@ -247,7 +247,9 @@ def check_way(system: RobotSystem) -> None:
     for item in system.trials:
         ways = np.sum(np.abs(item.speeds[item.at]), axis=0) * item.period_s
         turned = radius / system.gear_ratio * float(np.mean(ways))
-        steps = np.hypot(*np.diff(item.poses[::TORQUE_FRAMES, :2], axis=0).T)
+        last = len(item.poses) - 1
+        at = np.append(np.arange(0, last, max(1, round(CHORD_S / item.period_s))), last)
+        steps = np.hypot(*np.diff(item.poses[at, :2], axis=0).T)
         if turned > 0.0:
             ratios.append(float(np.sum(steps)) / turned)
         least = min(least, turned)

@@ -276,6 +276,11 @@ def test_wrong_way_of_wheels_is_named(recordings: RobotSystem, ratio: float, wor
     assert words in f"{caught.value.hint}"
 
 
+@pytest.mark.parametrize("seconds", [1.16, 1.2, 1.36])
+def test_way_counts_to_the_last_frame(recordings: RobotSystem, seconds: float) -> None:
+    check_way(replace(recordings, trials=(recordings.trials[2].first(seconds),)))
+
+
 def ahead(trial: RobotTrial) -> RobotTrial:
     """Return ``trial`` with the front marker 5 mm ahead of its centre."""
     poses = trial.poses.copy()
