@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd_analyses.articulated.reading import REST_FRAMES, RobotTrial
+from rigd_analyses.articulated.reading import REST_FRAMES, RobotTrial, in_succession
 from rigd_analyses.articulated.system import LOCAL, RATIO, SHARED, RobotSystem, Run
 
 MARKERS: Final = ("front", "rear")
@@ -34,6 +34,7 @@ def check_markers(trials: Sequence[RobotTrial]) -> None:
     """
     for item in trials:
         _check_seen(item)
+    _check_succession(trials)
     exchanged = [(item, _exchanged(item)) for item in trials]
     wrong = [(item, off) for item, off in exchanged if np.mean(off) > EXCHANGED]
     if wrong:
@@ -67,6 +68,16 @@ def _check_seen(item: RobotTrial) -> None:
             hint="frames of the standing robot are missing: see that the camera is on before the "
             "trial",
         )
+
+
+def _check_succession(trials: Sequence[RobotTrial]) -> None:
+    for module, column in zip(MARKERS, (0, 3), strict=True):
+        if not any(np.any(in_succession(item.seen[:, column])) for item in trials):
+            raise DataError(
+                f"the camera never shows the {module} marker in three frames in succession, which "
+                "the noise of its poses is taken from",
+                hint="`rigd report FILE` draws the recording",
+            )
 
 
 def _exchanged(item: RobotTrial) -> NDArray[np.bool_]:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from rigd.analysis import DataError
 from rigd.analysis.parameters import Trials
+from rigd.analysis.resample import period_ns, stale_rows
 from rigd.analysis.result import FloatArray
-from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd.analysis.source import STATUS_FIELD, RecordedSweep, TrialInfo
 from rigd_analyses.articulated.analysis import MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle
@@ -36,6 +37,7 @@ LATEST_S = 0.2  #: no frame comes later: those that come earlier in a trial may 
 TORQUE_FRAMES = 10
 FEWEST = 20  #: frames of a trial
 REST_FRAMES = 5  #: frames before the start, whose median is where the robot stands
+SAME = 1e-9  #: of the largest: smaller differences are of the arithmetic
 NS = 1e-9
 
 
@@ -104,7 +106,7 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
     frames = np.unique(np.concatenate([read[name][0] for name in POSES]))
     if len(frames) < FEWEST:
         raise DataError(f"{where} has {len(frames)} frames of the camera, needs {FEWEST}")
-    period = float(np.median(np.diff(frames)))
+    period = NS * period_ns(np.rint(frames / NS).astype(np.int64))
     count = 1 + round(float(frames[-1] - frames[0]) / period)
     times = frames[0] + period * np.arange(count)
     poses, seen = np.zeros((count, 6)), np.zeros((count, 6), dtype=np.bool_)
@@ -115,6 +117,8 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
         poses[at, column] = values
     for module in (slice(0, 3), slice(3, 6)):
         clean(poses[:, module], seen[:, module], times)
+    front, rear = (np.median(poses[:REST_FRAMES, column]) for column in (2, 5))
+    poses[:, 5] += 2.0 * np.pi * np.rint((front - rear) / (2.0 * np.pi))  # unwrapped alone
     grid, at, speeds = steps(
         [(read[name][0] - times[0], read[name][1]) for name in MOTORS], period, count
     )
@@ -122,14 +126,14 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
         [_mean(*read[name], times - TORQUE_FRAMES * period, times) for name in TORQUES]
     )
     speed, torque = (
-        max(white_noise(read[name][1]) for name in names) for names in (MOTORS, TORQUES)
+        max(_noise_of_mean(*read[name], period, over) for name in names)
+        for names, over in ((MOTORS, 1), (TORQUES, TORQUE_FRAMES))
     )
-    per_frame = max(1.0, period / float(np.median(np.diff(read[MOTORS[0]][0]))))
     words = [f"{sweep.parameter(info, name)}" for name in info.parameters]
     return RobotTrial(
         f"{sweep.info.procedure} {info.number} ({', '.join(words)})", str(sweep.path), info.number,
         period, grid, at, speeds, np.ascontiguousarray(torques.T), poses, seen,
-        speed / math.sqrt(per_frame), torque / math.sqrt(TORQUE_FRAMES * per_frame),
+        speed, torque,
     )  # fmt: skip
 
 
@@ -183,17 +187,20 @@ def smoothed(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return times in s and values of a signal, as recorded.
+    """Return times in s and values of a signal as recorded, without rows that repeat another.
 
     Raises:
         DataError: it is not there, has no sample, or one that is not finite.
     """
     stream, field = sweep.field(name)
     rows = sweep.recording.read(stream.name, info.start_ns, info.end_ns)
+    if stream.has_status:
+        rows = rows[~stale_rows(rows[STATUS_FIELD])]
     values = np.asarray(rows[field], dtype=np.float64)
     if len(values) < FEWEST or not np.all(np.isfinite(values)):
         raise DataError(
-            f"{sweep.path}: in trial {info.number} signal {name!r} has {len(values)} samples, "
+            f"{sweep.path}: in trial {info.number} signal {name!r} has {len(values)} samples "
+            "that do not repeat another, "
             f"{np.count_nonzero(~np.isfinite(values))} of them not finite",
             hint="`rigd report FILE` draws the recording",
         )
@@ -226,7 +233,47 @@ def _mean(t: FloatArray, values: FloatArray, begin: FloatArray, end: FloatArray)
     return np.asarray((np.interp(end, t, total) - np.interp(begin, t, total)) / (end - begin))
 
 
-def white_noise(*parts: FloatArray) -> float:
-    """Return the standard deviation of white noise on smooth signals, from second differences."""
-    second = np.concatenate([np.diff(part, 2, axis=0).ravel() for part in parts])
-    return float(1.4826 * np.median(np.abs(second)) / math.sqrt(6.0))
+def _noise_of_mean(t: FloatArray, values: FloatArray, period_s: float, frames: int) -> float:
+    """Return the standard deviation of the noise of a signal's mean over some frames."""
+    noise = white_noise(values)
+    if noise == 0.0:  # what a step rounds off is the same all through a mean
+        return _rounding(np.diff(values, 2))
+    per_frame = max(1.0, period_s / float(np.median(np.diff(t))))
+    return noise / math.sqrt(frames * per_frame)
+
+
+def white_noise(values: FloatArray) -> float:
+    """Return the standard deviation of white noise on a smooth signal; 0 if most steps are even."""
+    return _spread(np.diff(values, 2))
+
+
+def noise_of_seen(parts: Sequence[FloatArray], seen: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the standard deviation of noise on smooth signals at the frames that are ``seen``.
+
+    Frames that are bridged have none: only three in succession that are seen show it.
+    """
+    second = np.concatenate([
+        np.diff(part, 2)[in_succession(there)] for part, there in zip(parts, seen, strict=True)
+    ])  # fmt: skip
+    return _spread(second) or _rounding(second)
+
+
+def in_succession(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return at which frames but the last two (n - 2,) a marker is seen in three in succession."""
+    return np.asarray(seen[2:] & seen[1:-1] & seen[:-2], dtype=np.bool_)
+
+
+def _spread(second: FloatArray) -> float:
+    return float(1.4826 * np.median(_sizes(second)) / math.sqrt(6.0))
+
+
+def _rounding(second: FloatArray) -> float:
+    """Return the standard deviation by which a reading is rounded that shows no noise."""
+    sizes = _sizes(second)
+    return float(np.median(sizes[sizes > 0.0])) / math.sqrt(12.0) if np.any(sizes) else 0.0
+
+
+def _sizes(second: FloatArray) -> FloatArray:
+    """Return the sizes of second differences; those of rounded arithmetic are 0."""
+    sizes = np.abs(second)
+    return np.where(sizes > SAME * np.max(sizes), sizes, 0.0)

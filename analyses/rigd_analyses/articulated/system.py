@@ -17,7 +17,7 @@ from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
 from rigd_analyses.articulated.analysis import POSES, TORQUES
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, W0, simulate
-from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, white_noise
+from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, noise_of_seen
 
 RATIO: Final = "mu_s / mu_d"  #: is fitted in place of mu_s, at 1 or above
 CONTACTS: Final = ("k_lon", "k_lat", "k_roll", "mu_d", RATIO)
@@ -206,7 +206,13 @@ class RobotSystem:
     def _noise(self) -> FloatArray:
         """Return the standard deviations (8,) of the outputs' noise, which they show themselves."""
         torque = float(np.median([item.torque_noise for item in self.trials]))
-        poses = [white_noise(*(item.poses[:, k] for item in self.trials)) for k in range(6)]
+        poses = [
+            noise_of_seen(
+                [item.poses[:, k] for item in self.trials],
+                [item.seen[:, k] for item in self.trials],
+            )
+            for k in range(6)
+        ]
         return np.asarray(np.maximum(np.array([torque, torque, *poses]), FLOOR))
 
     def _unknown(self, name: str) -> Unknown:
