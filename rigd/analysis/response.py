@@ -155,7 +155,8 @@ def identify_response(
 ) -> IdentificationResult:
     """Return the parameters of ``model`` with 95 % intervals from profiles, and verdicts.
 
-    ``block_s`` is the longest correlation of the residuals that is accounted for.
+    ``block_s`` is the longest correlation of the residuals that is accounted for, at the highest
+    rate of the trials: of slower ones, longer correlations are.
 
     Raises:
         DataError: fewer than 8 samples of a trial count, or the cost is not finite.
@@ -176,7 +177,7 @@ def identify_response(
         title=wording.title,
         words=wording.quantities,
         account=account,
-        period_s=float(np.median(np.diff(model.trials[0].t_s))),
+        period_s=min(float(np.median(np.diff(trial.t_s))) for trial in model.trials),
         visited=f"{wording.x.name} from {low:.3g} to {high:.3g} {wording.x.unit}",
         curve=lambda best, cov, _: _curve(model, best, cov, wording, (low, high)),
         trials=lambda theta: _trial_fits(model, theta, wording),

@@ -62,6 +62,13 @@ def evaluate(
         trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
         force = np.concatenate([trial.measured[trial.used] for trial in trials])
         speed = np.concatenate([trial.x[trial.used] for trial in trials])
+        if not len(speed):
+            files = ", ".join(str(path) for path in group.recordings)
+            raise DataError(
+                f"{files}: in no trial the speed is steady: everywhere it changes by "
+                f"{100 * CHANGE_SHARE:g} % of its highest value within {CHANGE_S:g} s",
+                hint="hold each speed for 1 s or longer; `rigd report` draws the recording",
+            )
         size = float(np.median(np.abs(force))) or 1.0
         model = ResponseModel(parameters(size, speed, force), friction, trials, size)
         result = identify_response(model, WORDING, options, account(group))

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigd.analysis.check import Case, SimulatedTrial, check_analysis
+from rigd.analysis import DataError, Options
+from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
+from rigd.analysis.source import open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 from rigd_analyses.static.evaluation import friction, steady
 
@@ -31,6 +33,51 @@ def test_static_law_passes_check_analysis(tmp_path: Path) -> None:
     high = Case([stroke(0.1, 0.4, 9)], {}, fast, unknown=("F_s", "v_s"))
     report = check_analysis(StaticFrictionAnalysis, [whole, high], tmp_path)
     assert report.skipped == {}
+
+
+def at_rate(speed_m_s: float, rate_hz: float, seed: int) -> SimulatedTrial:
+    """A stroke at another rate, whose force has errors that last for 30 ms."""
+    t_s = np.arange(0.0, 3.0, 1.0 / rate_hz)
+    speed = np.interp(t_s, [0.0, 0.2, 2.8, 3.0], [0.0, speed_m_s, speed_m_s, 0.0])
+    drop = (TRUTH["F_s"] - TRUTH["F_c"]) * np.exp(-((speed / TRUTH["v_s"]) ** 2))
+    steps = np.random.default_rng(seed).normal(0.0, 0.5, 101)
+    error = np.interp(t_s, 0.03 * np.arange(101), steps)
+    force = TRUTH["F_c"] + drop + TRUTH["k_v"] * speed + error
+    return SimulatedTrial(t_s, {"force": force * np.sign(speed), "speed": speed})
+
+
+def test_intervals_do_not_depend_on_order(tmp_path: Path) -> None:
+    trials = [
+        at_rate(v, rate, seed)
+        for seed, (v, rate) in enumerate(
+            [
+                (0.0005, 500.0),
+                (0.001, 50.0),
+                (0.002, 500.0),
+                (0.004, 50.0),
+                (0.01, 500.0),
+                (0.03, 500.0),
+                (0.1, 500.0),
+            ]
+        )
+    ]
+    found = []
+    for name, order in (("fast", trials), ("slow", [trials[1], trials[0], *trials[2:]])):
+        path = write_case(tmp_path / f"{name}.mcap", StaticFrictionAnalysis, Case(order, {}, TRUTH))
+        result = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+        entry = result.sections[0].result.parameter("F_c")
+        assert entry.low is not None, entry
+        assert entry.high is not None
+        found.append((entry.low, entry.high))
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_trials_without_steady_speed_are_refused(tmp_path: Path) -> None:
+    speed = np.abs(np.interp(TIMES_S, [0.0, 0.2, 0.4], [0.0, 0.1, 0.0], period=0.4)) + 1e-3
+    trial = SimulatedTrial(TIMES_S, {"force": 60.0 + 0.0 * speed, "speed": speed})
+    path = write_case(tmp_path / "run.mcap", StaticFrictionAnalysis, Case([trial], {}, TRUTH))
+    with pytest.raises(DataError, match="in no trial the speed is steady"):
+        StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
 
 
 def test_derivatives_are_those_of_the_law() -> None:
