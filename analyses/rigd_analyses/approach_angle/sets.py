@@ -60,7 +60,7 @@ def evaluate_set(
     sliding = [
         (k, r)
         for k, r in zip(known, results, strict=True)
-        if not r.better.excluded and r.better.budget is not None
+        if not r.excluded and r.better.budget is not None
     ]
     warnings = [*_record_warnings(known, results, missing)]
     mixed = max(alphas) - min(alphas) > SAME_ANGLE

@@ -201,6 +201,25 @@ def test_bad_clamping_is_found_and_left_out() -> None:
     assert found.paper.used == 36 - sum(flagged)
 
 
+def test_run_that_is_left_out_enters_no_maximum(played: Played) -> None:
+    """At 400 Hz the paper's method has no number: the run is left out of everything."""
+    names = ("t_s", "gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+    runs = of(played, "clean_0")
+    slow = [
+        replace(known, run=replace(known.run, **{name: getattr(known.run, name)[::24]
+                                                 for name in names}))
+        for known in runs[:6]
+    ]  # fmt: skip
+    result = analyse_campaign([*slow, *runs[6:]], PUBLISHED)
+    left_out = [r for r in result.runs if r.excluded]
+    assert len(left_out) == 6
+    assert all(math.isfinite(r.better.mu) for r in left_out[1:])
+    found = result.sets[0]
+    assert found.curve is not None
+    assert not {r.run.number for r in left_out} & set(found.curve.block_run)
+    assert found.sliding_runs <= found.paper.used
+
+
 def test_missing_repeats_are_named(played: Played) -> None:
     runs = of(played, "clean_0")
     lacking = [k for k in runs if k.run.number not in (3, 5, 6)]
