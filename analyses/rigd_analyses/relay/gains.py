@@ -103,14 +103,16 @@ def no_relay(relay: FloatArray) -> str:
 
 
 def swings_of(measured: FloatArray, output: FloatArray, relay: FloatArray) -> Swings:
-    """Return the whole swings in which the relay acts, without the first ones.
+    """Return the whole swings in which the relay acts, without the first ones after it began.
 
     All are (n,) samples at regular times; a swing begins where ``relay`` becomes positive.
     """
     begins = np.flatnonzero((relay[1:] > 0.0) & (relay[:-1] < 0.0)) + 1
-    spans = [(first, last) for first, last in pairwise(begins) if np.all(relay[first:last] != 0.0)][
-        SETTLING:
-    ]
+    spans, since = [], 0
+    for first, last in pairwise(begins):
+        since = since + 1 if np.all(relay[first:last] != 0.0) else 0
+        if since > SETTLING:
+            spans.append((first, last))
     rows = [
         (
             first,
@@ -265,11 +267,14 @@ def _drawn(
 ) -> list[Series]:
     """Return the last swings of measured and output beside their first harmonics."""
     series = []
-    starts, counts = swings.starts[-3:].astype(int), swings.counts[-3:].astype(int)
+    ends = swings.starts + swings.counts
+    pauses = np.flatnonzero(swings.starts[1:] != ends[:-1]) + 1
+    shown = slice(int(np.max(pauses, initial=len(ends) - 3)), None)
+    starts, counts = swings.starts[shown].astype(int), swings.counts[shown].astype(int)
     rows = slice(starts[0], starts[-1] + counts[-1])
     for name, values, amplitudes, unit in (
-        ("measured", measured, swings.measured[-3:], units[0]),
-        ("output", output, swings.output[-3:], units[1]),
+        ("measured", measured, swings.measured[shown], units[0]),
+        ("output", output, swings.output[shown], units[1]),
     ):
         fitted = np.concatenate([
             np.mean(values[start : start + count])

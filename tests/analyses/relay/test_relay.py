@@ -124,3 +124,18 @@ def test_lopsided_swing_is_refused(tmp_path: Path) -> None:
     short = {name: values[keep] for name, values in signals.items()}
     (why,) = evaluated(tmp_path, short).result.refusals
     assert "above its middle" in why
+
+
+def test_pause_of_the_relay_parts_its_swings(tmp_path: Path) -> None:
+    """The first swings after a pause count as little as those at the begin, and none is drawn."""
+    first, second = swing(), swing(seconds=0.3)
+    second["measured"][:80] *= 3.0
+    rest = {"measured": np.zeros(500), "output": np.full(500, 0.3), "relay": np.zeros(500)}
+    signals = {name: np.concatenate([first[name], rest[name], second[name]]) for name in rest}
+    found = evaluated(tmp_path, signals)
+    assert not found.result.refusals
+    (tmp_path / "alone").mkdir()
+    alone = evaluated(tmp_path / "alone", first).result.measured["ultimate_gain"].value
+    assert found.result.measured["ultimate_gain"].value == pytest.approx(alone, rel=1e-6)
+    assert all(len(item.x) == len(item.fitted) for item in found.result.series)
+    assert "the last swings" in found.report()
