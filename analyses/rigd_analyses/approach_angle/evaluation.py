@@ -25,7 +25,7 @@ from rigd_analyses.approach_angle.known import (
 from rigd_analyses.approach_angle.limits import Limits
 from rigd_analyses.approach_angle.paper.settings import PaperSettings
 from rigd_analyses.approach_angle.report.opening import campaign_opening
-from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_analyses.approach_angle.result import CampaignResult, file_names
 from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
 from rigd_analyses.approach_angle.terminal import campaign_terminal_report
 
@@ -98,9 +98,11 @@ class CampaignEvaluation(Evaluation):
     @property
     def calibrations_told(self) -> tuple[str, ...]:
         """Which calibration was used for which recordings, and what it changed, a line each."""
+        short = file_names(str(path) for path in self.calibrations)
         names_of: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for path, calibration in self.calibrations.items():
-            names_of.setdefault((calibration.described, calibration.changes), []).append(path.name)
+            same = names_of.setdefault((calibration.described, calibration.changes), [])
+            same.append(short[str(path)])
         several = len(names_of) > 1
         lines = []
         for (words, changes), names in names_of.items():
@@ -131,7 +133,7 @@ def evaluate(
     result = analyse_campaign(known, _reference(sweeps), paper, better)
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
     used = [
-        sum(not run.excluded for run in result.runs if run.run.recording == sweep.path.name)
+        sum(not run.excluded for run in result.runs if run.run.recording == str(sweep.path))
         for sweep in sweeps
     ]
     origin = provenance(
@@ -192,12 +194,13 @@ def _reference(sweeps: Sequence[RecordedSweep]) -> SetReference | None:
 
 def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:
     """Return a warning for each recording whose run did not come to its end."""
+    names = file_names(str(sweep.path) for sweep in sweeps)
     return [
-        f"{sweep.path.name}: the run did not come to its end ({sweep.info.state}"
+        f"{names[str(sweep.path)]}: the run did not come to its end ({sweep.info.state}"
         f"{f': {sweep.info.reason}' if sweep.info.reason else ''}); "
         f"{sweep.info.trials_done} of {sweep.info.metadata['run'].get('trials', '?')} trials are "
         "complete. "
-        f"`rigd run --resume {quote(sweep.path.name)}` plays the others."
+        f"`rigd run --resume {quote(names[str(sweep.path)])}` plays the others."
         for sweep in sweeps
         if sweep.info.state != COMPLETE
     ]

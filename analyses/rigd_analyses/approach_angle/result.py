@@ -7,8 +7,9 @@ Every coefficient names which of the three coefficients it is. A value that the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from rigd.analysis.estimates import Estimate, Share
@@ -32,6 +33,12 @@ _MEANING: Final = {
     Coefficient.USABLE: "(F_r cos(alpha) - F_a sin(alpha))/N, the push along the travel",
     Coefficient.RESULTANT: "sqrt(F_r^2 + F_a^2)/N",
 }
+
+
+def file_names(paths: Iterable[str]) -> dict[str, str]:
+    """Return the name of each file, by its path; the paths themselves if two have one name."""
+    named = {path: Path(path).name for path in paths}
+    return named if len(set(named.values())) == len(named) else {path: path for path in named}
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         normal_force_v=volts.get("normal_force"),
         wheel=_wheel(sweep, trial),
         number=trial.number,
-        recording=sweep.path.name,
+        recording=str(sweep.path),
         planned_load_kg=load_kg,
         flags=tuple(flags),
         run_on=read_run_on(sweep, trial, card, signals.fields, signals.card, drive.stop_ns),

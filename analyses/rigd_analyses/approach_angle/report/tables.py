@@ -21,6 +21,7 @@ from rigd_analyses.approach_angle.result import (
     SetResult,
     SlipPoint,
     Trend,
+    file_names,
 )
 from rigd_analyses.approach_angle.stops import stops_of
 
@@ -260,8 +261,9 @@ def share(value: float) -> str:
 
 def trial_of(run: RunResult, result: CampaignResult) -> str:
     """Return ``6``, or ``6 of second.mcap`` if the campaign is in several recordings."""
-    several = len({item.run.recording for item in result.runs}) > 1
-    return f"{run.run.number} of {run.run.recording}" if several else str(run.run.number)
+    names = file_names(item.run.recording for item in result.runs)
+    trial = str(run.run.number)
+    return f"{trial} of {names[run.run.recording]}" if len(names) > 1 else trial
 
 
 @dataclass(frozen=True)

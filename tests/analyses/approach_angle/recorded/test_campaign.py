@@ -269,6 +269,23 @@ def test_flagged_run_is_named_with_its_own_recording(
     assert f"Trial 6 of second.mcap, {label}: " in unescape(found.report())
 
 
+def test_recordings_of_one_name_are_told_apart(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, tmp_path: Path
+) -> None:
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+    good = record(campaign[:6], "monday/clean.mcap")
+    spoilt = [BAD["swapped gauges"][0](item) for item in campaign[6:12]]
+    bad = record(
+        spoilt, "tuesday/clean.mcap", calibration=calibration_of(campaign[0].run, torque=2)
+    )
+    found = analyse(good, bad)
+    used = [facts.entries["trials used"] for facts in found.provenance.facts[:2]]
+    assert used == ["6", "0"]
+    assert f"trial 1 of {bad} (" in texts(found.terminal_report())
+    assert any(f"({good})" in line for line in found.calibrations_told)
+
+
 def test_without_a_calibration_there_is_no_number(
     campaign: Sequence[Recorded], record: Record, analyse: Evaluate, tmp_path: Path
 ) -> None:
