@@ -31,7 +31,7 @@ def evaluate(
     trials = [trial for group in complete_groups(sweeps, options, notify) for trial in group.trials]
     arrays = tuple(robot_trials(trials))
     check_markers(arrays)
-    system = RobotSystem(arrays, _constants(trials), _constant(trials, "gear_ratio"))
+    system = RobotSystem(arrays, constants_of(trials), _constant(trials, "gear_ratio"))
     grip = _constant(trials, "certain_grip")
     check_hinge(system, grip)
     found = find(system, grip, notify)
@@ -39,16 +39,16 @@ def evaluate(
     return ParameterEvaluation.of(sweeps, [fitted], options)
 
 
-def _constants(trials: Trials) -> dict[str, tuple[float, float]]:
-    """Return the constants with standard uncertainties; one that states none is exact."""
-    sweep, first = trials[0]
+def constants_of(trials: Trials) -> dict[str, tuple[float, float]]:
+    """Return the constants with the largest of their standard uncertainties; none is exact."""
+    sweep, _ = trials[0]
     names = [name for name in (*SHARED, "rotor_inertia") if name in sweep.plan.constants]
     found = {}
     for name in names:
         value = _constant(trials, name)
         if not (np.isfinite(value) and value > 0.0):
             raise DataError(f"{name} is {value:g}, must be a positive number")
-        found[name] = (value, sweep.uncertainty(first, name) or 0.0)
+        found[name] = (value, max(s.uncertainty(trial, name) or 0.0 for s, trial in trials))
     return {name: found[name] for name in found if name not in CONTACTS}
 
 

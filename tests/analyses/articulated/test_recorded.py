@@ -10,12 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError
-from rigd.analysis.source import open_sweep
+from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.model.channels import STALE, Channel, Stream
+from rigd.model.constants import Uncertainty
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_markers
+from rigd_analyses.articulated.evaluation import constants_of
 from rigd_analyses.articulated.reading import RobotTrial, noise_of_seen, robot_trials
 
 Floats = NDArray[np.float64]
@@ -60,7 +62,7 @@ class Robot:
         self.left = played(LEFT, np.arange(0.0, SECONDS, 1e-3), 2)
         self.camera = played(CAMERA, frames, 3)
 
-    def read(self) -> RobotTrial:
+    def write(self) -> RecordedSweep:
         rows = {RIGHT: self.right, LEFT: self.left, CAMERA: self.camera}
         signals = {c.name: f"{s.name}.{c.name}" for s in rows for c in s.channels}
         plan = {"model": "articulated", "signals": dumped(signals), "constants": "{}"}
@@ -78,7 +80,10 @@ class Robot:
             end_ns = START_NS + round(SECONDS * 1e9)
             writer.event(end_ns, "trial_end", 1, {"complete": True, "reason": ""})
             writer.event(end_ns, "run_end", -1, {"state": "complete", "reason": ""})
-        sweep = open_sweep(self.path / "run.mcap")
+        return open_sweep(self.path / "run.mcap")
+
+    def read(self) -> RobotTrial:
+        sweep = self.write()
         return robot_trials([(sweep, sweep.trials[0])])[0]
 
 
@@ -160,3 +165,13 @@ def test_marker_of_single_frames_is_refused(column: int, module: str, tmp_path: 
     seen[1::2, column : column + 3] = False
     with pytest.raises(DataError, match=f"never shows the {module} marker in three frames"):
         check_markers([replace(trial, seen=seen)])
+
+
+def test_largest_uncertainty_of_all_recordings_counts(tmp_path: Path) -> None:
+    sweep = Robot(tmp_path).write()
+    trials = []
+    for u in (1e-4, 5e-4, 2e-4):
+        stated = {"wheel_radius": Uncertainty(u)}
+        plan = replace(sweep.plan, constants={"wheel_radius": 0.04}, uncertainties=stated)
+        trials.append((replace(sweep, plan=plan), sweep.trials[0]))
+    assert constants_of(trials) == {"wheel_radius": (0.04, 5e-4)}
