@@ -74,7 +74,8 @@ class Recorded:
     reason: str = ""
     stable: bool = True
     stale: bool = False  #: one row of the card and one of the scale are no new ones
-    rails: int = 0  #: status bits of the card in ten samples
+    rails: int = 0  #: status bits of the card in ``rail_rows``, ten samples
+    rail_rows: tuple[int, int | None] = (1000, 1010)
     driven: bool = True
     stopped: bool = True
     again: bool = False  #: the relay closes once more, 0.1 s behind the stop
@@ -212,7 +213,7 @@ def _daq_rows(recorded: Recorded, command_ns: int) -> Rows:
         rows[f"{name}_raw"] = volts
     rows["device_time"] = 17.0 + recorded.card_s(run.t_s)
     rows["clock_rate"] = RATE_HZ
-    rows["status"][1000:1010] = recorded.rails
+    rows["status"][slice(*recorded.rail_rows)] = recorded.rails
     if recorded.stale:
         rows["gauge_a_raw"][500], rows["status"][500] = 7.0, STALE
     return rows

@@ -128,7 +128,7 @@ def evaluate(
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
     notify(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
-    better = _settings(sweeps)
+    better = settings_of(sweeps)
     paper = PaperSettings(limits=better.limits)
     result = analyse_campaign(known, _reference(sweeps), paper, better)
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
@@ -150,7 +150,7 @@ def evaluate(
     )
 
 
-def _settings(sweeps: Sequence[RecordedSweep]) -> BetterSettings:
+def settings_of(sweeps: Sequence[RecordedSweep]) -> BetterSettings:
     """Return the settings; the constant ``pre_trigger`` is the least time before the command.
 
     0 s accepts records that have none, as the paper's own; the smallest of all recordings counts.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError, format_quantity
 from rigd.analysis.source import STALE, STATUS_FIELD, TIME_FIELD, RecordedSweep, Stream, TrialInfo
 from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
+from rigd_analyses.approach_angle.flags import AT_END_SAMPLES
 from rigd_analyses.approach_angle.run_on import read_run_on
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
@@ -73,9 +74,10 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
     planned = {"load": (load_kg, "kg"), "angle": (planned_rad, "deg")}
     flags = [*_unfinished(trial, drive), *_answered(trial, planned)]
     card = _card_rows(sweep, trial, signals, drive)
-    flags += _rails(signals, card)
     zero_ns = trial.start_ns if drive.start_ns is None else drive.start_ns
     t_s = _times_s(card, zero_ns)
+    stop_s = math.nan if drive.stop_ns is None else (drive.stop_ns - zero_ns) * 1e-9
+    flags += _rails(signals, card[~(t_s > stop_s)])
     flags += _clocks(card, t_s, zero_ns)
     mass_kg, stable = _scale_kg(sweep, trial, signals, drive)
     volts = {name: np.ascontiguousarray(card[field]) for name, field in signals.fields.items()}
@@ -91,7 +93,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         gauge_b_v=volts["gauge_b"],
         wheel_v=volts["wheel_angle"],
         platform_v=volts["platform_position"],
-        stop_s=float("nan") if drive.stop_ns is None else (drive.stop_ns - zero_ns) * 1e-9,
+        stop_s=stop_s,
         load_n=mass_kg * sweep.constant(trial, "gravity"),
         load_stable=stable,
         normal_force_v=volts.get("normal_force"),
@@ -234,7 +236,10 @@ def _clocks(card: Rows, t_s: FloatArray, zero_ns: int) -> list[Flag]:
 
 
 def _rails(signals: Signals, card: Rows) -> list[Flag]:
-    """Return a flag if inputs stood at an end of their range: bit i is of the i-th input."""
+    """Return a flag if inputs stood at an end of their range: bit i is of the i-th input.
+
+    As for volts (:mod:`.flags`), samples up to the stop count, and single ones are spikes.
+    """
     if not signals.card.has_status or not len(card):
         return []
     inputs = [channel.name for channel in signals.card.channels if channel.raw_of is not None]
@@ -243,14 +248,15 @@ def _rails(signals: Signals, card: Rows) -> list[Flag]:
         if field not in inputs:
             continue
         count = int(np.count_nonzero(card[STATUS_FIELD] & (1 << inputs.index(field))))
-        if count:
+        if count >= AT_END_SAMPLES:
             at_end.append(f"{name} in {count} of {len(card)} samples")
     if not at_end:
         return []
     return [
         Flag(
             "at_rail",
-            f"The card reports inputs at an end of their range: {', '.join(at_end)}.",
+            "The card reports inputs at an end of their range up to the stop: "
+            f"{', '.join(at_end)}.",
         )
     ]
 

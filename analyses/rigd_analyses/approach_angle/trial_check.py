@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.approach_angle.better.motion import motion
 from rigd_analyses.approach_angle.better.run import evaluate, usable
-from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import KnownRun, Severity
+from rigd_analyses.approach_angle.evaluation import settings_of
 from rigd_analyses.approach_angle.flags import raw_flags
 from rigd_analyses.approach_angle.known import angle_calibration, angle_rig, calibration_of
 from rigd_analyses.approach_angle.runs import find_signals, read_run
@@ -26,7 +26,7 @@ def check_trial(sweep: RecordedSweep, trial: TrialInfo) -> Sequence[str]:
     used = calibration_of(sweep, None).used
     run = read_run(sweep, trial, find_signals(sweep))
     known = KnownRun(run, angle_calibration(sweep, used), angle_rig(sweep, trial, used))
-    settings = BetterSettings()
+    settings = settings_of([sweep])
     flags = raw_flags(run, known.calibration, known.rig, settings.limits)
     if usable(run, flags):
         flags = evaluate(motion(known, settings), settings, flags=flags).flags

@@ -20,9 +20,11 @@ from support.markup import outline
 from rigd.analysis import Options
 from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import evaluate
+from rigd.analysis.source import open_sweep
 from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.model.errors import ConfigError, DataError
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
+from rigd_analyses.approach_angle.trial_check import check_trial
 
 Evaluate = Callable[..., CampaignEvaluation]
 Record = Callable[..., Path]
@@ -267,6 +269,16 @@ def test_flagged_run_is_named_with_its_own_recording(
         found.terminal_report()
     )
     assert f"Trial 6 of second.mcap, {label}: " in unescape(found.report())
+
+
+def test_trial_is_checked_with_its_pre_trigger(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    sweep = open_sweep(record([before_the_trigger_removed(campaign[0])]))
+    (reason,) = check_trial(sweep, sweep.trials[0])
+    assert "before the relay command" in reason
+    plan = replace(sweep.plan, constants={**sweep.plan.constants, "pre_trigger": 0.0})
+    assert check_trial(replace(sweep, plan=plan), sweep.trials[0]) == []
 
 
 def test_recordings_of_one_name_are_told_apart(

@@ -109,6 +109,16 @@ def test_objection_in_recording_becomes_flag(
     assert flag.severity is Severity.EXCLUDED
 
 
+@pytest.mark.parametrize("rows", [(1000, 1009), (-20, None)])
+def test_spike_or_end_behind_stop_excludes_nothing(
+    campaign: Sequence[Recorded], record: Record, rows: tuple[int, int | None]
+) -> None:
+    item = campaign[0]
+    assert item.run.t_s[-20] > item.run.stop_s
+    run = read(record([replace(item, rails=0b100, rail_rows=rows)]))
+    assert run.flags == ()
+
+
 def test_angle_and_load_as_answered_count(campaign: Sequence[Recorded], record: Record) -> None:
     mounted = {"name": "mount_angle", "changes": "angle", "planned": 0.0, "answer": 0.01}
     loaded = {"name": "put_on_weights", "changes": "load", "planned": 4.0, "answer": 4.1}
