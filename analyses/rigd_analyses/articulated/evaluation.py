@@ -31,7 +31,7 @@ def evaluate(
     trials = [trial for group in complete_groups(sweeps, options, notify) for trial in group.trials]
     arrays = tuple(robot_trials(trials))
     check_markers(arrays)
-    system = RobotSystem(arrays, constants_of(trials), _constant(trials, "gear_ratio"))
+    system = RobotSystem(arrays, constants_of(trials), _positive(trials, "gear_ratio"))
     grip = _constant(trials, "certain_grip")
     check_hinge(system, grip)
     found = find(system, grip, notify)
@@ -45,11 +45,19 @@ def constants_of(trials: Trials) -> dict[str, tuple[float, float]]:
     names = [name for name in (*SHARED, "rotor_inertia") if name in sweep.plan.constants]
     found = {}
     for name in names:
-        value = _constant(trials, name)
-        if not (np.isfinite(value) and value > 0.0):
-            raise DataError(f"{name} is {value:g}, must be a positive number")
+        value = _positive(trials, name)
         found[name] = (value, max(s.uncertainty(trial, name) or 0.0 for s, trial in trials))
     return {name: found[name] for name in found if name not in CONTACTS}
+
+
+def _positive(trials: Trials, name: str) -> float:
+    value = _constant(trials, name)
+    if not (np.isfinite(value) and value > 0.0):
+        raise DataError(
+            f"{trials[0][0].path}: {name} is {value:g}, must be a positive number",
+            hint="correct it in the rig file, or give it with --set",
+        )
+    return value
 
 
 def _constant(trials: Trials, name: str) -> float:

@@ -222,8 +222,10 @@ def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[st
     squares = []
     for k, (noise, error) in enumerate(zip(found.model.noise, found.errors, strict=True)):
         squares.append(noise.whiten_errors(error)[system.torque_counts(k), :2] ** 2)
+    if not any(len(part) for part in squares):
+        return ""
     together = np.mean(np.concatenate(squares), axis=0)
-    by_trial = np.array([np.mean(part, axis=0) for part in squares])
+    by_trial = np.array([np.mean(part, axis=0) if len(part) else [0.0, 0.0] for part in squares])
     for index, side in enumerate(("right", "left")):
         worst = int(np.argmax(by_trial[:, index]))
         if together[index] > UNEXPLAINED:

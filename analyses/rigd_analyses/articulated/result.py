@@ -310,7 +310,7 @@ def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
     """Return the mean radius of each circle, measured and simulated, and what it is worth."""
     found = []
     for item, run in zip(system.trials, runs, strict=True):
-        late = item.t_s > TRANSIENT_S
+        late = (item.t_s > TRANSIENT_S) & item.seen[:, 0]
         if np.ptp(run.pose[:, 2]) < TURN or np.count_nonzero(late) < POINTS:
             continue
         radius, sd = mean_radius(item.poses[late, :2])

@@ -14,6 +14,7 @@ from support.articulated_robots import Driven
 
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
+from rigd.analysis.result import FitOutcome
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
 from rigd_analyses.articulated.extensions import candidates
@@ -454,6 +455,35 @@ def test_difference_of_both_sides_is_named(
 ) -> None:
     gate, _, _ = numbers(each(recordings, change))
     assert words in gate.sentence
+
+
+def test_loud_torque_names_the_trial_that_has_it(recordings: RobotSystem) -> None:
+    """A trial too short for a mean of torques is none of them."""
+    short, loud_one = recordings.trials[0].first(0.3), recordings.trials[2]
+    noise = 2e-3 * np.random.default_rng(1).standard_normal((len(loud_one.torques), 1))
+    loud_one = replace(loud_one, torques=loud_one.torques + noise * [1.0, 0.0])
+    trials = (short, recordings.trials[1], loud_one, recordings.trials[3])
+    gate = judged(near(replace(recordings, trials=trials))).gate
+    assert gate.outcome is FitOutcome.MISFIT
+    assert "right torque" in gate.sentence
+    assert "in trial trial 3" in gate.sentence
+
+
+def test_measured_radius_counts_seen_frames_only() -> None:
+    """A chord bridges what is not seen: it is nearer to the centre."""
+    whole = recorded([(200.0, 100.0)], 7, 16.0)
+    seen = whole.trials[0].seen.copy()
+    seen[150:250] = False
+    poses = whole.trials[0].poses.copy()
+    poses[150:250] = np.linspace(poses[149], poses[250], 100)
+    bridged = replace(whole, trials=(replace(whole.trials[0], poses=poses, seen=seen),))
+    told = []
+    for system in (whole, bridged):
+        found = near(system)
+        lines = result(found, judged(found)).preprocessing.statements
+        (line,) = [text for text in lines if "mean radius of the front marker" in text]
+        told.append(float(line.partition("front marker ")[2].partition(" ")[0]))
+    assert told[1] == pytest.approx(told[0], abs=1e-3)
 
 
 def stretched(trial: RobotTrial) -> RobotTrial:

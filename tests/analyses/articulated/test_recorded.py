@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis import DataError
+from rigd.analysis import DataError, Options
 from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.constants import Uncertainty
@@ -175,3 +175,11 @@ def test_largest_uncertainty_of_all_recordings_counts(tmp_path: Path) -> None:
         plan = replace(sweep.plan, constants={"wheel_radius": 0.04}, uncertainties=stated)
         trials.append((replace(sweep, plan=plan), sweep.trials[0]))
     assert constants_of(trials) == {"wheel_radius": (0.04, 5e-4)}
+
+
+@pytest.mark.parametrize("ratio", [0.0, -25.0])
+def test_gear_ratio_that_is_not_positive_is_refused(ratio: float, tmp_path: Path) -> None:
+    sweep = Robot(tmp_path).write()
+    sweep = replace(sweep, plan=replace(sweep.plan, constants={"gear_ratio": ratio}))
+    with pytest.raises(DataError, match=f"gear_ratio is {ratio:g}, must be a positive number"):
+        ArticulatedAnalysis().evaluate([sweep], Options(), lambda _: None)
