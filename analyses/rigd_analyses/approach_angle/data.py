@@ -139,8 +139,10 @@ class RunOn:
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object."""
+        unknown = math.isnan(self.stop_travel_m) or math.isnan(self.threshold_m)
+        stopped_by = "travel" if self.by_travel else "other"
         return {
-            "stopped_by": "travel" if self.by_travel else "other",
+            "stopped_by": None if unknown else stopped_by,
             "travel_at_stop_m": self.stop_travel_m,
             "speed_at_stop_m_per_s": self.stop_speed_m_s,
             "threshold_m": self.threshold_m,

@@ -80,6 +80,12 @@ def test_overshoot_counts_only_runs_stopped_by_travel() -> None:
     assert (stops.unrested, stops.beyond) == (0, ())
 
 
+def test_what_stopped_a_run_is_null_if_unknown() -> None:
+    by_wheel = replace(STOP, stop_travel_m=0.2)
+    told = [item.shape()["stopped_by"] for item in (STOP, by_wheel, RunOn())]
+    assert told == ["travel", "other", None]
+
+
 def test_wheel_beyond_its_limit_is_counted() -> None:
     stops = stops_of([STOP, replace(STOP, final_turning_rad=56.0, at_rest=False)])
     assert stops.beyond == (56.0,)
