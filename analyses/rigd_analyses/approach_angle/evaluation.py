@@ -131,7 +131,8 @@ def evaluate(
     better = settings_of(sweeps)
     paper = PaperSettings(limits=better.limits)
     result = analyse_campaign(known, _reference(sweeps), paper, better)
-    result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
+    told = (*_unfinished(sweeps), *_unused(sweeps, better.inertia_u))
+    result = replace(result, warnings=(*told, *result.warnings))
     used = [
         sum(not run.excluded for run in result.runs if run.run.recording == str(sweep.path))
         for sweep in sweeps
@@ -190,6 +191,23 @@ def _reference(sweeps: Sequence[RecordedSweep]) -> SetReference | None:
     }
     labels = [sweep.plan.reference_label for sweep in sweeps if sweep.plan.reference]
     return SetReference(labels[0], values) if values else None
+
+
+def _unused(sweeps: Sequence[RecordedSweep], inertia_u: float) -> list[str]:
+    """Return a warning if uncertainties are stated that enter no interval."""
+    stated = [
+        name
+        for name in ("wheel_radius", "wheel_inertia", "platform_mass", "gravity")
+        if any(
+            sweep.uncertainty(trial, name) for sweep in sweeps for trial in sweep.info.trials[:1]
+        )
+    ]
+    if not stated:
+        return []
+    return [
+        f"The uncertainty that is stated of {', '.join(stated)} enters no interval: these "
+        f"constants are taken as exact, wheel_inertia as known to {inertia_u:.0%}."
+    ]
 
 
 def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:

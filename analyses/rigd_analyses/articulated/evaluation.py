@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -35,8 +36,19 @@ def evaluate(
     grip = _constant(trials, "certain_grip")
     check_hinge(system, grip)
     found = find(system, grip, notify)
-    fitted = Fitted(Group(LABEL, trials), result(found, judged(found)))
+    identified = result(found, judged(found))
+    identified = replace(identified, warnings=(*identified.warnings, *unused(trials)))
+    fitted = Fitted(Group(LABEL, trials), identified)
     return ParameterEvaluation.of(sweeps, [fitted], options)
+
+
+def unused(trials: Trials) -> list[str]:
+    """Return a warning if an uncertainty is stated that enters no interval."""
+    if not any(sweep.uncertainty(trial, "gear_ratio") for sweep, trial in trials):
+        return []
+    return [
+        "The uncertainty that is stated of gear_ratio enters no interval: it is taken as exact."
+    ]
 
 
 def constants_of(trials: Trials) -> dict[str, tuple[float, float]]:

@@ -17,7 +17,7 @@ from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_markers
-from rigd_analyses.articulated.evaluation import constants_of
+from rigd_analyses.articulated.evaluation import constants_of, unused
 from rigd_analyses.articulated.reading import RobotTrial, noise_of_seen, robot_trials
 
 Floats = NDArray[np.float64]
@@ -183,3 +183,13 @@ def test_gear_ratio_that_is_not_positive_is_refused(ratio: float, tmp_path: Path
     sweep = replace(sweep, plan=replace(sweep.plan, constants={"gear_ratio": ratio}))
     with pytest.raises(DataError, match=f"gear_ratio is {ratio:g}, must be a positive number"):
         ArticulatedAnalysis().evaluate([sweep], Options(), lambda _: None)
+
+
+def test_uncertain_gear_ratio_is_warned_of(tmp_path: Path) -> None:
+    sweep = Robot(tmp_path).write()
+    for u, count in ((0.0, 0), (0.1, 1)):
+        stated = {"gear_ratio": Uncertainty(u)}
+        plan = replace(sweep.plan, constants={"gear_ratio": 25.0}, uncertainties=stated)
+        warnings = unused([(replace(sweep, plan=plan), sweep.trials[0])])
+        assert len(warnings) == count
+        assert all("gear_ratio enters no interval" in text for text in warnings)

@@ -281,6 +281,17 @@ def test_trial_is_checked_with_its_pre_trigger(
     assert check_trial(replace(sweep, plan=plan), sweep.trials[0]) == []
 
 
+def test_stated_uncertainty_without_use_is_named(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate
+) -> None:
+    path = record(campaign[:6])
+    stated = {"wheel_radius": "50 mm +- 1 mm", "platform_mass": "3 kg +- 0.1 kg"}
+    found = evaluate([path], corrections=Corrections(constants=stated))
+    assert isinstance(found, CampaignEvaluation)
+    assert "stated of wheel_radius, platform_mass enters no interval" in found.result.warnings[0]
+    assert "stated of" not in " ".join(analyse(path).result.warnings)
+
+
 def test_recordings_of_one_name_are_told_apart(
     campaign: Sequence[Recorded], record: Record, analyse: Evaluate, tmp_path: Path
 ) -> None:
