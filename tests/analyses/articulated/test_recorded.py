@@ -105,7 +105,7 @@ def test_rows_that_repeat_another_are_dropped(tmp_path: Path) -> None:
         part.path.mkdir()
     for rows in (robot.right, robot.left, robot.camera):
         rows["status"][1::2] = STALE
-        for name in rows.dtype.names[1:-1]:
+        for name in (rows.dtype.names or ())[1:-1]:
             rows[name][1::2] = rows[name][: len(rows) // 2 * 2 : 2]
     trial, expected = robot.read(), whole.read()
     assert len(trial.poses) == len(expected.poses) // 2
