@@ -9,6 +9,7 @@ import pytest
 
 from rigd.analysis import DataError, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
+from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.source import open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 from rigd_analyses.static.evaluation import friction, steady
@@ -65,6 +66,7 @@ def test_intervals_do_not_depend_on_order(tmp_path: Path) -> None:
     for name, order in (("fast", trials), ("slow", [trials[1], trials[0], *trials[2:]])):
         path = write_case(tmp_path / f"{name}.mcap", StaticFrictionAnalysis, Case(order, {}, TRUTH))
         result = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+        assert isinstance(result, ParameterEvaluation)
         entry = result.sections[0].result.parameter("F_c")
         assert entry.low is not None, entry
         assert entry.high is not None
