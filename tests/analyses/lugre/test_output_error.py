@@ -294,6 +294,24 @@ def test_braking_rows_count_until_the_carriage_is_held(bench: Bench) -> None:
     assert rows.not_used["after the end (carriage held)"] == 40
 
 
+def test_too_little_rest_at_slow_sampling_is_refused(bench: Bench) -> None:
+    trial = replace(bench("pvc"), dt_s=5e-3).trial(0.9, 1)
+    assert free_part(trial, 5e-3, Settings()).start == 30
+    short = replace(
+        trial,
+        **{
+            name: getattr(trial, name)[35:]
+            for name in (
+                *("t_s", "wheel_angle_rad", "carriage_position_m"),
+                *("acceleration_m_s2", "motor_current_a"),
+            )
+        },
+    )
+    words = re.escape("trial 0.90 A: 35 samples of rest (175 ms) before the current step, need 40")
+    with pytest.raises(DataError, match=words):
+        free_part(short, 5e-3, Settings())
+
+
 def test_unknown_gravity_is_named_where_it_decides(bench: Bench) -> None:
     rig = bench("pvc")
     stated = known_rig(rig.constants, gravity=Known(9.81, 6.0))

@@ -86,10 +86,20 @@ def free_part(trial: LugreTrial, period_s: float, settings: Settings) -> slice:
 
     It begins shortly before the current step. It ends when something holds the carriage, if that
     was recorded, else with the first drive.
+
+    Raises:
+        DataError: there is no step of the current, or too little rest before it.
     """
     drive = find_drive(trial, period_s, window_samples(settings.guards, period_s))
+    if drive.start < LEAD:
+        raise DataError(
+            f"trial {trial.label}: {drive.start} samples of rest "
+            f"({1e3 * drive.start * period_s:.0f} ms) before the current step, need {LEAD} "
+            f"({1e3 * LEAD * period_s:.0f} ms) to simulate the rig",
+            hint="start recording earlier or sample faster; `--method slip-force` needs less rest",
+        )
     end = drive.end - MARGIN
     if trial.held is not None:
         after = np.flatnonzero(trial.held[drive.start + 1 :] > 0.5)
         end = len(trial.held) if after.size == 0 else drive.start + 1 + int(after[0])
-    return slice(max(0, drive.start - LEAD), end)
+    return slice(drive.start - LEAD, end)
