@@ -138,7 +138,7 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     cov = covariance(model, best, block)
     error = model.residuals(best.theta)
     inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
-    gate = _gate(subject, best, inflation, options)
+    gate = _gate(subject, fits[0], inflation, options)
     known = gate is None or gate.outcome is FitOutcome.FITS
     others = subject.others(best) if known else ()
     left_out = leave_one_trial_out(model, best) if known and subject.jackknife else ()
@@ -193,13 +193,16 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     )  # fmt: skip
 
 
-def _gate(subject: FittedSubject, best: Fit, inflation: float, options: Options) -> Gate | None:
-    """Return whether the residuals remember too long, or another model is far better."""
+def _gate(subject: FittedSubject, squares: Fit, inflation: float, options: Options) -> Gate | None:
+    """Return whether the residuals remember too long, or another model is far better.
+
+    ``squares`` is the fit by least squares, as those of the rivals are, whatever the loss.
+    """
     if subject.memory_s is None:
         return None
     found_s = inflation * subject.period_s
     if found_s <= subject.memory_s:
-        better = _better(subject, best, subject.memory_s, options)
+        better = _better(subject, squares, subject.memory_s, options)
         if better is None:
             return Gate(FitOutcome.FITS, "The residuals remember no longer than the processing.")
         finding = better
@@ -211,8 +214,8 @@ def _gate(subject: FittedSubject, best: Fit, inflation: float, options: Options)
     return Gate(FitOutcome.MISFIT, f"The model does not fit these data: {finding}", (finding,))
 
 
-def _better(subject: FittedSubject, best: Fit, memory_s: float, options: Options) -> str | None:
-    """Return a sentence on the rival that beats the fit ``best`` by far; None: none does."""
+def _better(subject: FittedSubject, squares: Fit, memory_s: float, options: Options) -> str | None:
+    """Return a sentence on the rival that beats the fit ``squares`` by far; None: none does."""
     samples = int(np.count_nonzero(subject.model.mask))
     effective = samples * subject.period_s / memory_s
 
@@ -222,7 +225,7 @@ def _better(subject: FittedSubject, best: Fit, memory_s: float, options: Options
     gains = {}
     for name, rival in subject.rivals.items():
         found = multi_start(rival, starts=options.starts, seed=options.seed)[0]
-        gains[name] = score(best.cost, subject.model) - score(found.cost, rival)
+        gains[name] = score(squares.cost, subject.model) - score(found.cost, rival)
     name = max(gains, key=gains.__getitem__, default="")
     if not name or gains[name] <= VERY_STRONG:
         return None

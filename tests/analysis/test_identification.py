@@ -119,6 +119,19 @@ def test_model_that_does_not_fit_gives_no_number(case: Told) -> None:
     assert found.profiles == ()
 
 
+@pytest.mark.parametrize("robust", [False, True])
+def test_loss_does_not_decide_which_model_wins(robust: bool) -> None:
+    slope = 0.04
+    rival = polynomial(1, 10, white(1), slope)
+    told = replace(
+        subject(polynomial(0, 10, white(1), slope)), memory_s=2e-3, rivals={"a line": rival}
+    )
+    found = identify_model(told, Options(starts=1, robust=robust))
+    assert found.gate is not None
+    assert found.gate.outcome is FitOutcome.MISFIT
+    assert "a line fits them far better" in found.gate.sentence
+
+
 def test_rival_without_better_fit_is_ignored() -> None:
     noise = smoothed(1, 5)
     rival = polynomial(2, 10, noise)
