@@ -37,3 +37,27 @@ def test_impossible_constant_is_refused_by_name(name: str, known: Known, words: 
 def test_losses_may_be_zero() -> None:
     none = Known(0.0, 0.0)
     assert known_rig(CONSTANTS, no_load_torque=none, bearing_torque=none).no_load == none
+
+
+def test_loss_stated_as_zero_keeps_its_uncertainty() -> None:
+    rig = known_rig(
+        CONSTANTS,
+        no_load_torque=Known(0.0, 2e-4),
+        no_load_viscous=Known(0.0, 2e-6),
+        motor_inertia=Known(0.0, 1e-7),
+        wheel_inertia=Known(4.5e-4, 0.0),
+        bearing_torque=Known(0.0, 0.0),
+    )
+    assert rig.no_load.u == pytest.approx(2e-4 * 0.81 * 20.25)
+    assert rig.viscous.u == pytest.approx(2e-6 * 0.81 * 20.25**2)
+    assert rig.inertia.u == pytest.approx(1e-7 * 0.81 * 20.25**2)
+
+
+def test_gear_ratio_that_stands_twice_counts_twice() -> None:
+    rig = known_rig(
+        CONSTANTS,
+        gear_ratio=Known(20.25, 0.1),
+        gear_efficiency=Known(0.81, 0.0),
+        no_load_viscous=Known(2e-6, 0.0),
+    )
+    assert rig.viscous.u == pytest.approx(2.0 * 0.1 / 20.25 * rig.viscous.value)

@@ -115,10 +115,9 @@ def _refused(message: str) -> DataError:
 
 
 def _product(*factors: Known) -> Known:
-    """Return the product; a factor that stands twice counts with twice its relative u."""
-    value = math.prod(factor.value for factor in factors)
-    relative: dict[Known, float] = {}
-    for factor in factors:
-        share = factor.u / factor.value if factor.value else 0.0
-        relative[factor] = relative.get(factor, 0.0) + share
-    return Known(value, abs(value) * math.sqrt(sum(share**2 for share in relative.values())))
+    """Return the product; of a factor that stands twice, both places move together."""
+    moved: dict[Known, float] = {}
+    for place, factor in enumerate(factors):
+        others = math.prod(other.value for other in (*factors[:place], *factors[place + 1 :]))
+        moved[factor] = moved.get(factor, 0.0) + others * factor.u
+    return Known(math.prod(factor.value for factor in factors), math.hypot(*moved.values()))
