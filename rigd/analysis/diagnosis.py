@@ -161,7 +161,7 @@ def diagnose(
         vanished |= {end.first.name if item is end.last else item.name for item in end.gone}
         hopeless = not end.gone and _mean_square(found) > max(NEAR, LITTLE * before)
     explained = tuple(
-        _explanation(found, chosen, item, _names(as_good[item.name])) for item in chosen
+        _explanation(system, found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
     own = len(system.shared)
     doubts = [
@@ -432,16 +432,24 @@ def _places(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> sl
 
 
 def _explanation(
-    found: OutputErrorFit, chosen: Sequence[Tested], item: Tested, others: tuple[str, ...]
-) -> Explanation:
+    system: System, found: OutputErrorFit, chosen: Sequence[Tested], item: Tested,
+    others: tuple[str, ...],
+) -> Explanation:  # fmt: skip
+    """Return ``item``, one of ``chosen``, as the fit with all of these has it.
+
+    ``system`` is the rig's own: of its constants none is left to the data.
+    """
     theta, sds = found.fit.theta, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     if item.candidate is None:
-        unknown = found.model.system.shared[item.place]
+        unknown = system.shared[item.place]
         parameter = unknown.parameter
         value = float(theta[item.place])
+        pull = unknown.pull(value)
+        if found.on_bound[item.place]:  # the data ask for more
+            pull = math.copysign(max(abs(pull), abs(float(item.score.size[0]) / unknown.u)), pull)
         return Explanation(
             item.name, item.unit, value, float(sds[item.place]) * parameter.slope(value),
-            item.score.gain, "", parameter.start, float(item.score.size[0]) / _u(item), others,
+            item.score.gain, "", parameter.start, pull, others,
         )  # fmt: skip
     here = _places(found, chosen, item)
     size = float(theta[here][0]) if item.score.size.size == 1 else _amplitude(theta[here])
@@ -450,11 +458,6 @@ def _explanation(
         item.name, item.unit, size, sd, item.score.gain, item.candidate.look, others=others,
         meaning=item.candidate.meaning,
     )  # fmt: skip
-
-
-def _u(item: Tested) -> float:
-    """Return the uncertainty that a constant had."""
-    return float(item.score.size[0]) / math.sqrt(item.score.gain) if item.score.gain > 0.0 else 1.0
 
 
 def _amplitude(sizes: FloatArray) -> float:

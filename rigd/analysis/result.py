@@ -350,8 +350,9 @@ class Explanation:
     """Something that explains a misfit and was fitted: its size in ``unit`` with standard error.
 
     Of a wave the size is the amplitude. ``stated`` is what was stated of a constant, None for
-    anything else; ``pull`` by how many of its uncertainties the data move it. ``gain`` is the fall
-    of -2 ln L; ``others`` explain nearly as much. ``look`` is what to check on the rig.
+    anything else; ``pull`` by how many of its uncertainties ``size`` is above it, or the data ask
+    for if that is out of its bounds. ``gain`` is the fall of -2 ln L; ``others`` explain nearly as
+    much. ``look`` is what to check on the rig.
     """
 
     name: str

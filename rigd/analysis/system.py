@@ -35,6 +35,10 @@ class Unknown:
     u: float = math.inf
     wording: str = ""
 
+    def pull(self, value: float) -> float:
+        """Return by how many of its uncertainties ``value`` (natural) is above what is stated."""
+        return (self.parameter.scaled(value) - self.parameter.scaled(self.parameter.start)) / self.u
+
 
 @dataclass(frozen=True)
 class Output:

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from rigd.analysis.diagnosis import Diagnosis, diagnose
-from rigd.analysis.result import FloatArray
+from rigd.analysis.gate import CONTRADICTED, judge_fit
+from rigd.analysis.result import FitOutcome, FloatArray
 from rigd.analysis.score import Columns
 from rigd.analysis.structure import Suspect
+from rigd.analysis.system import Unknown
 
 from .lines import BLOCK, ROWS, Lines, fitted
 
@@ -49,6 +51,42 @@ def test_explanation_with_other_shapes_when_refitted_is_left() -> None:
     diagnosis = diagnosed((1, 2))
     assert diagnosis.explanations == ()
     assert diagnosis.left[0].name == "a wave"
+
+
+@pytest.mark.parametrize("off", [-11.0, 11.0])
+def test_constant_11_uncertainties_off_is_contradicted(off: float) -> None:
+    """Trials as short show the sum of gain and offset only: half of the error goes to each."""
+    lines = Lines(((0, 0.3), (0, 0.25), (0, 0.2)), (0.7,), gain=off)
+    whole = fitted(lines)
+    assert abs(whole.pulls[1]) < 6.0
+    diagnosis = diagnose(whole, lambda _: (), [np.zeros(3)], BLOCK, 1e-3)
+    (found,) = diagnosis.explanations
+    assert found.stated == 0.0
+    assert found.pull == pytest.approx(found.size)  # u is 1
+    assert found.size == pytest.approx(off, abs=0.5)
+    gate = judge_fit(diagnosis, ["a", "b", "c"], 1e-3)
+    assert gate.outcome is FitOutcome.MISFIT
+    assert gate.sentence.startswith("The model does not fit these data as the rig is stated")
+
+
+class Bounded(Lines):
+    """Lines whose gain may not leave 6 of its uncertainties, and whose offset is not suspected."""
+
+    @property
+    def shared(self) -> tuple[Unknown, ...]:
+        own, gain, offset = super().shared
+        bounded = replace(gain.parameter, low=-6.0, high=6.0)
+        return (own, replace(gain, parameter=bounded), replace(offset, wording=""))
+
+
+def test_constant_beyond_its_bound_is_contradicted() -> None:
+    lines = Bounded(((0, 0.3), (0, 0.25), (0, 0.2)), (0.7,), gain=11.0)
+    wave = Suspect("a wave", "1", lambda: [WAVE[:, None, None] for _ in lines.trials])
+    diagnosis = diagnose(fitted(lines), lambda _: (wave,), [np.zeros(3)], BLOCK, 1e-3)
+    (found,) = diagnosis.explanations
+    assert found.size == pytest.approx(6.0, abs=1e-3)
+    assert found.pull > CONTRADICTED
+    assert judge_fit(diagnosis, ["a", "b", "c"], 1e-3).outcome is FitOutcome.MISFIT
 
 
 def test_explanation_that_cannot_be_fitted_yields_to_another() -> None:
