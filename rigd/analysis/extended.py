@@ -7,6 +7,7 @@ one thing that the model lacks is fitted with all the rest before there is a mod
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,3 +96,24 @@ def same_with(found: OutputErrorFit, system: System) -> System:
     """Return the system of ``found`` with ``system`` in place of the rig's own."""
     fitted = found.model.system
     return replace(fitted, system=system) if isinstance(fitted, Extended) else system
+
+
+def moved_constants(stated: Sequence[Unknown], found: OutputErrorFit) -> tuple[str, ...]:
+    """Return a sentence on each constant of ``stated``: its fitted value, and how far it moved.
+
+    ``stated`` are the unknowns of the rig's own system. A constant that explains a misfit is left
+    to the data in ``found``.
+    """
+    sentences = []
+    for unknown, fitted, value in zip(
+        stated, found.model.system.shared, found.fit.theta, strict=False
+    ):
+        if math.isfinite(unknown.u):
+            parameter = unknown.parameter
+            left = "" if math.isfinite(fitted.u) else "; left to the data"
+            sentences.append(
+                f"{parameter.name} ({unknown.wording}): stated {parameter.start:.5g} "
+                f"{parameter.unit}, fitted {value:.5g}, moved by "
+                f"{unknown.pull(float(value)):+.2f} of its uncertainty{left}"
+            )
+    return tuple(sentences)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.diagnosis import Diagnosis, diagnose
+from rigd.analysis.extended import moved_constants
 from rigd.analysis.gate import CONTRADICTED, judge_fit
 from rigd.analysis.result import FitOutcome, FloatArray
 from rigd.analysis.score import Columns
@@ -67,6 +68,18 @@ def test_constant_11_uncertainties_off_is_contradicted(off: float) -> None:
     gate = judge_fit(diagnosis, ["a", "b", "c"], 1e-3)
     assert gate.outcome is FitOutcome.MISFIT
     assert gate.sentence.startswith("The model does not fit these data as the rig is stated")
+
+
+def test_constant_left_to_data_states_how_far_it_moved() -> None:
+    lines = Lines(((0, 0.3), (0, 0.25), (0, 0.2)), (0.7,), gain=11.0)
+    diagnosis = diagnose(fitted(lines), lambda _: (), [np.zeros(3)], BLOCK, 1e-3)
+    (found,) = diagnosis.explanations
+    gain, offset = moved_constants(lines.shared, diagnosis.fit)
+    assert gain == (
+        f"gain (the gain): stated 0 1, fitted {found.size:.5g}, "
+        f"moved by {found.pull:+.2f} of its uncertainty; left to the data"
+    )
+    assert offset.endswith("of its uncertainty")
 
 
 class Bounded(Lines):

@@ -334,6 +334,8 @@ def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:
     assert re.search(r"0\.0(49\d*|50?\d*) .*m, stated 0\.1 m", result.gate.sentence)
     assert "diameter" in result.gate.sentence
     assert result.warnings[0] == result.gate.sentence
+    line = next(s for s in result.preprocessing.statements if s.startswith("wheel_radius"))
+    assert re.search(r"moved by -69\d\.\d\d of its uncertainty; left to the data", line)
 
 
 def test_start_that_diverges_is_passed_over(bench: Bench) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis import residuals as tests
+from rigd.analysis.extended import moved_constants
 from rigd.analysis.identifiability import Z_95, Evidence, judge
 from rigd.analysis.left_out import jackknife_sd
 from rigd.analysis.result import (
@@ -370,13 +371,6 @@ def _friction(found: LateralFound) -> str:
 
 def _account(found: LateralFound) -> Preprocessing:
     whole, system = found.whole, found.system
-    theta = whole.fit.theta
-    fitted = [
-        f"{item.parameter.name} ({item.wording}): stated {item.parameter.start:.5g} "
-        f"{item.parameter.unit}, fitted {value:.5g}, moved by {pull:+.2f} of its uncertainty"
-        for item, value, pull in zip(system.shared, theta, whole.pulls, strict=False)
-        if math.isfinite(item.u)
-    ]
     rows = {
         f"u of {quantity.name} from {name}": part
         for quantity in (DRY, VISCOUS)
@@ -389,7 +383,7 @@ def _account(found: LateralFound) -> Preprocessing:
             "nothing that moves is differentiated or smoothed.",
             f"Rollers: {_coupling(found)}.",
             _friction(found),
-            *fitted,
+            *moved_constants(system.shared, whole),
         ),
         settings={"current_window_s": WINDOW_S, **rows},
         per_trial={

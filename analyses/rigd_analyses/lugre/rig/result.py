@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigd.analysis import residuals as tests
-from rigd.analysis.extended import own_parameters
+from rigd.analysis.extended import moved_constants, own_parameters
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import fitted_point
 from rigd.analysis.output_error import OutputErrorFit
@@ -202,12 +202,6 @@ def _profile_rows(found: Found) -> tuple[Profile, ...]:
 
 def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]) -> Preprocessing:
     whole = found.whole
-    known = [
-        f"{unknown.parameter.name} ({unknown.wording}): stated {unknown.parameter.start:.5g} "
-        f"{unknown.parameter.unit}, fitted {value:.5g}, moved by {pull:+.2f} of its uncertainty"
-        for unknown, value, pull in zip(system.shared, found.theta, whole.pulls, strict=False)
-        if math.isfinite(unknown.u)
-    ]
     samples = sum(len(error) for error in whole.errors)
     return Preprocessing(
         statements=(
@@ -216,7 +210,7 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
             f"{samples} samples of {len(system.trials)} trials count, from the current step until "
             "something else than the motor holds the carriage; left out: "
             f"{len(rejected)} trials.",
-            *known,
+            *moved_constants(system.shared, whole),
         ),
         settings={
             "current_window_s": WINDOW_S,
