@@ -41,6 +41,15 @@ def sort_out(
                     len(trial.t_s),
                 )
             )
+        elif np.ptp(trial.wheel_angle_rad[part]) == 0.0:
+            rejected.append(
+                TrialRejection(
+                    trial.label,
+                    f"the wheel encoder shows no turn while the carriage moved {1e3 * travel:.0f} "
+                    "mm; check its wiring",
+                    len(trial.t_s),
+                )
+            )
         elif (speed := _top_speed(trial, part, period)) < LEAST_SPEED_M_S:
             rejected.append(
                 TrialRejection(

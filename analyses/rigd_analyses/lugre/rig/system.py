@@ -18,6 +18,7 @@ from rigd.analysis.system import Output, Unknown
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.rig.counts import count
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
 from rigd_analyses.lugre.rig.outputs import (
@@ -165,9 +166,12 @@ class RigSystem:
         ]
         return SensorNoise(
             float(np.median([item.current_noise_a for item in self.trials])),
-            min(_count(item.trial.wheel_angle_rad) for item in self.trials),
-            min(_count(item.trial.carriage_position_m) for item in self.trials),
-            float(np.sqrt(np.mean([np.var(values) for values in rests]))),
+            min(count(item.trial.wheel_angle_rad) for item in self.trials),
+            min(count(item.trial.carriage_position_m) for item in self.trials),
+            max(
+                float(np.sqrt(np.mean([np.var(values) for values in rests]))),
+                max(count(item.trial.acceleration_m_s2) for item in self.trials) / math.sqrt(12.0),
+            ),
             REST + LEAD,
         )
 
@@ -289,8 +293,8 @@ class RigSystem:
         return tuple(shared), tuple(places)
 
     def _local(self) -> tuple[Unknown, ...]:
-        counts = [_count(trial.trial.wheel_angle_rad) for trial in self.trials]
-        lines = [_count(trial.trial.carriage_position_m) for trial in self.trials]
+        counts = [count(trial.trial.wheel_angle_rad) for trial in self.trials]
+        lines = [count(trial.trial.carriage_position_m) for trial in self.trials]
         return (
             _zero("first_bristle", "1", BRISTLE, ""),
             _zero("first_angle", "rad", max(counts) / math.sqrt(12.0), ""),
@@ -330,13 +334,6 @@ def _named(unknown: Unknown, recording: str) -> Unknown:
     """Return ``unknown`` as one of another recording."""
     parameter = replace(unknown.parameter, name=f"{unknown.parameter.name} of {recording}")
     return replace(unknown, parameter=parameter, wording=f"{unknown.wording}, {recording}")
-
-
-def _count(values: FloatArray) -> float:
-    """Return the smallest step of a quantised signal."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0.0]
-    return float(np.min(steps)) if steps.size else 0.0
 
 
 def _positive(name: str, unit: str, known: Known, wording: str) -> Unknown:
