@@ -32,13 +32,13 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
     unexplained = _unexplained(diagnosis, labels)
     contradicted = [item for item in explained if abs(item.pull) > CONTRADICTED]
     laws = [item for item in explained if item.meaning is Meaning.LAW]
-    sentences = [sentence(item) for item in explained]
+    decisive = [] if unexplained else [*contradicted, *laws][:1]
+    first = sorted(explained, key=lambda item: item not in decisive)  # what the outcome rests on
+    sentences = [sentence(item) for item in first]
     left = _left(diagnosis, labels, period_s)
     findings = tuple([*unexplained[:1], *sentences, *left, *unexplained[1:]][:MOST])
     if contradicted and not unexplained:
-        text = (
-            f"The model does not fit these data as the rig is stated: {sentence(contradicted[0])}"
-        )
+        text = f"The model does not fit these data as the rig is stated: {sentences[0]}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if unexplained:
         text = f"The model does not fit these data: {unexplained[0]}"
@@ -48,7 +48,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
             text += f" There seems to be {diagnosis.left[0].name}."
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
-        text = f"The friction is not that of the model: these data show {sentence(laws[0])}"
+        text = f"The friction is not that of the model: these data show {sentences[0]}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if explained:
         text = f"The model fits these data with {sentences[0]}"

@@ -10,8 +10,8 @@ import pytest
 
 from rigd.analysis.diagnosis import Diagnosis, diagnose
 from rigd.analysis.extended import moved_constants
-from rigd.analysis.gate import CONTRADICTED, judge_fit
-from rigd.analysis.result import FitOutcome, FloatArray
+from rigd.analysis.gate import CONTRADICTED, judge_fit, sentence
+from rigd.analysis.result import Explanation, FitOutcome, FloatArray, Meaning
 from rigd.analysis.score import Columns
 from rigd.analysis.structure import Suspect
 from rigd.analysis.system import Unknown
@@ -80,6 +80,22 @@ def test_constant_left_to_data_states_how_far_it_moved() -> None:
         f"moved by {found.pull:+.2f} of its uncertainty; left to the data"
     )
     assert offset.endswith("of its uncertainty")
+
+
+@pytest.mark.parametrize(
+    "decisive",
+    [
+        Explanation("mass", "kg", 2.0, 0.1, 90.0, stated=1.0, pull=10.0),
+        Explanation("a law", "1", 2.0, 0.1, 90.0, meaning=Meaning.LAW),
+    ],
+)
+def test_findings_begin_with_what_decides_the_outcome(decisive: Explanation) -> None:
+    wave = Explanation("a wave", "1", 0.4, 0.01, 100.0)
+    diagnosis = replace(diagnosed((1, 1)), explanations=(wave, decisive))
+    gate = judge_fit(diagnosis, ["a", "b", "c"], 1e-3)
+    assert gate.outcome is FitOutcome.MISFIT
+    assert gate.sentence.endswith(sentence(decisive))
+    assert gate.findings[:2] == (sentence(decisive), sentence(wave))
 
 
 class Bounded(Lines):
