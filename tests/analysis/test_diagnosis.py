@@ -70,7 +70,7 @@ def test_constant_11_uncertainties_off_is_contradicted(off: float) -> None:
     assert gate.sentence.startswith("The model does not fit these data as the rig is stated")
 
 
-def test_constant_left_to_data_states_how_far_it_moved() -> None:
+def test_constant_left_to_data_states_its_move() -> None:
     lines = Lines(((0, 0.3), (0, 0.25), (0, 0.2)), (0.7,), gain=11.0)
     diagnosis = diagnose(fitted(lines), lambda _: (), [np.zeros(3)], BLOCK, 1e-3)
     (found,) = diagnosis.explanations
