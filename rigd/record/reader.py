@@ -23,7 +23,7 @@ from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.model.system import read_at
 from rigd.record.access import how_to_recover, require_regular, share
-from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
+from rigd.record.chunks import ChunkHead, blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
 from rigd.record.decode import KeptMessages, Messages
@@ -243,7 +243,7 @@ class Recording:
         joined, end = np.empty(most, blob), 0
         for rows in self._pieces(stream, low, high, check_crc=check_crc):
             if end + len(rows) > most:
-                raise damaged(self.path, "a chunk has more messages than its index")
+                raise self._damaged("a chunk has more messages than its index")
             joined[end : end + len(rows)] = rows
             end += len(rows)
         return joined[:end].view(row_dtype(self.streams[stream]))
@@ -284,7 +284,7 @@ class Recording:
                 try:
                     rows = messages.rows(channel, blob)
                 except Malformed as error:
-                    raise damaged(self.path, error) from error
+                    raise self._damaged(error) from error
                 if index.message_start_time < low or index.message_end_time >= high:
                     times = rows["t_ns"].astype(np.int64)
                     rows = rows[(times >= low) & (times < high)]
@@ -312,7 +312,7 @@ class Recording:
                     found = messages.payloads(channel)
                     events += [parse_event(t_ns, payload) for t_ns, payload in found]
                 except Malformed as error:
-                    raise damaged(self.path, error) from error
+                    raise self._damaged(error) from error
         return events
 
     @cached_property
@@ -393,10 +393,10 @@ class Recording:
                     record = _record(fd, index.offset, index.length, Opcode.ATTACHMENT)
                     content = decode(mcap.Attachment, record.content)
                 except Malformed as error:
-                    raise damaged(self.path, error) from error
+                    raise self._damaged(error) from error
                 crc = int.from_bytes(record.content[-4:], "little")
                 if crc and crc32(record.content[:-4]) != crc:
-                    raise damaged(self.path, f"the CRC of attachment {index.name!r} differs")
+                    raise self._damaged(f"the CRC of attachment {index.name!r} differs")
                 found[index.name] = Attachment(content.name, content.media_type, content.data)
         return found
 
@@ -443,15 +443,25 @@ class Recording:
         try:
             record = _record(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
             head = parse_chunk(record.content)
+            _require_same(head, index)
             key = index.chunk_start_offset, head.size, head.crc or crc32(head.packed)
             if (kept := self._kept.get(key)) is not None:
                 return kept
             messages = Messages.of(unpack_chunk(head, check_crc=check_crc))
         except Malformed as error:
-            raise damaged(self.path, error) from error
+            raise self._damaged(error) from error
         if check_crc and messages.places is not None:
             self._kept.keep(key, messages)
         return messages
+
+    def _damaged(self, problem: object) -> RecordingError:
+        """Return the error for what cannot be read; this index is void if the file has changed."""
+        error = damaged(self.path, problem)
+        if isinstance(error, RecordingInUse) or self.path.stat().st_size == self.size:
+            return error
+        return RecordingError(
+            f"{self.path} has been written to since it was opened", hint="Open it again."
+        )
 
 
 def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recording:
@@ -474,9 +484,8 @@ def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:
 
 def damaged(path: Path, problem: object) -> RecordingError:
     """Return the error for a file that cannot be read; a writer may be changing it."""
-    with path.open("rb", buffering=0) as file:
-        if not share(file.fileno()):
-            return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
+    if is_written(path):
+        return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
     message = f"{path} cannot be read: {problem}"
     if not _may_be_mcap(path):
         hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
@@ -485,6 +494,12 @@ def damaged(path: Path, problem: object) -> RecordingError:
         message,
         hint=f"`rigd verify {quote(str(path))}` lists the damage. {how_to_recover(path)}",
     )
+
+
+def is_written(path: Path) -> bool:
+    """Return whether a writer has the file open."""
+    with path.open("rb", buffering=0) as file:
+        return not share(file.fileno())
 
 
 def _may_be_mcap(path: Path) -> bool:
@@ -529,6 +544,25 @@ def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
     if record.opcode != opcode:
         raise Malformed(f"the record at byte {offset} does not agree with its index")
     return record
+
+
+def _require_same(head: ChunkHead, index: ChunkIndex) -> None:
+    """Raise unless a chunk is the one of the index.
+
+    A writer replaces the open chunks at the end of its file, also by those of other channels.
+
+    Raises:
+        Malformed: it is another one.
+    """
+    found = head.start_ns, head.end_ns, head.size, head.compression, len(head.packed)
+    if found != (
+        index.message_start_time,
+        index.message_end_time,
+        index.uncompressed_size,
+        index.compression,
+        index.compressed_size,
+    ):
+        raise Malformed(f"the chunk at byte {index.chunk_start_offset} is not that of the index")
 
 
 def _walked(fd: int) -> Scan | None:

@@ -26,9 +26,10 @@ from rigd.config.publication import Author, Publication
 from rigd.model import RecordingError
 from rigd.record.export import export
 from rigd.record.export.part import Measures
+from rigd.record.file import RecordingInUse
 from rigd.record.info import RunInfo
 from rigd.record.moment import is_virtual, recorded_at
-from rigd.record.reader import Recording
+from rigd.record.reader import Recording, is_written
 
 SPECIFICATION: Final = "https://w3id.org/ro/crate/1.2"
 METADATA_FILE: Final = "ro-crate-metadata.json"
@@ -91,10 +92,14 @@ def export_rocrate(
     """Write recordings, their files and tables as one crate; return its path, ``target``.
 
     Raises:
-        RecordingError: a recording is damaged, ``target`` exists (unless ``overwrite``), or it
-            cannot be written: then nothing is new or changed.
+        RecordingError: a recording is damaged or being written, ``target`` exists (unless
+            ``overwrite``), or it cannot be written: then nothing is new or changed.
     """
     for source in sources:
+        if is_written(source.recording.path):
+            raise RecordingInUse(
+                f"{source.recording.path} is being written", hint="Wait until its run has ended."
+            )
         if source.recording.problem:
             raise RecordingError(
                 f"{source.recording.path} is damaged: {source.recording.problem}",
