@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rigd.config.problems import suggest
 from rigd.importing.array_table import ArrayColumn, ArrayTable
 from rigd.importing.parquet_table import unreadable
+from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
 
 #: The column of the times that a waveform states by its start and increment.
@@ -28,11 +29,28 @@ def open_tdms(path: Path, group: str | None) -> ArrayTable:
         ConfigError: the file is cut off, damaged or no TDMS, or has no such group.
     """
     with _file(path) as file:
-        channels = _group(path, file, group).channels()
-        starts = [channel.properties.get("wf_start_time") for channel in channels]
-        start = next((item for item in starts if isinstance(item, np.datetime64)), None)
-    start_ns = None if start is None else int(start.astype("datetime64[ns]").astype(np.int64))
-    return ArrayTable(path, partial(_opened, path, group), start_ns)
+        starts = [_start_ns(channel) for channel in _group(path, file, group).channels()]
+    return _TdmsTable(path, group, next((item for item in starts if item is not None), None))
+
+
+class _TdmsTable(ArrayTable):
+    """A group; :data:`TIME` has the times of the waveforms that are read with it."""
+
+    def __init__(self, path: Path, group: str | None, start_ns: int | None) -> None:
+        super().__init__(path, partial(_opened, path, group, start_ns, ()), start_ns)
+        self._group = group
+
+    def batches(self, wanted: Mapping[int, Kind]) -> Iterator[Batch]:
+        opener = partial(_opened, self.path, self._group, self.start_ns, wanted)
+        return ArrayTable(self.path, opener, self.start_ns).batches(wanted)
+
+
+def _start_ns(channel: Any) -> int | None:
+    """Return when a waveform begins, in ns since 1970, if it states it."""
+    start = channel.properties.get("wf_start_time")
+    if not isinstance(start, np.datetime64):
+        return None
+    return int(start.astype("datetime64[ns]").astype(np.int64))
 
 
 @contextmanager
@@ -65,10 +83,13 @@ def _group(path: Path, file: TdmsFile, group: str | None) -> Any:
 
 
 @contextmanager
-def _opened(path: Path, group: str | None) -> Iterator[Sequence[ArrayColumn]]:
+def _opened(
+    path: Path, group: str | None, start_ns: int | None, wanted: Collection[int]
+) -> Iterator[Sequence[ArrayColumn]]:
     with _file(path) as file:
+        channels = _group(path, file, group).channels()
         columns = []
-        for channel in _group(path, file, group).channels():
+        for channel in channels:
             kind = np.dtype(channel.dtype).kind
             unit = "ns" if kind == "M" else str(channel.properties.get("unit_string", ""))
             columns.append(
@@ -76,14 +97,21 @@ def _opened(path: Path, group: str | None) -> Iterator[Sequence[ArrayColumn]]:
                     channel.name, unit, len(channel), kind in "iuM", partial(_read, channel)
                 )
             )
-        waveform = next(
-            (c for c in _group(path, file, group).channels() if "wf_increment" in c.properties),
-            None,
-        )
-        if waveform is not None:
-            columns.append(
-                ArrayColumn(TIME, "s", len(waveform), False, partial(_times, waveform.properties))
-            )
+        waveforms = {at: c for at, c in enumerate(channels) if "wf_increment" in c.properties}
+        if waveforms:
+            used = [at for at in wanted if at in waveforms] or [min(waveforms)]
+            first, *others = (_clock(waveforms[at], start_ns) for at in used)
+            for at, other in zip(used[1:], others, strict=True):
+                if other != first and len(columns) in wanted:
+                    a, b = columns[used[0]].name, columns[at].name
+                    raise ConfigError(
+                        f"the times of {a!r} begin at {first[0]:.9g} s in steps of {first[1]:.9g} "
+                        f"s, those of {b!r} at {other[0]:.9g} s in steps of {other[1]:.9g} s",
+                        place=Place(str(path), 1, at + 1),
+                        hint="channels with different times are sources of their own",
+                    )
+            rows = columns[used[0]].rows
+            columns.append(ArrayColumn(TIME, "s", rows, False, partial(_times, *first)))
         yield columns
 
 
@@ -92,7 +120,12 @@ def _read(channel: Any, start: int, end: int) -> NDArray[Any]:
     return values
 
 
-def _times(properties: Any, start: int, end: int) -> NDArray[np.float64]:
-    offset = float(properties.get("wf_start_offset", 0.0))
-    rows = np.arange(start, end, dtype=np.float64)
-    return rows * float(properties["wf_increment"]) + offset
+def _clock(waveform: Any, start_ns: int | None) -> tuple[float, float]:
+    """Return the first time of a waveform since ``start_ns``, and its increment, in s."""
+    properties, own_ns = waveform.properties, _start_ns(waveform)
+    late_s = 0.0 if start_ns is None or own_ns is None else (own_ns - start_ns) * 1e-9
+    return late_s + float(properties.get("wf_start_offset", 0.0)), float(properties["wf_increment"])
+
+
+def _times(first_s: float, increment_s: float, start: int, end: int) -> NDArray[np.float64]:
+    return np.arange(start, end, dtype=np.float64) * increment_s + first_s

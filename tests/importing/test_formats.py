@@ -151,3 +151,49 @@ def test_columns_of_different_lengths_are_named(tmp_path: Path) -> None:
     what = parse_map(MAP.replace("GROUP", "sparse: false").replace("TIME", "t"), Path("map.yaml"))
     with pytest.raises(ConfigError, match="'force' has 499 rows, 't' 500"):
         import_files(what, [tmp_path / "a.h5"], tmp_path / "runs")
+
+
+TWO_CLOCKS = """\
+map: bench
+rig: old_bench
+sources:
+  samples:
+    time: {column: (time)}
+    channels: {slow: {column: slow}MORE}
+"""
+
+
+@pytest.fixture
+def two_clocks(tmp_path: Path) -> Path:
+    """A group with two waveforms: one begins 10 s later, with an offset and a longer step."""
+    began = np.datetime64("2016-03-04T10:00:00", "us")
+    fast = {"wf_increment": 0.001, "wf_start_time": began, "unit_string": "N"}
+    slow = {
+        "wf_increment": 0.01,
+        "wf_start_offset": 0.5,
+        "wf_start_time": began + np.timedelta64(10, "s"),
+        "unit_string": "N",
+    }
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", "fast", FORCE, properties=fast),
+                ChannelObject("run", "slow", FORCE, properties=slow),
+            ]
+        )
+    return path
+
+
+def test_waveform_has_its_own_times(two_clocks: Path) -> None:
+    what = parse_map(TWO_CLOCKS.replace("MORE", ""), Path("map.yaml"))
+    (made,) = import_files(what, [two_clocks], two_clocks.parent / "runs")
+    rows = Recording.open(made.path).read("samples")
+    since = START_NS + 10_500_000_000
+    assert rows["t_ns"].tolist() == [since + i * 10_000_000 for i in range(500)]
+
+
+def test_waveforms_of_different_times_are_refused(two_clocks: Path) -> None:
+    what = parse_map(TWO_CLOCKS.replace("MORE", ", fast: {column: fast}"), Path("map.yaml"))
+    with pytest.raises(ConfigError, match=r"'slow' begin at 10\.5 s in steps of 0\.01 s, .*'fast'"):
+        import_files(what, [two_clocks], two_clocks.parent / "runs")
