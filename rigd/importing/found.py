@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import dropwhile
 
 from rigd.config.problems import suggest
 from rigd.importing.csv_table import CsvTable
@@ -191,8 +192,8 @@ def _value(
 
 
 def _steps_in(steps: Sequence[tuple[int, str]], span: TrialSpan) -> list[tuple[int, str]]:
-    """Return the steps in a trial, the first from its start on."""
+    """Return the steps in a trial, the first from its start on; "" ends the step before it."""
     before = [name for t_ns, name in steps if t_ns <= span.first_ns]
     found = [(span.first_ns, before[-1])] if before else []
     found += [(t_ns, name) for t_ns, name in steps if span.first_ns < t_ns <= span.last_ns]
-    return [(t_ns, name) for t_ns, name in found if name]
+    return list(dropwhile(lambda step: not step[1], found))

@@ -53,8 +53,9 @@ class TrialSeries:
         elif event.kind == "step":
             if event.trial != before.number:  # the beginning of its trial is not in the recording
                 self._enter(event.trial)
-            self._now = replace(self._now, step=self._entered, step_name=str(data.get("name", "")))
-            self._entered += 1
+            name = str(data.get("name", ""))
+            self._now = replace(self._now, step=self._entered if name else NONE, step_name=name)
+            self._entered += bool(name)
         elif event.kind == "prompt":  # the wait for the answer belongs to no step
             self._now = replace(before, step=NONE, step_name="")
         elif event.kind == "hold":  # of which the time belongs to no step

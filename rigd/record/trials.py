@@ -60,9 +60,10 @@ class Step:
 def steps(events: Sequence[Event]) -> tuple[Step, ...]:
     """Return the steps in the order of their start; each ends with the next step or its trial.
 
-    A step before a prompt ends where the prompt begins: the rig waits for the answer in no step. A
-    step that was held ends there, and begins again where its time goes on: what was recorded
-    meanwhile belongs to no step.
+    A step before a prompt ends where the prompt begins: the rig waits for the answer in no step. An
+    event ``step`` without a name, as of an imported file, ends the step before it. A step that was
+    held ends there, and begins again where its time goes on: what was recorded meanwhile belongs to
+    no step.
     """
     done: list[Step] = []
     current: Step | None = None
@@ -72,8 +73,8 @@ def steps(events: Sequence[Event]) -> tuple[Step, ...]:
         if current is not None:
             done.append(replace(current, end_ns=event.t_ns))
             current = None
-        if event.kind == "step":
-            current = Step(str(event.data.get("name", "")), event.trial, event.t_ns)
+        if event.kind == "step" and (name := str(event.data.get("name", ""))):
+            current = Step(name, event.trial, event.t_ns)
         elif event.kind == "hold" and event.data.get("phase") == "over":
             current = Step(str(event.data.get("step", "")), event.trial, event.t_ns)
     return (*done, current) if current is not None else tuple(done)

@@ -44,6 +44,14 @@ def test_column_shows_trials_parameters_and_steps(bring_in: Import) -> None:
     assert len(trials[1]["samples"]) == 20
 
 
+def test_empty_cell_ends_the_step(bring_in: Import) -> None:
+    names = ["", *["up"] * 9, *[""] * 20, *["on"] * 10]
+    text = table(*(f"{i / 1000},{i},{i},5,{name}" for i, name in enumerate(names)))
+    recording = bring_in(text, more="trials: {steps: step}\n")
+    assert recording["samples"]["step"].tolist() == names
+    assert [step.name for step in recording.steps] == ["up", "on"]
+
+
 def test_trials_are_the_same_in_small_blocks(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch
 ) -> None:
