@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
@@ -84,6 +85,10 @@ class TrialFinder:
             inside = (values > signal.low) & (values < signal.high)
             before = self.spans[-1].inside if self.spans else bool(inside[0])
             begins |= np.diff(inside, prepend=before)
+        if self.columns:
+            names = pc.utf8_trim_whitespace(texts[self.columns[0]])
+            outside = pc.is_in(names, pa.array(sorted(self.trials.outside), pa.string()))
+            inside &= ~outside.to_numpy(zero_copy_only=False)
         starts = np.flatnonzero(begins)
         if len(self.spans) + len(starts) > MOST_SPANS:
             raise ConfigError(
@@ -91,7 +96,7 @@ class TrialFinder:
                 place=self._place(int(rows[starts[-1]])),
                 hint="what shows the trials changes too often",
             )  # fmt: skip
-        self._check_parameters(changes, begins, rows)
+        self._check_parameters(changes, inside & ~begins, rows)
         ends = [*starts[1:], len(times)]
         if self.spans:
             upto = starts[0] if len(starts) else len(times)
@@ -102,8 +107,7 @@ class TrialFinder:
             self.spans.append(
                 TrialSpan(
                     int(times[start]), int(times[end - 1]), int(rows[start]),
-                    bool(inside[start]) and not (key and key[0].strip() in self.trials.outside),
-                    key,
+                    bool(inside[start]), key,
                     {name: str(texts[at][start]) for name, at in self.parameters.items()},
                     signal is not None and len(self.spans) == 0,
                 )
@@ -139,11 +143,12 @@ class TrialFinder:
     def _check_parameters(
         self,
         changes: Mapping[int, NDArray[np.bool_]],
-        begins: NDArray[np.bool_],
+        within: NDArray[np.bool_],
         rows: NDArray[np.int64],
     ) -> None:
+        """Refuse a parameter that changes at one of the rows ``within`` a trial."""
         for name, column in self.parameters.items():
-            for at in np.flatnonzero(changes[column] & ~begins)[:1]:
+            for at in np.flatnonzero(changes[column] & within)[:1]:
                 raise ConfigError(
                     f"the parameter {name} changes within a trial",
                     place=self.table.place(column, int(rows[at])),

@@ -91,6 +91,26 @@ def test_trial_that_outlasts_file_is_incomplete(bring_in: Import) -> None:
     assert (trial.complete, trial.reason) == (False, "the file begins or ends within it")
 
 
+@pytest.mark.parametrize(
+    "trials",
+    [
+        "{signal: {channel: samples.speed, above: 1 mm/s}}",
+        "{columns: step, outside: pause}",
+    ],
+)
+@pytest.mark.parametrize("block_bytes", [64, 1 << 20])
+def test_parameter_may_change_between_trials(
+    bring_in: Import, trials: str, block_bytes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    goes_on = [i % 20 < 12 for i in range(40)]
+    text = table(*(f"{i / 1000},{i},{9 if on else 0},{5 if i < 16 else 10},"
+                   f"{i // 20 if on else ' pause'}" for i, on in enumerate(goes_on)))  # fmt: skip
+    more = f"trials: {trials}\nparameters: {{load: {{column: load, unit: kg}}}}\n"
+    recording = bring_in(text, more=more)
+    assert [trial.parameters for trial in recording.trials] == [{"load": 5.0}, {"load": 10.0}]
+
+
 def test_names_of_files_give_parameters(tmp_path: Path) -> None:
     map = MAP.replace("    text", '    file: "{floor}_{load}kg_{run}.csv"\n    text')
     more = "parameters: {floor: {name: floor}, load: {name: load, unit: kg}}\n"
