@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from io import FileIO
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import h5py
 import numpy as np
 
-from rigd.record.export.part import Origin, Part, step_column, step_numbers
+from rigd.model import RecordingError
+from rigd.record.export.part import Origin, Part, step_column, step_numbers, unused
 
 #: Rows of a compressed block of a dataset: 128 kB of float64.
 _CHUNK_ROWS: Final = 16_384
@@ -20,8 +21,13 @@ _TEXT: Final = h5py.string_dtype("utf-8")
 def write_hdf5(path: Path, parts: Sequence[Part], origin: Origin) -> None:
     """Write the tables; units and descriptions are attributes of the datasets.
 
-    ``step`` is a number into the dataset ``step_names`` beside it, 0 outside of steps.
+    ``step`` is a number into the dataset ``step_names`` beside it, 0 outside of steps. A name of
+    rigd's own, such as ``metadata``, is ``rigd_metadata`` beside a stream or channel of that name.
+
+    Raises:
+        RecordingError: a stream would have the name of a channel of another.
     """
+    _check_names(parts)
     with _Spared(path, "wb+") as target:
         with h5py.File(target, "w", track_order=True) as file:
             _write_all(file, parts, origin, target)
@@ -72,12 +78,14 @@ def _write_all(file: Any, parts: Sequence[Part], origin: Origin, target: _Spared
     """Write all, up to the first error: one that is raised before the file is closed damages it."""
     file.attrs["recording"] = origin.recording
     file.attrs["start_ns"] = np.int64(origin.start_ns)
+    taken = {part.name.partition("/")[0] for part in parts}
+    metadata, attachments = unused("metadata", taken), unused("attachments", taken)
     for name, values in origin.metadata.items():
-        group = file.create_group(f"metadata/{name}")
+        group = file.create_group(f"{metadata}/{name}")
         group.attrs.update({key: _text(value) for key, value in values.items()})
     for attachment in origin.attachments:
         data = np.frombuffer(attachment.data, np.uint8)
-        name = f"attachments/{attachment.name.replace('/', '.')}"
+        name = f"{attachments}/{attachment.name.replace('/', '.')}"
         file.create_dataset(name, data=data)
     for part in parts:
         group = file.create_group(part.name)
@@ -98,11 +106,23 @@ def _write_all(file: Any, parts: Sequence[Part], origin: Origin, target: _Spared
                     )
 
 
+def _check_names(parts: Sequence[Part]) -> None:
+    """Refuse a stream ``imu/data`` beside a channel ``data`` of ``imu``: both are ``imu/data``."""
+    columns = {f"{part.name}/{column}" for part in parts for column in part.head.columns}
+    for part in parts:
+        for path in (part.name, *map(str, PurePosixPath(part.name).parents)):
+            if path in columns:
+                raise RecordingError(
+                    f"the stream {part.name!r} and a channel would both be {path!r} in HDF5",
+                    hint="Export to parquet, csv or mdf4 instead, or one stream alone by --stream.",
+                )
+
+
 def _define(group: Any, part: Part, step: str, origin: Origin) -> None:
     group.attrs["description"], group.attrs["source"] = part.doc, part.source
     if step:
         names = ["", *origin.step_names]
-        group.create_dataset("step_names", data=names, dtype=_TEXT)
+        group.create_dataset(unused("step_names", part.head.columns), data=names, dtype=_TEXT)
     for name, column in part.head.columns.items():
         kind: Any = _TEXT if column.dtype == np.object_ else column.dtype
         dataset = group.create_dataset(

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 
 from rigd.model import RecordingError
-from rigd.record.export.part import Origin, Part, step_column, step_numbers
+from rigd.record.export.part import Origin, Part, step_column, step_numbers, unused
 from rigd.record.tables import Table
 
 #: Longest name of a field that MATLAB 7 files can hold (``long_field_names`` of scipy).
@@ -21,21 +21,24 @@ MAX_NAME: Final = 63
 def write_mat(path: Path, parts: Sequence[Part], origin: Origin) -> None:
     """Write a table as a variable for each column; ``step`` is a number into ``step_names``.
 
-    Raises:
-        RecordingError: a name is too long, or the table too large for such a file.
+    A variable of rigd's own, such as ``units``, is ``rigd_units`` beside a column of that name.
 
+    Raises:
+        RecordingError: a name is too long, two columns would have one name, or the table is too
+            large for such a file.
     """
     (part,) = parts
     table = part.whole()
-    names = {column: _name(table, column) for column in table.columns}
+    names = _names(table)
+    taken = names.values()
     content: dict[str, Any] = {names[column]: values for column, values in table.columns.items()}
     if step := step_column(table):
         # A text in each row would take a cell each: the rows have numbers into the list of texts.
-        content["step_names"] = np.array(origin.step_names, object)
+        content[unused("step_names", taken)] = np.array(origin.step_names, object)
         content[names[step]] = step_numbers(table.columns[step], origin)
-    content["units"] = {names[column]: unit for column, unit in table.units.items()}
-    content["recording"] = origin.recording
-    content["metadata"] = json.dumps(origin.metadata)
+    content[unused("units", taken)] = {names[at]: unit for at, unit in table.units.items()}
+    content[unused("recording", taken)] = origin.recording
+    content[unused("metadata", taken)] = json.dumps(origin.metadata)
     try:
         # The name ends in .part, to which scipy would add .mat.
         scipy.io.savemat(
@@ -47,17 +50,24 @@ def write_mat(path: Path, parts: Sequence[Part], origin: Origin) -> None:
         ) from error
 
 
-def _name(table: Table, column: str) -> str:
-    """Return the name of a column as MATLAB takes it.
+def _names(table: Table) -> dict[str, str]:
+    """Return the names of the columns as MATLAB takes them.
 
     Raises:
-        RecordingError: it is too long.
-
+        RecordingError: one is too long, or two are alike.
     """
-    name = column.replace(".", "_").replace("/", "_")
-    if len(name) > MAX_NAME:
-        raise RecordingError(
-            f"{table.name}.{name}: MATLAB takes names of {MAX_NAME} letters at most",
-            hint="Export to parquet, csv or hdf5 instead.",
-        )
-    return name
+    found: dict[str, str] = {}
+    for column in table.columns:
+        name = column.replace(".", "_").replace("/", "_")
+        if len(name) > MAX_NAME:
+            raise RecordingError(
+                f"{table.name}.{name}: MATLAB takes names of {MAX_NAME} letters at most",
+                hint="Export to parquet, csv or hdf5 instead.",
+            )
+        if name in found:
+            raise RecordingError(
+                f"{table.name}: {found[name]} and {column} would both be {name} in MATLAB",
+                hint="Export to parquet, csv or hdf5 instead.",
+            )
+        found[name] = column
+    return {column: name for name, column in found.items()}

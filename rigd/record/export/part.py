@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,7 +121,14 @@ def parts(
 
 def free_name(name: str, recording: Recording) -> str:
     """Return the name of a table, with ``rigd_`` in front if a stream has that name."""
-    return f"rigd_{name}" if name in recording.streams else name
+    return unused(name, recording.streams)
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """Return a name of rigd's own, with ``rigd_`` in front as long as it is taken."""
+    while name in taken:
+        name = f"rigd_{name}"
+    return name
 
 
 def _stream(recording: Recording, name: str) -> Part:
