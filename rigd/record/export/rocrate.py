@@ -9,6 +9,7 @@ its object and the recording as its result; so is the export with rigd.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import re
 import shutil
@@ -69,6 +70,12 @@ class _Crate:
 
     entities: dict[str, Entity] = field(default_factory=dict)
     files: dict[str, Path] = field(default_factory=dict)
+    shared: dict[str, object] = field(default_factory=dict)
+
+    def own(self, at: str, name: str, content: object) -> str:
+        """Return ``at``, or with the recording's ``name`` if another's ``content`` is there."""
+        known = self.shared.setdefault(at, content)
+        return at if known == content else f"{at}@{_word(name)}"
 
     def add(self, at: str, type: str, /, **properties: Any) -> Entity:
         """Add an entity, or what is new of it; return the reference to it."""
@@ -132,11 +139,11 @@ def _write(
     """Make the crate in ``folder``, beside ``target``, and give it its name."""
     crate = _Crate()
     stage = folder / "crate"
-    actions = [
-        _describe(crate, name, source, stage, tables)
-        for name, source in zip(_names(sources), sources, strict=True)
-    ]
-    root = _root(crate, sources, publication, published or datetime.now(UTC).date(), actions)
+    for author in publication.authors:  # before the operators, who may be authors with an ORCID iD
+        _person(crate, author)
+    named = dict(zip(_names(sources), sources, strict=True))
+    actions = [_describe(crate, name, source, stage, tables) for name, source in named.items()]
+    root = _root(crate, named, publication, published or datetime.now(UTC).date(), actions)
     _add_files(crate)
     root["hasPart"] = [{"@id": _identifier(name)} for name in sorted(crate.files)]
     about = {
@@ -170,12 +177,19 @@ def _write(
 
 
 def _names(sources: Sequence[Published]) -> list[str]:
-    """Return a name for each recording, of which no two are alike."""
+    """Return a name for each recording, of which no two are alike, nor as identifiers."""
     stems = [source.recording.path.stem for source in sources]
-    return [
-        stem if stems.count(stem) == 1 else f"{stem}_{number}"
-        for number, stem in enumerate(stems, 1)
-    ]
+    words = [_word(stem) for stem in stems]
+    taken = set(words)
+    names = []
+    for number, stem in enumerate(stems, 1):
+        name = stem
+        if words.count(_word(stem)) > 1:
+            free = (f"{stem}_{at}" for at in itertools.count(number))
+            name = next(item for item in free if _word(item) not in taken)
+            taken.add(_word(name))
+        names.append(name)
+    return names
 
 
 def _describe(
@@ -220,15 +234,16 @@ def _run(
     metadata = info.metadata
     virtual = is_virtual(info)
     kind = "Product" if "simulated" in info.mode else "IndividualProduct"
+    described = [part for part in ("rig.yaml", "calibration.yaml") if part in files]
+    texts = [recording.attachments[part].data for part in described]
     rig = crate.add(
-        f"#rig-{_word(info.rig or 'unknown')}",
+        crate.own(f"#rig-{_word(info.rig or 'unknown')}", name, (info.mode, described, texts)),
         kind,
         name=info.rig or "unknown rig",
         description=f"Test rig: {info.mode}" if info.mode else "Test rig",
-        subjectOf=[files[part] for part in ("rig.yaml", "calibration.yaml") if part in files],
+        subjectOf=[files[part] for part in described],
     )
     software = metadata.get("run", {}).get("rigd_version", "")
-    operator = metadata.get("run", {}).get("operator", "")
     began = recorded_at(info)
     times = {}
     if began.of == "run" and not virtual:
@@ -239,17 +254,24 @@ def _run(
     if virtual:
         words.append("The data are simulated; their times are not those of a clock.")
     words += [f"Note: {text}" for text in _notes(info)]
-    given = {**metadata.get("parameters", {}), **metadata.get("meta", {})}
+    given = [
+        item
+        for part in ("parameters", "meta")
+        for item in _values(crate, f"#run-{_word(name)}/{part}", metadata.get(part, {}))
+    ]
     return crate.add(
         f"#run-{_word(name)}",
         "CreateAction",
         name=f"Run {info.procedure or name} on {info.rig or 'an unknown rig'}",
         description=" ".join(words),
         instrument=[rig, _software(crate, software)],
-        object=[*_specimen(crate, info, files), *filter(None, [files.get("procedure.yaml")])],
-        agent=_person(crate, Author(operator)) if operator else None,
+        object=[
+            *_specimen(crate, name, info, recording, files),
+            *filter(None, [files.get("procedure.yaml")]),
+        ],
+        agent=[_person(crate, Author(operator)) for operator in operators_of([recording])],
         result=result,
-        additionalProperty=_values(crate, f"#run-{_word(name)}", given),
+        additionalProperty=given,
         **times,
     )
 
@@ -266,21 +288,26 @@ def _software(crate: _Crate, version: str) -> Entity:
 
 
 def _notes(info: RunInfo) -> list[str]:
-    start = info.metadata.get("run", {}).get("note", "")
-    return [*filter(None, [start]), *(str(note) for note in info.notes)]
+    """Return the note of the start, that of a person who resumed it, and the later ones."""
+    given = (info.metadata.get(part, {}).get("note", "") for part in ("run", "resumed"))
+    return [*filter(None, given), *(str(note) for note in info.notes)]
 
 
-def _specimen(crate: _Crate, info: RunInfo, files: Mapping[str, Entity]) -> list[Entity]:
-    name = info.specimen.get("name", "")
-    if not name:
+def _specimen(
+    crate: _Crate, name: str, info: RunInfo, recording: Recording, files: Mapping[str, Entity]
+) -> list[Entity]:
+    specimen = info.specimen.get("name", "")
+    if not specimen:
         return []
-    identifier = f"#specimen-{_word(name)}"
     fields = {key: text for key, text in info.specimen.items() if key != "name"}
+    described = recording.attachments.get("specimen.yaml")
+    content = fields, described and described.data
+    identifier = crate.own(f"#specimen-{_word(specimen)}", name, content)
     return [
         crate.add(
             identifier,
             "Product",
-            name=name,
+            name=specimen,
             description="Specimen",
             additionalProperty=_values(crate, identifier, fields),
             subjectOf=files.get("specimen.yaml"),
@@ -339,13 +366,13 @@ def _tables(
 
 def _root(
     crate: _Crate,
-    sources: Sequence[Published],
+    named: Mapping[str, Published],
     publication: Publication,
     published: date,
     actions: Sequence[Sequence[Entity]],
 ) -> Entity:
     """Add the data set as a whole; return its entity."""
-    infos = [source.recording.info for source in sources]
+    infos = [source.recording.info for source in named.values()]
     titles = dict.fromkeys(
         info.metadata.get("run", {}).get("title") or info.procedure or info.path.stem
         for info in infos
@@ -369,27 +396,33 @@ def _root(
         publisher=_organization(crate, publication.publisher),
         keywords=list(publication.keywords),
         identifier=publication.doi,
-        variableMeasured=_variables(crate, sources),
+        variableMeasured=_variables(crate, named),
         mentions=[action for some in actions for action in some],
     )
     return crate.entities["./"]
 
 
 def operators_of(recordings: Sequence[Recording]) -> list[str]:
-    """Return the operators of recordings, each once."""
-    names = (item.metadata.get("run", {}).get("operator", "") for item in recordings)
+    """Return who started recordings, or resumed them, each once."""
+    names = (
+        item.metadata.get(part, {}).get("operator", "")
+        for item in recordings
+        for part in ("run", "resumed")
+    )
     return [name for name in dict.fromkeys(names) if name]
 
 
-def _variables(crate: _Crate, sources: Sequence[Published]) -> list[Entity]:
+def _variables(crate: _Crate, named: Mapping[str, Published]) -> list[Entity]:
     """Add the channels of all recordings, each once; return them."""
     found: dict[str, Entity] = {}
-    for source in sources:
+    for of, source in named.items():
         for stream in source.recording.streams.values():
             for channel in stream.channels:
                 name = f"{stream.name}.{channel.name}"
-                found[name] = crate.add(
-                    f"#channel-{_word(name)}",
+                content = channel.unit, channel.doc
+                at = crate.own(f"#channel-{_word(name)}", of, content)
+                found[at] = crate.add(
+                    at,
                     "PropertyValue",
                     name=name,
                     unitText=channel.unit,
