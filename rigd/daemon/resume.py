@@ -78,7 +78,7 @@ def read_resume_point(path: Path) -> ResumePoint:
     recover(path)
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})
-    if not {"procedure", "rig", "seed"} <= run.keys():
+    if not {"procedure", "rig", "seed"} <= run.keys() or not run["seed"].isdecimal():
         raise RecordingError(f"{path} does not name its run, so it cannot be resumed")
     events = recording.events()
     answers = [event for event in events if event.kind == "answer"]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from rigd.daemon.resume import read_resume_point
+from rigd.model import RecordingError
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Recording, RecordingWriter
@@ -44,3 +46,14 @@ def test_a_trial_that_lost_rows_is_played_again(tmp_path: Path) -> None:
     path.write_bytes(content)
     assert read_resume_point(path).done == {1, 3}
     assert path.with_name("run.mcap.orig").read_bytes() == content
+
+
+@pytest.mark.parametrize("seed", ["", "one"])
+def test_recording_without_a_seed_is_not_resumed(tmp_path: Path, seed: str) -> None:
+    path = tmp_path / "imported.mcap"
+    run = {"procedure": "old_bench", "rig": "bench", "mode": "imported", "seed": seed}
+    RecordingWriter.create(
+        path, streams=[AXIS], metadata={"run": run}, attachments=(), start_ns=0
+    ).close()
+    with pytest.raises(RecordingError, match="does not name its run, so it cannot be resumed"):
+        read_resume_point(path)
