@@ -76,6 +76,8 @@ def opened(path: Path | None) -> Iterator[sqlite3.Connection]:
         path.parent.mkdir(parents=True, exist_ok=True)
     where = ":memory:" if path is None else str(path)
     with closing(sqlite3.connect(where, timeout=_WAIT_S, isolation_level=None)) as index:
+        # The function `lower` of SQLite leaves all letters but a to z as they are.
+        index.create_function("casefold", 1, str.casefold, deterministic=True)
         (version,) = index.execute("PRAGMA user_version").fetchone()
         if version != _VERSION:
             _make(index)
@@ -187,6 +189,13 @@ def _add(
     from rigd.record.brief import brief_info
 
     path = folder / file
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = os.fsencode(path).decode(errors="backslashreplace")
+        error = RecordingError(f"the name {shown} is not UTF-8", hint="Rename the file or folder.")
+        unread.append((Path(shown), error))
+        return
     try:
         info = brief_info(path)
         line = line_of(info, file)

@@ -80,7 +80,7 @@ class _Maker:
         """Return the test of one fact."""
         text, value, unit = literal.value
         if sign == "contains":
-            return Statement("instr(lower(text), lower(?)) > 0", (text,))
+            return Statement("instr(casefold(text), casefold(?)) > 0", (text,))
         if not literal.quoted or sign != "==":
             self._check_unit(number, asked, sign, literal)
         if literal.period is not None:

@@ -74,5 +74,6 @@ def period_of(text: str) -> Period | None:
         return None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
-    lasts = 86400.0 if len(text) == len("2026-09-01") else 1.0 if text.count(":") > 1 else 60.0
+    clock = text[len("2026-09-01T") : len("2026-09-01T10:00:00")]  # a zone has a colon too
+    lasts = 86400.0 if not clock else 1.0 if clock.count(":") > 1 else 60.0
     return Period(moment.timestamp(), moment.timestamp() + lasts)

@@ -51,10 +51,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         overrides={"floor": "pvc"}, parameters={"floor": "pvc", "lot": "7"},
     )  # fmt: skip
     write_run(
-        found / "c.mcap", {"started": "2026-10-02T00:00:00+00:00", "procedure": "creep"},
+        found / "c.mcap", {"started": "2026-10-02T00:00:00+00:00", "procedure": "creep",
+                           "note": "Öl gewechselt"},
         state="tripped", specimen={"name": "W9", "coating": "DLC", "hardness": "20 GPa"},
     )  # fmt: skip
-    write_run(found / "deep" / "d.mcap", {"started": "2026-11-01T00:00:00Z"}, state="interrupted")
+    write_run(found / "deep" / "d.mcap", {"started": "2026-11-01T00:00:30Z"}, state="interrupted")
     return found
 
 

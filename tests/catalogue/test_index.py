@@ -122,3 +122,15 @@ def test_files_that_are_no_recordings_are_named(own: Path, cache: Path) -> None:
     assert {broken.path.stem for broken in found.broken} == {"empty", "nowhere", "folder", "pipe"}
     with pytest.raises(RecordingError, match="no folder"):
         search(own / "none")
+
+
+def test_file_name_not_utf8_hides_no_other(own: Path, cache: Path) -> None:
+    try:
+        shutil.copy2(own / "a.mcap", os.fsencode(own) + b"/messung_\xe4.mcap")
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 only")
+    found = search(own)
+    assert names(found) == ["a.mcap", "b.mcap"]
+    (broken,) = found.broken
+    assert broken.path.name == r"messung_\xe4.mcap"
+    assert str(broken.problem).startswith(f"the name {broken.path} is not UTF-8")
