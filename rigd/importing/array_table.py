@@ -126,6 +126,9 @@ class ArrayTable:
                 f"column {self.names[column]!r} has the type {values.dtype}, no numbers",
                 place=self.place(column, row),
             )
+        if kind == "whole" and values.dtype.kind == "f" and np.isnan(values).any():
+            empty = int(np.flatnonzero(np.isnan(values))[0])
+            raise ConfigError("a time is missing", place=self.place(column, row + empty))
         return np.ascontiguousarray(values, np.int64 if kind == "whole" else np.float64)
 
 

@@ -116,8 +116,18 @@ def _opened(path: Path, group: str | None) -> Iterator[Sequence[ArrayColumn]]:
 
 
 def _read(file: Any, group: int, index: int, start: int, end: int) -> NDArray[Any]:
-    signal = file.get(group=group, index=index, record_offset=start, record_count=end - start)
-    return np.asarray(signal.samples)
+    """Return the samples of a channel; those that the file marks as invalid are NaN, or ""."""
+    signal = file.get(
+        group=group, index=index, record_offset=start, record_count=end - start,
+        ignore_invalidation_bits=True,
+    )  # fmt: skip
+    values = np.asarray(signal.samples)
+    if signal.invalidation_bits is None:
+        return values
+    invalid = np.asarray(signal.invalidation_bits, np.bool_)
+    if values.dtype.kind in "iufb":
+        return np.where(invalid, np.nan, values) if invalid.any() else values
+    return np.where(invalid, np.zeros((), values.dtype), values)
 
 
 def _times(file: Any, group: int, start: int, end: int) -> NDArray[np.float64]:

@@ -42,7 +42,7 @@ class ParquetTable:
         return self._path
 
     @property
-    def names(self) -> Sequence[str]:
+    def names(self) -> list[str]:
         """The names of the columns."""
         return list(self._schema.names)
 
@@ -78,7 +78,7 @@ class ParquetTable:
                 numbers: dict[int, Any] = {}
                 texts: dict[int, Any] = {}
                 for column, kind in wanted.items():
-                    values = found.column(self.names[column])
+                    values = found.column(self._position(column, found.schema.names))
                     if kind == "text":
                         texts[column] = values.cast(pa.string()).fill_null("")
                     else:
@@ -89,6 +89,12 @@ class ParquetTable:
             raise unreadable(self._path, "Parquet", error) from error
         if not row:
             raise ConfigError("the file has no rows", place=self.place(0))
+
+    def _position(self, column: int, read: Sequence[str]) -> int:
+        """Return where a column is among the names of those ``read``, which may repeat."""
+        name = self.names[column]
+        same = [position for position, item in enumerate(read) if item == name]
+        return same[self.names[:column].count(name)]
 
     def _numbers(self, values: Any, column: int, kind: Kind, row: int) -> Any:
         if pa.types.is_timestamp(values.type):

@@ -197,3 +197,34 @@ def test_waveforms_of_different_times_are_refused(two_clocks: Path) -> None:
     what = parse_map(TWO_CLOCKS.replace("MORE", ", fast: {column: fast}"), Path("map.yaml"))
     with pytest.raises(ConfigError, match=r"'slow' begin at 10\.5 s in steps of 0\.01 s, .*'fast'"):
         import_files(what, [two_clocks], two_clocks.parent / "runs")
+
+
+def test_samples_marked_invalid_are_nan(tmp_path: Path) -> None:
+    marked = np.arange(500) % 7 == 3
+    with MDF(version="4.10") as file:
+        bad = np.where(marked, -9999.0, FORCE)
+        signals = [
+            Signal(bad, TIMES_S, unit="kN", name="force", invalidation_bits=marked),
+            Signal(np.arange(500), TIMES_S, unit="1", name="count", invalidation_bits=marked),
+        ]
+        file.append(signals)
+        file.save(tmp_path / "a.mf4")
+    text = MAP.replace("GROUP", "group: '0'").replace("TIME", "(time)")
+    text = text.replace("unit: kN}}", "unit: kN}, count: {column: count, unit: '1'}}")
+    (made,) = import_files(parse_map(text, Path("map.yaml")), [tmp_path / "a.mf4"], tmp_path)
+    rows = Recording.open(made.path).read("samples")
+    for name, expected in (("force", FORCE * 1000.0), ("count", np.arange(500.0))):
+        np.testing.assert_array_equal(rows[name], np.where(marked, np.nan, expected))
+
+
+@pytest.mark.parametrize(("column", "factor"), [("2", 1.0), ("3", 2.0)])
+def test_parquet_column_of_one_name_goes_by_number(
+    tmp_path: Path, column: str, factor: float
+) -> None:
+    arrays = [pa.array(TIMES_S), pa.array(FORCE), pa.array(2.0 * FORCE)]
+    pq.write_table(pa.Table.from_arrays(arrays, names=["t", "x", "x"]), tmp_path / "a.parquet")
+    text = MAP.replace("GROUP", "sparse: false").replace("TIME", "t")
+    what = parse_map(text.replace("column: force", f"column: '{column}'"), Path("map.yaml"))
+    (made,) = import_files(what, [tmp_path / "a.parquet"], tmp_path)
+    rows = Recording.open(made.path).read("samples")
+    np.testing.assert_array_equal(rows["force"], factor * FORCE * 1000.0)
