@@ -26,6 +26,9 @@ from rigd.record.chunks import (
 from rigd.record.events import CDR_HEADER, MESSAGE_FIELDS
 from rigd.record.wire import FRAME, Malformed
 
+#: The numbers of the channels of a topic; a file of another program may have several.
+Channels = tuple[int, ...]
+
 _CDR = np.frombuffer(CDR_HEADER, "<u4")[0]
 #: Most bytes of chunks of mixed channels that are kept, beside the newest one.
 KEPT_BYTES: Final = 64 << 20
@@ -52,14 +55,14 @@ class Messages:
         alike = uniform_messages(data)
         return cls(data, alike, message_places(data) if alike is None else None)
 
-    def rows(self, channel: int, blob: np.dtype[np.void]) -> NDArray[np.void]:
-        """Return the rows of one channel as ``blob`` (time, values as one blob).
+    def rows(self, channels: Channels, blob: np.dtype[np.void]) -> NDArray[np.void]:
+        """Return the rows of the channels of one stream as ``blob`` (time, values as one blob).
 
         Raises:
             Malformed: a message has another size or byte order than its stream.
         """
         value_bytes = blob.itemsize - 8
-        found = self._taken(channel, value_bytes)
+        found = self._taken(channels, value_bytes)
         if not len(found):
             return np.empty(0, blob)
         if found["values"].dtype.itemsize != value_bytes:
@@ -71,10 +74,10 @@ class Messages:
         rows["values"] = found["values"]
         return rows
 
-    def payloads(self, channel: int) -> Iterator[tuple[int, memoryview]]:
-        """Yield (log time in ns, payload) of each message of one channel."""
+    def payloads(self, channels: Channels) -> Iterator[tuple[int, memoryview]]:
+        """Yield (log time in ns, payload) of each message of the channels."""
         places = self.places or message_places(self.data)
-        view, mine = memoryview(self.data), places.channels == channel
+        view, mine = memoryview(self.data), np.isin(places.channels, channels)
         spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
         for offset, size in spans:
             at = offset + FRAME.size
@@ -83,12 +86,12 @@ class Messages:
                 view[at + MESSAGE_FIELDS.size : offset + size],
             )
 
-    def _taken(self, channel: int, value_bytes: int) -> NDArray[np.void]:
-        """Return the messages of a channel as :func:`message_dtype`, (n,)."""
+    def _taken(self, channels: Channels, value_bytes: int) -> NDArray[np.void]:
+        """Return the messages of the channels as :func:`message_dtype`, (n,)."""
         if self.alike is not None:
-            return self.alike if int(self.alike["channel"][0]) == channel else self.alike[:0]
+            return self.alike if int(self.alike["channel"][0]) in channels else self.alike[:0]
         places, dtype = self.places or message_places(self.data), message_dtype(value_bytes)
-        mine = places.channels == channel
+        mine = np.isin(places.channels, channels)
         offsets = places.offsets[mine]
         if not len(offsets):
             return np.empty(0, dtype)

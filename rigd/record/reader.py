@@ -26,7 +26,7 @@ from rigd.record.access import how_to_recover, require_regular, share
 from rigd.record.chunks import ChunkHead, blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
-from rigd.record.decode import KeptMessages, Messages
+from rigd.record.decode import Channels, KeptMessages, Messages
 from rigd.record.events import Event, parse_event
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gaps_from_json, with_losses
@@ -68,7 +68,7 @@ class Recording:
     ``recording.trials`` are its trials, ``recording.trial(3)["carriage"]`` is a table of samples.
 
     ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the rest
-    of a file of another program.
+    of a file of another program: also channels that differ from the first of their topic.
     """
 
     path: Path
@@ -192,7 +192,7 @@ class Recording:
             RecordingError: no such stream.
 
         """
-        return self.contents.counts.get(self._channel(stream), 0)
+        return sum(self.contents.counts.get(channel, 0) for channel in self._channels(stream))
 
     def recorded(self, stream: str) -> int:
         """Return the number of rows that a stream was given, those that are lost included.
@@ -211,7 +211,7 @@ class Recording:
             RecordingError: no such stream.
 
         """
-        chunks = self._chunks(self._channel(stream), 0, _LAST_NS)
+        chunks = self._chunks(self._channels(stream), 0, _LAST_NS)
         if not chunks:
             return None
         first = min(chunk.message_start_time for chunk in chunks)
@@ -238,7 +238,7 @@ class Recording:
         low, high = _between(start_ns, end_ns)
         # Filled piece by piece: joining them at the end would need twice the memory. Every row
         # has 16 bytes of index in the file, which bounds the rows that a damaged index can state.
-        chunks = self._chunks(self._channel(stream), low, high)
+        chunks = self._chunks(self._channels(stream), low, high)
         most = min(sum(map(rows_of, chunks)), self.size // 16)
         joined, end = np.empty(most, blob), 0
         for rows in self._pieces(stream, low, high, check_crc=check_crc):
@@ -277,12 +277,12 @@ class Recording:
         self, stream: str, low: int, high: int, *, check_crc: bool
     ) -> Iterator[NDArray[np.void]]:
         """Yield the rows of each chunk with ``low <= t_ns < high``, as times and blobs."""
-        channel, blob = self._channel(stream), self._blob(stream)
+        channels, blob = self._channels(stream), self._blob(stream)
         with _opened(self.path) as fd:
-            for index in self._chunks(channel, low, high):
+            for index in self._chunks(channels, low, high):
                 messages = self._unpack(fd, index, check_crc=check_crc)
                 try:
-                    rows = messages.rows(channel, blob)
+                    rows = messages.rows(channels, blob)
                 except Malformed as error:
                     raise self._damaged(error) from error
                 if index.message_start_time < low or index.message_end_time >= high:
@@ -291,7 +291,7 @@ class Recording:
                 yield rows
 
     def _blob(self, stream: str) -> np.dtype[np.void]:
-        self._channel(stream)  # raises if there is no such stream
+        self._channels(stream)  # raises if there is no such stream
         return blob_dtype(self.streams[stream])
 
     def events(self) -> list[Event]:
@@ -301,15 +301,15 @@ class Recording:
             RecordingError: a damaged chunk or event.
 
         """
-        channel = self._events_channel
+        channels = self._numbers.get(EVENTS_TOPIC)
         events: list[Event] = []
-        if channel is None:
+        if channels is None:
             return events
         with _opened(self.path) as fd:
-            for index in self._chunks(channel, 0, _LAST_NS):
+            for index in self._chunks(channels, 0, _LAST_NS):
                 messages = self._unpack(fd, index, check_crc=True)
                 try:
-                    found = messages.payloads(channel)
+                    found = messages.payloads(channels)
                     events += [parse_event(t_ns, payload) for t_ns, payload in found]
                 except Malformed as error:
                     raise self._damaged(error) from error
@@ -412,25 +412,21 @@ class Recording:
         return procedure is None or b"changes:" in procedure.data
 
     @cached_property
-    def _numbers(self) -> Mapping[str, int]:
-        return {channel.topic: number for number, channel in self.contents.channels.items()}
+    def _numbers(self) -> Mapping[str, Channels]:
+        return _numbers(self.contents)
 
-    @property
-    def _events_channel(self) -> int | None:
-        return self._numbers.get(EVENTS_TOPIC)
-
-    def _channel(self, stream: str) -> int:
+    def _channels(self, stream: str) -> Channels:
         if stream not in self.streams:
             raise RecordingError(
                 f"{self.path} has no stream {stream!r}", hint=f"It has {sorted(self.streams)}."
             )
         return self._numbers[f"/{stream}"]
 
-    def _chunks(self, channel: int, low: int, high: int) -> list[ChunkIndex]:
+    def _chunks(self, channels: Channels, low: int, high: int) -> list[ChunkIndex]:
         return [
             chunk
             for chunk in self.contents.chunks
-            if channel in chunk.message_index_offsets
+            if not chunk.message_index_offsets.keys().isdisjoint(channels)
             and chunk.message_end_time >= low
             and chunk.message_start_time < high
         ]
@@ -609,15 +605,30 @@ def _streams(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
     streams: dict[str, Stream] = {}
     others: list[str] = []
     for channel in contents.channels.values():
-        stream = _stream(channel, contents.schemas.get(channel.schema_id))
+        stream = _stream(channel, contents)
         if stream is not None and f"/{stream.name}" == channel.topic:
-            streams[stream.name] = stream
+            if streams.setdefault(stream.name, stream) != stream:
+                others.append(channel.topic)
         elif channel.topic not in (EVENTS_TOPIC, TRIAL_TOPIC):
             others.append(channel.topic)
     return streams, tuple(others)
 
 
-def _stream(channel: mcap.Channel, schema: mcap.Schema | None) -> Stream | None:
+def _numbers(contents: Contents) -> dict[str, Channels]:
+    """Return the channels of each topic: the first, and those that give the same stream.
+
+    A file that another program merged has several of one topic.
+    """
+    found: dict[str, Channels] = {}
+    for number, channel in contents.channels.items():
+        same = found.setdefault(channel.topic, ())
+        if not same or _stream(channel, contents) == _stream(contents.channels[same[0]], contents):
+            found[channel.topic] = (*same, number)
+    return found
+
+
+def _stream(channel: mcap.Channel, contents: Contents) -> Stream | None:
+    schema = contents.schemas.get(channel.schema_id)
     if STREAM_KEY in channel.metadata:
         try:
             return stream_from_json(channel.metadata[STREAM_KEY])

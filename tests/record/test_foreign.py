@@ -165,6 +165,37 @@ def test_plain_ros2_messages_of_float64_are_columns(tmp_path: Path) -> None:
         recording.read("words")
 
 
+def write_two_channels(path: Path, chunk_size: int, second: bytes = b"float64 x\n") -> None:
+    """Ten messages of a channel, from 1 on, and three of another of the topic between them."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=chunk_size)
+        writer.start("ros2")
+        channels = [
+            writer.register_channel("/p", "cdr", writer.register_schema(name, "ros2msg", text))
+            for name, text in (("a/msg/P", b"float64 x\n"), ("a/msg/Q", second))
+        ]
+        for t_ns in range(1, 14):
+            payload = b"\x00\x01\x00\x00" + np.array([t_ns], "<f8").tobytes()
+            writer.add_message(channels[t_ns % 4 == 0], t_ns, payload, t_ns)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+
+
+@pytest.mark.parametrize("chunk_size", [1, 1 << 20])
+def test_two_channels_of_a_topic_are_one(tmp_path: Path, chunk_size: int) -> None:
+    write_two_channels(tmp_path / "merged.mcap", chunk_size)
+    recording = Recording.open(tmp_path / "merged.mcap")
+    assert recording.count("p") == 13
+    assert recording.read("p")["x"].tolist() == list(range(1, 14))
+    assert recording.other_topics == ()
+
+
+def test_channels_of_a_topic_that_differ_stay(tmp_path: Path) -> None:
+    write_two_channels(tmp_path / "merged.mcap", 1 << 20, b"float64 y\n")
+    recording = Recording.open(tmp_path / "merged.mcap")
+    assert recording.read("p")["x"].tolist() == [1, 2, 3, 5, 6, 7, 9, 10, 11, 13]
+    assert recording.other_topics == ("/p",)
+
+
 def test_big_endian_messages_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as file:
