@@ -208,6 +208,29 @@ def test_peak_of_one_sample_is_never_hidden(tmp_path: Path) -> None:
     assert "axis.position_raw" not in found.extremes
 
 
+@pytest.mark.parametrize(
+    ("recorded", "drawn_through"),
+    [
+        ("{when: axis.position > 50 mm, before: 2 s, after: 5 s}", False),
+        ("{every: 1, during: [drive]}", False),
+        ("1", True),
+    ],
+)
+def test_no_line_leads_through_time_unrecorded(
+    tmp_path: Path, recorded: str, drawn_through: bool
+) -> None:
+    rows = ramp(1.0)
+    rows[TIME_FIELD][500:] += 3_000_000_000
+    procedure = f"record: {{axis: {recorded}}}\n"
+    recording = Recording.open(record(tmp_path / "run.mcap", (), rows, procedure=procedure))
+    whole = Attempt(0, START_NS, START_NS + 4_000_000_000)
+    found = gather(recording, [whole], shared_time([whole], [], ()), {0: 0}, {0: 250})
+    trace = found.traces[0]["axis.position"]
+    between = trace.values[(trace.t_s > 0.5) & (trace.t_s < 3.5)]
+    assert np.isnan(between).tolist() == ([] if drawn_through else [True])
+    assert np.isfinite(trace.values).sum() == 500
+
+
 def test_long_streams_are_read_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = Recording.open(record(tmp_path / "run.mcap", (), ramp(10.0)))
     whole = Attempt(0, START_NS, START_NS + 10_000_000_000)

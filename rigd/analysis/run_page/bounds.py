@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.document import parse_document
@@ -76,19 +76,32 @@ def bounds_of(recording: Recording) -> Bounds:
 
 def recorded_during(recording: Recording) -> frozenset[str]:
     """Return the steps that some stream was recorded during, if it was not always."""
+    names: set[str] = set()
+    for item in _record(recording).values():
+        during = item.get("during", ())
+        names.update([during] if isinstance(during, str) else map(str, during or ()))
+    return frozenset(names)
+
+
+def recorded_in_parts(recording: Recording) -> frozenset[str]:
+    """Return the streams that were recorded during steps, or in captures, alone."""
+    record = _record(recording)
+    return frozenset(name for name, item in record.items() if {"during", "when"} & item.keys())
+
+
+def _record(recording: Recording) -> dict[str, Mapping[str, Any]]:
+    """Return by stream what its procedure asks to record, where it is more than every n-th row."""
     attached = recording.attachments.get("procedure.yaml")
     if attached is None:
-        return frozenset()
+        return {}
     try:
         document = parse_document(attached.data.decode(errors="replace"), Path("procedure.yaml"))
     except ConfigError:
-        return frozenset()
+        return {}
     record = document.get(("record",))
-    names: set[str] = set()
-    for item in record.values() if isinstance(record, Mapping) else ():
-        during = item.get("during", ()) if isinstance(item, Mapping) else ()
-        names.update([during] if isinstance(during, str) else map(str, during or ()))
-    return frozenset(names)
+    if not isinstance(record, Mapping):
+        return {}
+    return {str(name): item for name, item in record.items() if isinstance(item, Mapping)}
 
 
 def _limits(rig: RigSource, units: Mapping[str, str]) -> Iterator[Bound]:

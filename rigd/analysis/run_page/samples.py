@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigd.analysis.report.trace import COLUMNS, thin
 from rigd.analysis.resample import stale_rows
+from rigd.analysis.run_page.bounds import recorded_in_parts
 from rigd.analysis.run_page.paths import BodyPath, path_of
 from rigd.model.channels import STATUS_FIELD, Channel, Stream
 from rigd.model.poses import Pose, poses_of
@@ -27,6 +28,8 @@ PIECE_ROWS: Final = 1_000_000
 #: Points of all paths of a body in a plane, and of one at least.
 PATH_POINTS: Final = 6_000
 LEAST_PATH_POINTS: Final = 40
+#: So many usual intervals without a row are a time in which the stream was not recorded.
+HOLE_PERIODS: Final = 10
 #: A stream of the engine about its own cycle, no device: its content is given in words.
 CYCLE: Final = "cycle"
 
@@ -159,15 +162,31 @@ def gather(
     lost: dict[str, list[int]] = {}
     for gap in recording.gaps:
         lost.setdefault(gap.stream, []).append(gap.start_ns)
+    parts = recorded_in_parts(recording)
     points = max(LEAST_PATH_POINTS, PATH_POINTS // max(len(attempts), 1))
     streams = [(stream, poses_of([stream])) for stream in shown_streams(recording)]
     for attempt in attempts:
         for stream, poses in streams:
             for rows, share in _pieces(recording, stream.name, attempt):
                 columns = share * draw.get(attempt.index, 0)
-                _take(samples, attempt, stream, rows, groups, columns, lost.get(stream.name, []))
+                breaks = [
+                    *lost.get(stream.name, ()),
+                    *(holes(rows) if stream.name in parts else ()),
+                ]
+                _take(samples, attempt, stream, rows, groups, columns, breaks)
                 _walk(samples, attempt, poses, rows, math.ceil(share * points))
     return samples
+
+
+def holes(rows: NDArray[np.void]) -> list[int]:
+    """Return the middle of each time, in ns, in which nothing of the stream was recorded."""
+    times = rows[TIME_FIELD].astype(np.int64)
+    waits = np.diff(times)
+    if not waits.size:
+        return []
+    long = waits > HOLE_PERIODS * float(np.median(waits))
+    found: list[int] = (times[:-1] + waits // 2)[long].tolist()
+    return found
 
 
 def shown_streams(recording: Recording) -> list[Stream]:
@@ -200,7 +219,7 @@ def _take(
     rows: NDArray[np.void],
     groups: Mapping[int, int],
     columns: float,
-    lost_ns: Sequence[int],
+    breaks_ns: Sequence[int],
 ) -> None:
     if stream.has_status:
         late = int(np.count_nonzero(stale_rows(rows[STATUS_FIELD])))
@@ -222,7 +241,7 @@ def _take(
             band.setdefault(name, Band.empty()).enter(place[inside], values[inside])
         if columns:
             trace = Trace(*thin(t_s, values, max(1, math.ceil(columns))))
-            trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in lost_ns])
+            trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in breaks_ns])
             traces = samples.traces.setdefault(attempt.index, {})
             traces[name] = _joined(traces.get(name), trace)
 
@@ -254,7 +273,7 @@ def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArr
 
 
 def _broken(trace: Trace, gaps_s: Sequence[float]) -> Trace:
-    """Return the trace with a break at lost rows: no line is drawn over what is unknown."""
+    """Return the trace with breaks: no line is drawn over what is lost or was not recorded."""
     inside = [at for at in gaps_s if trace.t_s[0] <= at <= trace.t_s[-1]]
     if not inside:
         return trace
