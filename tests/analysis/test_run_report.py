@@ -299,6 +299,14 @@ def test_selection_that_names_no_trials_is_refused(text: str) -> None:
         parse_selection(text)
 
 
+@pytest.mark.parametrize("value", [5e-324, 1.7976931348623157e308, -1e308, np.inf])
+def test_extreme_numbers_leave_the_page_whole(tmp_path: Path, value: float) -> None:
+    rows = ramp(1.0)
+    rows["position"][::3] = value
+    page = text_of(record(tmp_path / "run.mcap", ONE, rows))
+    assert "position" in page
+
+
 def test_recording_without_trials_shows_all_of_itself(tmp_path: Path) -> None:
     text = text_of(record(tmp_path / "run.mcap", [(0.0, "run_start", -1, {})]))
     assert "No trial began" in text

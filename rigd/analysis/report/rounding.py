@@ -43,15 +43,17 @@ def number(value: float, places: int | None = None, *, digits: int = BARE_DIGITS
         return "undefined"
     if value == 0.0:
         return f"{0.0:.{max(places or 0, 0)}f}"
-    exponent = math.floor(math.log10(abs(value)))
     bare = places is None
-    if places is None:
+    if places is None:  # the power of ten once it is rounded: 9.99996 is 10.00
+        exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
         places = digits - 1 - exponent
+    else:
+        exponent = math.floor(math.log10(abs(value)))
     if exponent in PLAIN_EXPONENTS:
         text = f"{round(value, places):.{max(places, 0)}f}"
         return _signed(_trimmed(text) if bare else text)
-    mantissa = f"{value / 10.0**exponent:.{max(places + exponent, 0)}f}"
-    power = str(exponent).translate(_SUPERSCRIPT)
+    mantissa, _, written = f"{value:.{max(places + exponent, 0)}e}".partition("e")
+    power = str(int(written)).translate(_SUPERSCRIPT)
     return _signed(f"{_trimmed(mantissa) if bare else mantissa}×10{power}")
 
 

@@ -12,6 +12,9 @@ from rigd.analysis.result import BoolArray, FloatArray
 from rigd.model.poses import Pose
 from rigd.model.rows import TIME_FIELD
 
+#: A number beyond it, such as the largest float64, says that there is no value; matplotlib cannot
+#: draw it.
+LARGEST: Final = 1e300
 #: A body counts as lost after so many s without a pose; a slow one after so many usual intervals.
 LOST_S: Final = 0.5
 LOST_INTERVALS: Final = 4.0
@@ -45,7 +48,7 @@ def path_of(pose: Pose, rows: NDArray[np.void], points: int) -> BodyPath | None:
     None if no row has a position.
     """
     x, y = (np.asarray(rows[name], dtype=np.float64) for name in (pose.x, pose.y))
-    seen = np.isfinite(x) & np.isfinite(y)
+    seen = (np.abs(x) < LARGEST) & (np.abs(y) < LARGEST)
     if not seen.any():
         return None
     t_s: FloatArray = rows[TIME_FIELD][seen].astype(np.float64) * 1e-9

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigd.analysis.report.trace import COLUMNS, thin
 from rigd.analysis.resample import stale_rows
 from rigd.analysis.run_page.bounds import recorded_in_parts
-from rigd.analysis.run_page.paths import BodyPath, path_of
+from rigd.analysis.run_page.paths import LARGEST, BodyPath, path_of
 from rigd.model.channels import STATUS_FIELD, Channel, Stream
 from rigd.model.poses import Pose, poses_of
 from rigd.model.rows import TIME_FIELD
@@ -247,11 +247,13 @@ def _take(
 
 
 def _shown(channel: Channel, values: FloatArray) -> FloatArray:
-    """Return ``values`` (n,), in SI, in the unit in which people read the channel."""
+    """Return ``values`` (n,), in SI, in the unit in which people read the channel.
+
+    Those beyond :data:`LARGEST` are NaN.
+    """
     unit = parse_unit(channel.shown_in)
-    if unit.is_si:
-        return np.ascontiguousarray(values)
-    return np.asarray((values - unit.offset) / unit.factor)
+    values = np.where(np.abs(values) < LARGEST, values, math.nan)
+    return values if unit.is_si else np.asarray((values - unit.offset) / unit.factor)
 
 
 def _walk(
