@@ -123,8 +123,12 @@ def _series(
     for patch in ax.patches:
         if isinstance(patch, StepPatch):
             counts, edges, _ = (np.asarray(part, dtype=np.float64) for part in patch.get_data())
-            low, high, values = edges[:-1], edges[1:], counts
-            yield "histogram, ends of each bin", 0.5 * (low + high), values, low, high
+            low, high = edges[:-1], edges[1:]
+            middle, name = 0.5 * (low + high), "histogram, ends of each bin"
+            if patch.orientation == "horizontal":  # the bins are along y
+                yield name, counts, middle, low, high
+            else:
+                yield name, middle, counts, low, high
 
 
 def _of(line: Line2D) -> tuple[FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -91,8 +92,12 @@ def _by_range(trials: Sequence[TrialInfo], name: str) -> Groups:
     order = sorted(range(len(trials)), key=lambda index: float(numbers[index] or 0.0))
     of, labels = {}, []
     size = -(-len(order) // RANGES)
-    for group, first in enumerate(range(0, len(order), size)):
-        members = order[first : first + size]
+    cuts = [0]
+    for at in range(1, len(order)):  # trials of one value are of one group
+        if at - cuts[-1] >= size and numbers[order[at]] != numbers[order[at - 1]]:
+            cuts.append(at)
+    for group, (first, last) in enumerate(itertools.pairwise([*cuts, len(order)])):
+        members = order[first:last]
         of.update(dict.fromkeys(members, group))
         ends = (shown_value(trials[members[0]], name), shown_value(trials[members[-1]], name))
         labels.append(f"{ends[0]} … {ends[1]}")

@@ -81,6 +81,16 @@ def test_bars_and_histogram_are_written(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_histogram_that_lies_keeps_its_axes(tmp_path: Path) -> None:
+    with drawing_style(), saving_figures(tmp_path):
+        figure, (axes, _) = grid(1, 2, 6.0, 3.0)
+        axes.stairs([5.0, 6.0], [0.0, 1.0, 3.0], orientation="horizontal")
+        draw(figure, "side", "counts along x")
+    rows = [tuple(row[name] for name in ("x", "y", "low", "high")) for row in
+            table(tmp_path / "side.csv")]  # fmt: skip
+    assert rows == [("5.0", "0.5", "0.0", "1.0"), ("6.0", "2.0", "1.0", "3.0")]
+
+
 def test_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(OSError, match="exists"), saving_figures(tmp_path / "taken"):
