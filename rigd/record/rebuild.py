@@ -23,20 +23,22 @@ from rigd.record.wire import FRAME, MAGIC, decode, encode
 _BATCH_BYTES: Final = 4 << 20
 
 
-def rebuild(fd: int, found: Scan, mark: Mapping[str, str]) -> None:
-    """Write a whole recording of the intact pieces to an empty file.
+#: Metadata by name that a recovery adds; ``recovery`` among them replaces an older one.
+Marks = Mapping[str, Mapping[str, str]]
 
-    ``mark`` is its metadata record on the recovery, which replaces an older record.
+
+def rebuild(fd: int, found: Scan, marks: Marks) -> None:
+    """Write a whole recording of the intact pieces, and ``marks``, to an empty file.
 
     Raises:
         OSError: the disk is full or fails.
     """
     contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
-    _write(fd, _whole(found, mark, contents), contents, 0, 0)
+    _write(fd, _whole(found, marks, contents), contents, 0, 0)
     os.fsync(fd)
 
 
-def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) -> None:
+def complete(fd: int, found: Scan, cut: int, crc: int, marks: Marks) -> None:
     """Write the missing parts from byte ``cut`` of the file on; the pieces before it stay.
 
     ``crc`` is the CRC up to there. The pieces after it are moved together.
@@ -46,7 +48,7 @@ def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) 
     """
     contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
     # Copied first: they are in the file that is being written.
-    parts = [bytes(part) for part in _behind(found, cut, mark, contents)]
+    parts = [bytes(part) for part in _behind(found, cut, marks, contents)]
     _write(fd, iter(parts), contents, cut, crc)
     sync_data(fd)
 
@@ -71,9 +73,7 @@ def _write(
     os.ftruncate(fd, end + len(tail))
 
 
-def _whole(
-    found: Scan, mark: Mapping[str, str], contents: Contents
-) -> Iterator[bytes | memoryview]:
+def _whole(found: Scan, marks: Marks, contents: Contents) -> Iterator[bytes | memoryview]:
     """Yield a whole data section, and index it in ``contents``."""
     first, *others = found.pieces
     if first.opcode == Opcode.HEADER:
@@ -93,11 +93,11 @@ def _whole(
             yield piece.data
             yield piece.index
             at += len(piece.data) + len(piece.index)
-    yield build_extras({RECOVERY_METADATA: mark}, (), found.start_ns, at, contents)
+    yield build_extras(marks, (), found.start_ns, at, contents)
 
 
 def _behind(
-    found: Scan, cut: int, mark: Mapping[str, str], contents: Contents
+    found: Scan, cut: int, marks: Marks, contents: Contents
 ) -> Iterator[bytes | memoryview]:
     """Yield the data section from byte ``cut`` on, and index all of it in ``contents``."""
     at = cut
@@ -113,7 +113,7 @@ def _behind(
         yield missing
         at += len(missing)
     if not any(_is_mark(piece) for piece in found.pieces):
-        yield build_extras({RECOVERY_METADATA: mark}, (), found.start_ns, at, contents)
+        yield build_extras(marks, (), found.start_ns, at, contents)
 
 
 def _is_mark(piece: Piece) -> bool:

@@ -9,10 +9,15 @@ repair that is killed, or that fails because the disk is full, changes nothing.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
+
+from mcap import records as mcap
+from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
 from rigd.model.system import BINARY, copy_mode, require_linux, sync_folder
@@ -22,11 +27,12 @@ from rigd.record.crc import crc32
 from rigd.record.file import open_locked, write_error
 from rigd.record.gaps import Gap, gaps_to_json
 from rigd.record.journal import Saved, journal_path, read_journal
-from rigd.record.prefix import GAPS_KEY
+from rigd.record.moment import DATE_KEY, VIRTUAL
+from rigd.record.prefix import GAPS_KEY, RECOVERY_METADATA
 from rigd.record.rebuild import complete, rebuild
 from rigd.record.scan import Damage, Scan, scan
 from rigd.record.walk import collect, drop_copies, walk
-from rigd.record.wire import Malformed, map_file
+from rigd.record.wire import FRAME, Malformed, decode, map_file
 
 
 class Headless(RecordingError):
@@ -179,17 +185,33 @@ def _loses_nothing(fd: int, found: Scan) -> bool:
 
 def _complete(fd: int, found: Scan, cut: int) -> None:
     """Write the missing parts from byte ``cut`` of the file on."""
-    complete(fd, found, cut, crc32(map_file(fd)[:cut]), {"problem": found.problem})
+    marks = _marks(fd, found, {"problem": found.problem})
+    complete(fd, found, cut, crc32(map_file(fd)[:cut]), marks)
+
+
+def _marks(fd: int, found: Scan, mark: Mapping[str, str]) -> dict[str, Mapping[str, str]]:
+    """Return the metadata that a recovery adds: ``mark``, and the date that it would change."""
+    run: dict[str, str] = {}
+    for piece in found.pieces:
+        if piece.opcode == Opcode.METADATA:
+            content = decode(mcap.Metadata, piece.data[FRAME.size :])
+            run |= content.metadata if content.name == "run" else {}
+    marks = {RECOVERY_METADATA: mark}
+    if VIRTUAL in run.get("mode", "") and DATE_KEY not in run:
+        date = datetime.fromtimestamp(os.fstat(fd).st_mtime, UTC)
+        marks["run"] = {DATE_KEY: date.isoformat()}
+    return marks
 
 
 def _replace(fd: int, path: Path, found: Scan) -> Path:
     """Replace the damaged file by a repaired file; return the path of the damaged file."""
     draft = path.with_name(f"{path.name}.recovering")
     mark = {"problem": found.problem, GAPS_KEY: gaps_to_json(found.gaps())}
+    marks = _marks(fd, found, mark)
     target = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY, 0o600)
     try:
         try:
-            rebuild(target, found, mark)
+            rebuild(target, found, marks)
             copy_mode(target, os.fstat(fd).st_mode)
         finally:
             os.close(target)

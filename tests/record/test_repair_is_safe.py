@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ import rigd.record.rebuild
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, run_info, verify
 from rigd.record.journal import journal_path
+from rigd.record.moment import recorded_at
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -245,6 +247,23 @@ def test_a_repair_by_a_link_repairs_the_file(
     assert report.original.read_bytes() == before
     assert Recording.open(damaged).read("wheel_servo").tobytes() == left(given)
     assert list(link.parent.iterdir()) == [link]
+
+
+@pytest.mark.parametrize("lost_bytes", [20, 2_000])
+def test_repair_keeps_the_date_of_a_simulation(
+    create: Create, rows: MakeRows, force: Stream, tmp_path: Path, lost_bytes: int
+) -> None:
+    path = tmp_path / "run.mcap"
+    with create(metadata={"run": {"mode": "simulated, virtual time", "rig": "bench"}}) as writer:
+        writer.write("force", rows(force, 3_000))
+    path.write_bytes(path.read_bytes()[:-lost_bytes])
+    os.utime(path, (1e9, 1e9))
+    before = recorded_at(Recording.open(path, partial=True).info)
+    assert before.at == datetime.fromtimestamp(1e9, UTC)
+    assert not recover(path).intact
+    repaired = Recording.open(path)
+    assert recorded_at(repaired.info) == before
+    assert repaired.info.rig == "bench"
 
 
 def test_repair_keeps_the_file_mode(damaged: Path) -> None:
