@@ -8,6 +8,7 @@ repair that is killed, or that fails because the disk is full, changes nothing.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
+from typing import Final
 
 from mcap import records as mcap
 from mcap.opcode import Opcode
@@ -33,6 +35,9 @@ from rigd.record.rebuild import complete, rebuild
 from rigd.record.scan import Damage, Scan, scan
 from rigd.record.walk import collect, drop_copies, walk
 from rigd.record.wire import FRAME, Malformed, decode, map_file
+
+#: The errors of file systems without second names of a file, such as exFAT and CIFS.
+_NO_LINKS: Final = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 
 
 class Headless(RecordingError):
@@ -234,10 +239,38 @@ def _kept(fd: int, path: Path) -> Path:
         name = f"{path.name}.orig" if number == 1 else f"{path.name}.orig{number}"
         original = path.with_name(name)
         try:
-            os.link(path, original)
+            _link(fd, path, original)
         except FileExistsError:
             if not os.path.samestat(os.fstat(fd), original.stat()):
                 continue
             # A repair that was killed immediately afterwards gave it its second name.
         return original
     raise AssertionError("count() does not end")
+
+
+def _link(fd: int, path: Path, original: Path) -> None:
+    """Give a file a second name; where the file system has no second names, copy it.
+
+    Raises:
+        FileExistsError: the name is taken.
+        OSError: the disk is full or fails.
+    """
+    try:
+        os.link(path, original)
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        if original.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from error
+        copy = original.with_name(f"{original.name}.copying")
+        try:
+            with copy.open("wb") as target:
+                target.write(map_file(fd))
+                copy_mode(target.fileno(), os.fstat(fd).st_mode)
+                target.flush()
+                os.fsync(target.fileno())
+            copy.replace(original)
+        except OSError:
+            with suppress(OSError):  # the first error is the one to report
+                copy.unlink()
+            raise

@@ -154,6 +154,25 @@ def test_own_journal_fills_torn_flush_and_keeps_rest(
     assert (gap.stream, gap.rows) == ("wheel_servo", 50)
 
 
+@pytest.mark.parametrize("code", [errno.EPERM, errno.EOPNOTSUPP])
+def test_repair_copies_where_files_have_one_name(
+    damaged: Path, given: NDArray[np.void], monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    before, mine = damaged.read_bytes(), damaged.with_name("run.mcap.orig")
+    mine.write_text("mine")
+
+    def no_links() -> None:
+        raise OSError(code, os.strerror(code))
+
+    step("link", no_links, monkeypatch)
+    report = recover(damaged)
+    assert report.original == damaged.with_name("run.mcap.orig2")
+    assert report.original.read_bytes() == before
+    assert mine.read_text() == "mine"
+    assert Recording.open(damaged).read("wheel_servo").tobytes() == left(given)
+    assert not list(damaged.parent.glob("*.copying"))
+
+
 def test_second_name_of_original_is_not_overwritten(damaged: Path, given: NDArray[np.void]) -> None:
     mine = damaged.with_name("run.mcap.orig")
     mine.write_text("mine")
