@@ -155,8 +155,18 @@ class CsvTable:
         return Batch(row, table.num_rows, numbers, texts)
 
     def _read(self, block: bytes, wanted: Mapping[int, Kind]) -> Any:
-        if self._drops_plus:
-            block = _PLUS.sub(rb"\1", block)
+        texts: dict[int, Kind] = {at: kind for at, kind in wanted.items() if kind == "text"}
+        if not self._drops_plus or len(texts) == len(wanted):
+            return self._table(block, wanted)
+        numbers = {at: kind for at, kind in wanted.items() if kind != "text"}
+        table = self._table(_PLUS.sub(rb"\1", block), numbers)
+        if texts:  # which keep their plus
+            read = self._table(block, texts)
+            for name in read.column_names:
+                table = table.append_column(name, read.column(name))
+        return table
+
+    def _table(self, block: bytes, wanted: Mapping[int, Kind]) -> Any:
         names = [str(index) for index in range(len(self._names))]
         return pa_csv.read_csv(
             pa.BufferReader(block),

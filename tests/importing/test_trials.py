@@ -52,6 +52,14 @@ def test_empty_cell_ends_the_step(bring_in: Import) -> None:
     assert [step.name for step in recording.steps] == ["up", "on"]
 
 
+def test_texts_keep_the_plus_times_lose(bring_in: Import) -> None:
+    text = table(*(f"+{i}000000,{i},{i},5,+{i // 20 + 1}" for i in range(40)))
+    more = "trials: {columns: step}\nparameters: {side: {column: step}}\n"
+    recording = bring_in(text, map=MAP.replace("unit: s}", "unit: ns}"), more=more)
+    assert recording.read("samples")["t_ns"][1] == recording.start_ns + 1_000_000
+    assert [trial.parameters["side"] for trial in recording.trials] == ["+1", "+2"]
+
+
 def test_trials_are_the_same_in_small_blocks(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch
 ) -> None:
