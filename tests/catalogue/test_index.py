@@ -126,7 +126,7 @@ def test_files_that_are_no_recordings_are_named(own: Path, cache: Path) -> None:
 
 def test_file_name_not_utf8_hides_no_other(own: Path, cache: Path) -> None:
     try:
-        shutil.copy2(own / "a.mcap", os.fsencode(own) + b"/messung_\xe4.mcap")
+        shutil.copy2(own / "a.mcap", own / os.fsdecode(b"messung_\xe4.mcap"))
     except OSError:
         pytest.skip("this file system takes names in UTF-8 only")
     found = search(own)
