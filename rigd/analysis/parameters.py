@@ -52,7 +52,7 @@ class Group:
 
     @property
     def recordings(self) -> tuple[Path, ...]:
-        """The files that the trials are from, in the order given."""
+        """The files that the trials are from, in the order recorded."""
         return tuple(dict.fromkeys(sweep.path for sweep, _ in self.trials))
 
     @property
@@ -428,7 +428,9 @@ def groups(
 ) -> dict[str, list[tuple[RecordedSweep, TrialInfo]]]:
     """Return the trials by their values of `group_by`; all under one label without it.
 
-    ``by_recording`` separates the recordings as well; what ``pooled`` names does not separate.
+    Those of a group are in the order in which they were played, recording by recording, so that a
+    trend over them is one over time. ``by_recording`` separates the recordings as well; what
+    ``pooled`` names does not separate.
     """
     found: dict[str, list[tuple[RecordedSweep, TrialInfo]]] = {}
     for sweep in sweeps:
@@ -438,7 +440,12 @@ def groups(
             words += [str(sweep.path)] if by_recording else []
             label = ", ".join(words) or sweep.info.procedure
             found.setdefault(label, []).append((sweep, trial))
-    return found
+    return {label: sorted(trials, key=_played) for label, trials in found.items()}
+
+
+def _played(trial: tuple[RecordedSweep, TrialInfo]) -> tuple[int, int]:
+    """Return when the recording of ``trial`` began, and when the trial did."""
+    return trial[0].info.start_ns, trial[1].start_ns
 
 
 def _bridged_facts(sweep: RecordedSweep) -> dict[str, str]:

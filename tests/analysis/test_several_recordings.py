@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from support.random_rigs import random_rig
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.parameters import ParameterEvaluation, groups
+from rigd.analysis.source import open_sweep
 from rigd.model.errors import DataError
 from rigd.record import recover
 
@@ -58,6 +60,25 @@ def test_unlike_recordings_are_reported_and_disagree(
     assert any(test.sentence in warning for warning in result.warnings)
     assert "disagree" in str(found.terminal_report())
     json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_trend_is_over_time_in_either_order(recorded: Recorded) -> None:
+    paths = [recorded("before"), recorded("after")]
+    first, second = (
+        next(item for item in found.sections[0].result.residual_tests if "steady" in item.name)
+        for found in (fitted(*paths), fitted(*reversed(paths)))
+    )
+    assert "rises from trial to trial" in first.sentence
+    assert second.sentence == first.sentence
+    assert second.statistic == pytest.approx(first.statistic, rel=1e-3)
+
+
+def test_trials_in_random_order_are_as_played(recorded: Recorded) -> None:
+    sweep = open_sweep(recorded("before"))
+    last = max(trial.start_ns for trial in sweep.trials)
+    played = tuple(replace(trial, start_ns=2 * last - trial.start_ns) for trial in sweep.trials)
+    found = groups([replace(sweep, info=replace(sweep.info, trials=played))])
+    assert [trial.number for _, trial in found["pvc"]] == [4, 3, 2, 1]
 
 
 def test_the_report_names_each_recording(recorded: Recorded) -> None:
