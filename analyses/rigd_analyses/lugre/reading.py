@@ -312,7 +312,8 @@ def rig_constants(
     """Return what the simulation of the rig takes, each value with its standard uncertainty.
 
     Raises:
-        DataError: a constant of the drive is missing, or differs between trials.
+        DataError: a constant of the drive is missing, or one or its uncertainty differs between
+            trials.
     """
     sweep, trial = trials[0]
     if missing := _missing(trials):
@@ -327,8 +328,34 @@ def rig_constants(
         share = constants.mass_kg / sweep.constant(trial, FRICTION_MASS)
     values["guide_friction"] = constants.guide_friction_n
     values["bearing_torque"] *= share
-    stated = {name: sweep.uncertainty(trial, name) for name in UNSTATED_U}
-    return known_constants(values, stated, share)
+    return known_constants(values, uncertainties(trials, tuple(UNSTATED_U)), share)
+
+
+def uncertainties(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], names: Sequence[str]
+) -> dict[str, float | None]:
+    """Return the standard uncertainties of constants; None of one that states none.
+
+    Raises:
+        DataError: trials state one value with several uncertainties.
+    """
+    first, trial = trials[0]
+    for name in names:
+        value, text = first.constant(trial, name), as_stated(first, trial, name)
+        for sweep, other in trials:
+            if sweep.constant(other, name) == value and as_stated(sweep, other, name) != text:
+                raise DataError(
+                    f"{name} is {text} in {first.path} and {as_stated(sweep, other, name)} in "
+                    f"{sweep.path}",
+                    hint=f"state what holds for both with `--set {name}=...`",
+                )
+    return {name: first.uncertainty(trial, name) for name in names}
+
+
+def as_stated(sweep: RecordedSweep, trial: TrialInfo, name: str) -> str:
+    """Return a constant in SI as a recording states it, with its uncertainty if there is one."""
+    u = sweep.uncertainty(trial, name)
+    return f"{sweep.constant(trial, name):g}" + ("" if u is None else f" ± {u:g}")
 
 
 def known_constants(

@@ -15,7 +15,7 @@ from rigd.analysis.output_error import OutputErrorFit
 from rigd.analysis.parameters import Group
 from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
-from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd.analysis.source import RecordedSweep
 from rigd_analyses.lugre.by_law import LUGRE
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC
@@ -25,6 +25,7 @@ from rigd_analyses.lugre.reading import (
     FRICTION_MASS,
     MASS,
     SLIP_FORCE,
+    as_stated,
 )
 from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
@@ -58,9 +59,9 @@ def check_joint(sweeps: Sequence[RecordedSweep], options: Options) -> None:
     names = [name for name in (*CONSTANTS, *DRIVE) if name not in (MASS, OF_THE_FLOOR)]
     names += [FRICTION_MASS] if _all_give(sweeps, FRICTION_MASS) else []
     for name in names:
-        stated = {_stated(sweep, trial, name): sweep.path for sweep, trial in reversed(trials)}
-        if len(stated) > 1:
-            listed = ", ".join(f"{text} in {path}" for text, path in stated.items())
+        found = {as_stated(sweep, trial, name): sweep.path for sweep, trial in reversed(trials)}
+        if len(found) > 1:
+            listed = ", ".join(f"{text} in {path}" for text, path in found.items())
             raise DataError(
                 f"{name} is {listed}",
                 hint=f"correct it with `--set {name}=...`, or leave out --joint",
@@ -174,12 +175,6 @@ def _shares(
             cov = fitted.covariance[: len(theta), : len(theta)]
             sds.append(float(np.sqrt(gradient @ cov @ gradient)))
         yield quantity.name, sds[1] / sds[0]
-
-
-def _stated(sweep: RecordedSweep, trial: TrialInfo, name: str) -> str:
-    """Return a constant as a recording states it."""
-    u = sweep.uncertainty(trial, name)
-    return f"{sweep.constant(trial, name):g}" + ("" if u is None else f" ± {u:g}")
 
 
 def _all_give(sweeps: Sequence[RecordedSweep], name: str) -> bool:

@@ -12,12 +12,15 @@ from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import FloatArray, RecordedSweep, Unusable, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
+from rigd.model.constants import Uncertainty
 from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import TrialInfo
 from rigd.sdk.shipped import shipped_folder
-from rigd_analyses.lugre.reading import arrays, identify
+from rigd_analyses.lugre.lateral.analysis import GEOMETRY
+from rigd_analyses.lugre.lateral.reading import lateral_constants
+from rigd_analyses.lugre.reading import arrays, identify, rig_constants
 
 PAPER_KG, LIGHT_KG = 3.9593, 1.9593
 Trials = list[tuple[RecordedSweep, TrialInfo]]
@@ -78,6 +81,25 @@ def test_plan_may_give_constant_but_no_similar_name(light: Trials) -> None:
     with pytest.raises(ConfigError, match="no constant 'guide_friction_mas'") as caught:
         analysis_of(wrong)
     assert "guide_friction_mass" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("name", ["wheel_radius", "guide_lever"])
+def test_recordings_with_unlike_uncertainties_are_refused(light: Trials, name: str) -> None:
+    lengths = dict.fromkeys([*GEOMETRY, "wheel_radius"], 0.05)
+    trials = with_constants(light, **{**lengths, "mass_offset": -0.02})
+
+    def with_u(trial: tuple[RecordedSweep, TrialInfo], u_m: float) -> Trials:
+        plan = replace(trial[0].plan, uncertainties={name: Uncertainty(u_m)})
+        return [(replace(trial[0], plan=plan), trial[1])]
+
+    def read(trials: Trials) -> None:
+        rig_constants(trials, arrays(trials)[1])
+        lateral_constants(trials)
+
+    read(with_u(trials[0], 1e-4) + with_u(trials[1], 1e-4))
+    for u in ((1e-4, 1e-5), (1e-5, 1e-4)):
+        with pytest.raises(DataError, match=f"{name} is 0.05 ± {u[0]:g} in .* and 0.05 ± {u[1]:g}"):
+            read(with_u(trials[0], u[0]) + with_u(trials[1], u[1]))
 
 
 def test_light_carriage_intervals_contain_the_friction(every_light: Trials) -> None:

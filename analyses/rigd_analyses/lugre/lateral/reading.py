@@ -13,7 +13,7 @@ from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.identify import find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, result
-from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out
+from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out, uncertainties
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.trial import LugreTrial
 
@@ -60,7 +60,8 @@ def lateral_constants(trials: Trials) -> LateralConstants:
     """Return what all ``trials`` have in common of the coupling, with standard uncertainties.
 
     Raises:
-        DataError: a constant is missing, not possible, or differs between trials.
+        DataError: a constant is missing, not possible, or one or its uncertainty differs between
+            trials.
     """
     sweep, trial = trials[0]
     given = [name for name in SHARED if name in GEOMETRY or name in sweep.plan.constants]
@@ -75,9 +76,11 @@ def lateral_constants(trials: Trials) -> LateralConstants:
                     hint="they cannot be fitted together: add what changed to `group_by`",
                 )
 
+    stated_u = uncertainties(trials, given)
+
     def known(name: str, default: float) -> Known:
-        stated = sweep.uncertainty(trial, name)
-        return Known(values[name], default if stated is None else stated)
+        u = stated_u[name]
+        return Known(values[name], default if u is None else u)
 
     return LateralConstants(
         lever=known("guide_lever", UNSTATED_LEVER * abs(values["guide_lever"])),
