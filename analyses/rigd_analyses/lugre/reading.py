@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from rigd.analysis import ConfigError, DataError, Options
@@ -16,6 +16,9 @@ from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, identify_output_error
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+
+#: What a person calls a trial, by its parameters.
+Named = Callable[[RecordedSweep, TrialInfo], str]
 
 CONSTANTS = LugreAnalysis.needs.constants
 MASS = "mass"
@@ -154,8 +157,13 @@ def _check(options: Options) -> None:
         )
 
 
+def by_current(sweep: RecordedSweep, trial: TrialInfo) -> str:
+    """Return what a person calls ``trial``."""
+    return sweep.parameter(trial, "current")
+
+
 def sort_out(
-    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], named: Named = by_current
 ) -> tuple[list[tuple[RecordedSweep, TrialInfo]], list[TrialRejection]]:
     """Return the trials whose samples are there, and the others with what they lack.
 
@@ -165,13 +173,11 @@ def sort_out(
     usable: list[tuple[RecordedSweep, TrialInfo]] = []
     rejected: list[TrialRejection] = []
     lacking: list[Unusable] = []
-    several = _several(trials)
-    for sweep, trial in trials:
+    for (sweep, trial), label in zip(trials, _labels(trials, named), strict=True):
         try:
             sweep.signals(trial)
         except Unusable as error:
             lacking.append(error)
-            label = _label(sweep, trial, several=several)
             rejected.append(TrialRejection(label, error.message))
         else:
             usable.append((sweep, trial))
@@ -181,16 +187,16 @@ def sort_out(
 
 
 def arrays(
-    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], named: Named = by_current
 ) -> tuple[list[LugreTrial], LugreConstants]:
     """Return what the identification takes, one object per trial and what they have in common.
+
+    The label of each is ``named`` and what it takes to be the only one.
 
     Raises:
         DataError: a signal or constant is missing, or a constant differs between trials.
     """
-    several = _several(trials)
-    found = [_trial(sweep, trial, _label(sweep, trial, several=several)) for sweep, trial in trials]
-    return found, _constants(trials)
+    return _trials(trials, named), _constants(trials)
 
 
 def loaded(
@@ -208,24 +214,40 @@ def loaded(
             f"the trials have several masses, and {FRICTION_MASS} is not known",
             hint=f"give the mass at which guide_friction was measured: `--set {FRICTION_MASS}=...`",
         )
-    several = _several(trials)
-    found = []
-    for (sweep, trial), share in zip(trials, shares, strict=True):
-        label = _label(sweep, trial, several=several)
-        label += "" if len(set(shares)) == 1 else f", {sweep.constant(trial, MASS):g} kg"
-        found.append(replace(_trial(sweep, trial, label), load=share))
+
+    def named(sweep: RecordedSweep, trial: TrialInfo) -> str:
+        mass = "" if len(set(shares)) == 1 else f", {sweep.constant(trial, MASS):g} kg"
+        return by_current(sweep, trial) + mass
+
+    found = [
+        replace(trial, load=share)
+        for trial, share in zip(_trials(trials, named), shares, strict=True)
+    ]
     return found, _constants(trials, differing=(MASS,))
 
 
-def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
-    """Return the label of ``trial``, with its file if there are ``several``."""
-    label = sweep.parameter(trial, "current")
-    repeat = "" if (trial.repeat or 1) == 1 else f", repeat {trial.repeat}"
-    return f"{label}{repeat} of {sweep.path}" if several else f"{label}{repeat}"
+def _labels(trials: Sequence[tuple[RecordedSweep, TrialInfo]], named: Named) -> list[str]:
+    """Return a label of each trial: ``named``, its repeat, its file if there are several.
+
+    If that is not enough to tell them apart, its number besides.
+    """
+    several = len({sweep.path for sweep, _ in trials}) > 1
+    found = []
+    for sweep, trial in trials:
+        repeat = "" if (trial.repeat or 1) == 1 else f", repeat {trial.repeat}"
+        file = f" of {sweep.path}" if several else ""
+        found.append(f"{named(sweep, trial)}{repeat}{file}")
+    return [
+        label if found.count(label) == 1 else f"{label}, trial {trial.number}"
+        for label, (_, trial) in zip(found, trials, strict=True)
+    ]
 
 
-def _several(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
-    return len({sweep.path for sweep, _ in trials}) > 1
+def _trials(trials: Sequence[tuple[RecordedSweep, TrialInfo]], named: Named) -> list[LugreTrial]:
+    return [
+        _trial(sweep, trial, label)
+        for (sweep, trial), label in zip(trials, _labels(trials, named), strict=True)
+    ]
 
 
 def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:

@@ -83,6 +83,16 @@ def test_plan_may_give_constant_but_no_similar_name(light: Trials) -> None:
     assert "guide_friction_mass" in str(caught.value.hint)
 
 
+def test_trials_with_equal_currents_have_own_labels(light: Trials) -> None:
+    *alike, (sweep, last) = light[:3]
+    ramps = [
+        (sweep, replace(trial, parameters={**trial.parameters, "current": 0.6}))
+        for sweep, trial in alike
+    ]
+    labels = [trial.label for trial in arrays([*ramps, (sweep, last)])[0]]
+    assert labels == ["0.6 A, trial 1", "0.6 A, trial 2", sweep.parameter(last, "current")]
+
+
 @pytest.mark.parametrize("name", ["wheel_radius", "guide_lever"])
 def test_recordings_with_unlike_uncertainties_are_refused(light: Trials, name: str) -> None:
     lengths = dict.fromkeys([*GEOMETRY, "wheel_radius"], 0.05)

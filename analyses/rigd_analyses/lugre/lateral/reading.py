@@ -13,7 +13,7 @@ from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.identify import find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, result
-from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out, uncertainties
+from rigd_analyses.lugre.reading import arrays, by_current, rig_constants, sort_out, uncertainties
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.trial import LugreTrial
 
@@ -40,13 +40,13 @@ def identify(trials: Trials, friction: Carried | None = None) -> LateralResult:
         DataError: a signal or constant is missing or not possible, constants differ between
             recordings, or the data cannot answer.
     """
-    usable, unusable = sort_out(trials)
-    straight, constants = arrays(usable)
+    usable, unusable = sort_out(trials, _named)
+    straight, constants = arrays(usable, _named)
     rig = rig_constants(usable, constants)
     lateral = lateral_constants(usable)
     found = find_lateral(
         [
-            _lateral_trial(sweep, info, replace(trial, label=_label(sweep, info, trial.label)))
+            _lateral_trial(sweep, info, trial)
             for (sweep, info), trial in zip(usable, straight, strict=True)
         ],
         rig,
@@ -111,8 +111,7 @@ def _lateral_trial(sweep: RecordedSweep, info: TrialInfo, trial: LugreTrial) -> 
     return LateralTrial(trial, sweep.signals(info)[1]["lateral_speed"], abs(float(asked)))
 
 
-def _label(sweep: RecordedSweep, info: TrialInfo, current: str) -> str:
+def _named(sweep: RecordedSweep, info: TrialInfo) -> str:
     """Return what a person calls the trial: ``0.6 A, 0.2 m/s, positive``."""
     words = [text for text in info.parameters.values() if isinstance(text, str)]
-    first, *rest = current.split(", ")
-    return ", ".join([first, sweep.parameter(info, "lateral_speed"), *words, *rest])
+    return ", ".join([by_current(sweep, info), sweep.parameter(info, "lateral_speed"), *words])
