@@ -13,7 +13,7 @@ from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.plain import plain_object
-from rigd.analysis.provenance import provenance
+from rigd.analysis.provenance import file_sha256, provenance
 from rigd.analysis.report import (
     Facts,
     Heading,
@@ -227,6 +227,7 @@ class ParameterEvaluation(Evaluation):
                 "group": section.label,
                 "conditions": dict(values),
                 "recordings": [str(path) for path in paths],
+                "recordings_sha256": [file_sha256(path) for path in paths],
                 "rigs": list(rigs),
                 **section.result.to_json(),
             }

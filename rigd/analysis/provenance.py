@@ -49,7 +49,7 @@ def facts_of(info: RunInfo, further: Mapping[str, str]) -> Facts:
     return Facts(
         info.path.name,
         {
-            "sha256": _sha256(info.path),
+            "sha256": file_sha256(info.path),
             **{name: value for name, value in info.metadata.get("run", {}).items() if value},
             **{f"parameter {name}": value for name, value in info.parameters.items()},
             "state": info.state,
@@ -69,6 +69,7 @@ def attachments_of(recordings: Sequence[Recording]) -> tuple[ReportAttachment, .
     )
 
 
-def _sha256(path: Path) -> str:
+def file_sha256(path: Path) -> str:
+    """Return the digest of the file at ``path``, which copies of it share."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

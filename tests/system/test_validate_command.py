@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,20 @@ def test_own_recording_is_no_prediction(lab: Path) -> None:
     code, found = validated(lab, "pvc.json", "some-pvc.mcap")
     assert code == 0
     assert any("no prediction" in text for text in found["groups"][0]["findings"])
+
+
+def test_copy_of_own_recording_is_no_prediction(lab: Path, tmp_path: Path) -> None:
+    shutil.copyfile(lab / "some-pvc.mcap", tmp_path / "copy.mcap")
+    code, found = validated(tmp_path, str(lab / "pvc.json"), "copy.mcap")
+    assert code == 0
+    assert any("no prediction" in text for text in found["groups"][0]["findings"])
+
+
+def test_model_of_another_rig_is_named(lab: Path) -> None:
+    code, found = validated(lab, edited(lab, lambda d: d.update(rigs=["lugre-2"])), "few-pvc.mcap")
+    assert code == 0
+    sentence = "The model is of the rig lugre-2, the trials are of lugre-1."
+    assert sentence in found["groups"][0]["findings"]
 
 
 def edited(lab: Path, change: Any) -> str:

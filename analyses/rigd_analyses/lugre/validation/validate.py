@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rigd.analysis import DataError, format_quantity
 from rigd.analysis.parameters import conditions
+from rigd.analysis.provenance import file_sha256
 from rigd.analysis.result import TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd.analysis.validation.result import GroupValidation, Validation
@@ -148,9 +149,18 @@ def _known_before(saved: SavedModel, trials: Trials) -> list[str]:
         f"The model is of {name} {saved.conditions[name]}, the trials are of {own[name]}."
         for name in differing(saved, own)
     ]
-    sources = saved.get("recordings")
-    if isinstance(sources, list) and any(
-        Path(str(item)).resolve() == sweep.path.resolve() for item in sources
-    ):
+    rigs = saved.get("rigs")
+    if isinstance(rigs, list) and rigs and sweep.info.rig not in rigs:
+        made = ", ".join(map(str, rigs))
+        found.append(f"The model is of the rig {made}, the trials are of {sweep.info.rig}.")
+    if _made_from(saved, sweep.path):
         found.append("The model was identified from this recording: that it fits is no prediction.")
     return found
+
+
+def _made_from(saved: SavedModel, path: Path) -> bool:
+    """Whether the recording at ``path``, or one it is a copy of, gave the model."""
+    paths, digests = saved.get("recordings"), saved.get("recordings_sha256")
+    if isinstance(digests, list) and file_sha256(path) in digests:
+        return True
+    return isinstance(paths, list) and path.resolve() in [Path(str(x)).resolve() for x in paths]
