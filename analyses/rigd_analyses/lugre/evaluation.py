@@ -49,10 +49,11 @@ def _evaluate_together(
     begun, refused = each_group(
         groups, lambda group: first_fit(group.trials, options), options.processes
     )
-    found = [group for group, _ in begun]
-    results, account = identify_together(found, [first for _, first in begun], options)
-    fitted = [_fitted(group, result) for group, result in zip(found, results, strict=True)]
-    return ParameterEvaluation.of(sweeps, fitted, options, account, refused)
+    found, silent, account = identify_together(
+        [group for group, _ in begun], [first for _, first in begun], options
+    )
+    fitted = [_fitted(group, result) for group, result in found]
+    return ParameterEvaluation.of(sweeps, fitted, options, account, [*refused, *silent])
 
 
 def _fitted(group: Group, result: IdentificationResult) -> Fitted:

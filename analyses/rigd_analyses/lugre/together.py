@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from rigd.analysis.joint import Joint, SharedConstant, join
 from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.model import slopes
 from rigd.analysis.output_error import OutputErrorFit
-from rigd.analysis.parameters import Group
+from rigd.analysis.parameters import Group, RefusedGroup, each_group
 from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep
@@ -78,46 +78,51 @@ def identify_together(
     groups: Sequence[Group],
     begun: Sequence[tuple[FirstFit, list[TrialRejection]]],
     options: Options,
-) -> tuple[list[IdentificationResult], JointAccount]:
-    """Return the results of ``groups`` in their order, and what their joint fit is.
+) -> tuple[list[tuple[Group, IdentificationResult]], list[RefusedGroup], JointAccount]:
+    """Return the results of ``groups``, those that cannot answer, and what their joint fit is.
 
     ``begun`` are the fits of each group by itself (:func:`.reading.first_fit`). Groups that the
     model does not fit are identified each by itself; so are all if they disagree on a constant.
 
     Raises:
-        DataError: the cost of a group is not finite where its first fit ended.
+        DataError: the cost of a group is not finite where its first fit ended, or no group can
+            answer.
     """
-    first, unusable = zip(*begun, strict=True)
+    first = [item for item, _ in begun]
     fitting = [k for k, item in enumerate(first) if item.fits]
     joint = Joint((), ())
     if fitting:
         alone = [first[k].whole for k in fitting]
         joint = join(alone, OF_THE_RIG, [first[k].block for k in fitting])
     wholes = {k: whole for k, whole in zip(fitting, joint.fits, strict=True)}
-    results = []
-    for k, (item, lacking) in enumerate(zip(first, unusable, strict=True)):
-        whole = wholes.get(k, item.whole)
-        found = conclude_group(replace(item, whole=whole), options.posterior)
+    labels = [group.label for group in groups]
+
+    def concluded(group: Group) -> IdentificationResult:
+        k = labels.index(group.label)
+        item, lacking = begun[k]
+        found = conclude_group(replace(item, whole=wholes.get(k, item.whole)), options.posterior)
         done = found.preprocessing
         done = replace(done, rejected=(*lacking, *done.rejected))
-        results.append(replace(found, preprocessing=done))
-    labels = [group.label for group in groups]
+        return replace(found, preprocessing=done)
+
+    found, refused = each_group(groups, concluded)
+    results = {group.label: result for group, result in found}
     account = _account(labels, first, joint, fitting, results)
     if joint.differing:
         warnings = account.sentences[:1]
-        results = [replace(item, warnings=(*item.warnings, *warnings)) for item in results]
-    return results, account
+        found = [(g, replace(item, warnings=(*item.warnings, *warnings))) for g, item in found]
+    return found, refused, account
 
 
 def _account(
     labels: Sequence[str], first: Sequence[FirstFit], joint: Joint, fitting: Sequence[int],
-    results: Sequence[IdentificationResult],
+    results: Mapping[str, IdentificationResult],
 ) -> JointAccount:  # fmt: skip
     used = tuple(labels[k] for k in fitting)
     apart: list[str] = [
         f"{label} is identified by itself: the model does not fit it."
         for k, label in enumerate(labels)
-        if k not in fitting
+        if k not in fitting and label in results
     ]
     apart += [
         text for label, item in zip(labels, first, strict=True) for text in _loads(label, item)
@@ -129,8 +134,9 @@ def _account(
         text = "There are not two groups that the model fits: no constants are shared."
         return JointAccount((), {}, {}, (text, *apart) if len(labels) > 1 else tuple(apart))
     narrower = {
-        labels[k]: dict(_shares(first[k].whole, whole, results[k]))
+        labels[k]: dict(_shares(first[k].whole, whole, results[labels[k]]))
         for k, whole in zip(fitting, joint.fits, strict=True)
+        if labels[k] in results
     }
     sentences = [
         f"{', '.join(used)} are fitted together: they share {len(joint.constants)} constants."

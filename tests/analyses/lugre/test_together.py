@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.lugre_bench import known_rig
 
 from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.joint import join
-from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.parameters import Group, ParameterEvaluation
 from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
@@ -23,7 +24,7 @@ from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
 from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
-from rigd_analyses.lugre.together import check_joint
+from rigd_analyses.lugre.together import check_joint, identify_together
 
 Bench = Callable[..., Any]
 CURRENTS_A = (0.3, 0.7, 1.2)
@@ -57,6 +58,18 @@ def test_floors_with_shared_constants_are_known_better(
     assert alone.low is not None and alone.high is not None
     assert shared.low <= bench("pvc").truth.mu_s <= shared.high
     assert shared.high - shared.low < 0.9 * (alone.high - alone.low)
+
+
+def test_floor_that_cannot_answer_stops_no_other(floors: list[FirstFit]) -> None:
+    stone, pvc = floors
+    jumping = [replace(trial, jumps=np.ones_like(trial.jumps)) for trial in pvc.system.trials]
+    silent = replace(pvc, system=replace(pvc.system, trials=tuple(jumping)))
+    groups = [Group("stone", []), Group("pvc", [])]
+    found, refused, account = identify_together(groups, [(stone, []), (silent, [])], TOGETHER)
+    assert [group.label for group, _ in found] == ["stone"]
+    assert [item.group for item in refused] == ["pvc"]
+    assert "no trial bends the bristle" in refused[0].reason
+    assert list(account.narrower) == ["stone"]
 
 
 def test_floors_with_unlike_drives_stay_apart(floors: list[FirstFit], bench: Bench) -> None:
