@@ -122,9 +122,12 @@ class LateralFound:
 
     @property
     def forces_n(self) -> FloatArray:
-        """Return the constant force along the guide that each trial has and the model has not."""
+        """Return the force in the direction of motion that each trial has and the model has not."""
         return np.array(
-            [lacking_force(item.measured - item.included, self.system.rig) for item in self.speeds]
+            [
+                lacking_force(item.measured - item.included, self.system, trial)
+                for trial, item in enumerate(self.speeds)
+            ]
         )
 
     @property

@@ -15,7 +15,7 @@ from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.published import Published, published
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.rig.outputs import TRAVEL
-from rigd_analyses.lugre.rig.system import LEAD, RigSystem
+from rigd_analyses.lugre.rig.system import LEAD
 
 WINDOW_S = 0.031  #: of the filter that makes speeds of positions, measured and modelled alike
 ORDER = 2
@@ -108,15 +108,15 @@ def speeds(system: LateralSystem, shared: FloatArray, local: FloatArray, trial: 
     )
 
 
-def lacking_force(error_m_s: FloatArray, rig: RigSystem) -> float:
-    """Return the constant force along the guide, in N, that explains a speed error (n,).
+def lacking_force(error_m_s: FloatArray, system: LateralSystem, trial: int) -> float:
+    """Return the constant force in the direction of motion, in N, that explains a speed error (n,).
 
     It is the slope of the error over the drive times what is moved, m_T + I / r^2.
     """
-    error, known = error_m_s[LEAD:], rig.constants
-    t = (np.arange(len(error)) - 0.5 * (len(error) - 1)) * rig.period_s
+    error, known = error_m_s[LEAD:], system.rig.constants
+    t = (np.arange(len(error)) - 0.5 * (len(error) - 1)) * system.rig.period_s
     moved = known.mass.value + known.inertia.value / known.wheel_radius.value**2
-    return float(moved * (t @ error) / (t @ t))
+    return float(system.direction(trial) * moved * (t @ error) / (t @ t))
 
 
 def all_speeds(system: LateralSystem, whole: OutputErrorFit) -> list[Speeds]:
@@ -131,10 +131,11 @@ def cell(trial: LateralTrial, lateral_m_s: float, found: Speeds) -> Cell:
     ignored, included = found.measured - found.ignored, found.measured - found.included
     straight = abs(lateral_m_s) < STRAIGHT_M_S
     signed = 0.0 if straight else float(np.copysign(trial.asked_m_s, lateral_m_s))
+    faster = float(np.sign(trial.trial.current_a) * np.mean(ignored[-LEAD:]))
     driven = slice(LEAD, None)
     return Cell(
         trial.trial.label, trial.trial.current_a, signed, _rms(ignored[driven]),
-        _rms(included[driven]), float(np.mean(ignored[-LEAD:])),
+        _rms(included[driven]), faster,
         published(signed, trial.trial.current_a),
     )  # fmt: skip
 

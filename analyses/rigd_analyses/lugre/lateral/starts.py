@@ -25,7 +25,7 @@ def starts(system: LateralSystem) -> list[FloatArray]:
     of_trials = []
     for trial in range(len(system.speeds)):
         traces = speeds(system, point, local, trial)
-        lacking = lacking_force(traces.measured - traces.ignored, system.rig)
+        lacking = lacking_force(traces.measured - traces.ignored, system, trial)
         of_trials.append([*local, stated - lacking])
     straight = point[: len(system.rig.shared)]
     found = []

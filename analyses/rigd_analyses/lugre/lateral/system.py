@@ -137,6 +137,10 @@ class LateralSystem:
         drift = self._drift(trial, shared[GUIDE] * found.guide[:, None])[:, :, 0]
         return drift, self.bearing_torque * (float(np.mean(found.bearing)) - 1.0)
 
+    def direction(self, trial: int) -> float:
+        """Return the sign of the motion of one trial: -1 if the motor drives it backwards."""
+        return math.copysign(1.0, self.rig.trials[trial].trial.current_a)
+
     def _under(self, found: Load, shared: FloatArray) -> FloatArray:
         """Return the parameters of the straight rig under a mean load."""
         effective = shared[: len(self.rig.shared)].copy()
@@ -161,7 +165,8 @@ class LateralSystem:
         count = len(self.rig.measured[trial])
         moved = rig.mass.value + rig.inertia.value / rig.wheel_radius.value**2
         of_sample = np.linspace(0, len(forces_n), count - LEAD, endpoint=False).astype(np.intp)
-        acceleration = -(forces_n - np.mean(forces_n, axis=0))[of_sample] / moved
+        against = -self.direction(trial) / moved
+        acceleration = against * (forces_n - np.mean(forces_n, axis=0))[of_sample]
         speed = np.cumsum(acceleration, axis=0) * period
         out = np.zeros((count, len(self.outputs), forces_n.shape[1]))
         out[LEAD:, TRAVEL] = np.cumsum(speed, axis=0) * period

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
@@ -9,12 +11,13 @@ from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralTrial
+from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import sampling_period_s
+from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 CHECKED = (
     "guide_friction", "no_load", "current_zero", "mu_R_dry", "mu_R_vis", "guide_lever",
@@ -22,16 +25,39 @@ CHECKED = (
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def system(
-    fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
-) -> LateralSystem:
+def made(fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants) -> LateralSystem:
     recorded = [item.trial for item in fast]
     parts, _ = sort_out(recorded, [sampling_period_s(item) for item in recorded], Settings())
     smooth = np.array([parameter.start for parameter in PARAMETERS])
     straight = rig_system(parts, rig, smooth)
     speeds = tuple(item.speed_m_s[part] for item, (_, part) in zip(fast, parts, strict=True))
     return LateralSystem(straight, speeds, lateral_bench.constants, rig.bearing_torque.value)
+
+
+@pytest.fixture(scope="module")
+def system(
+    fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
+) -> LateralSystem:
+    return made(fast, lateral_bench, rig)
+
+
+@pytest.fixture(scope="module")
+def mirrored(
+    fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
+) -> LateralSystem:
+    """Return the same trials driven backwards, with the same lateral speeds."""
+    return made([replace(item, trial=backwards(item.trial)) for item in fast], lateral_bench, rig)
+
+
+def backwards(trial: LugreTrial) -> LugreTrial:
+    return replace(
+        trial,
+        current_a=-trial.current_a,
+        wheel_angle_rad=-trial.wheel_angle_rad,
+        carriage_position_m=-trial.carriage_position_m,
+        acceleration_m_s2=-trial.acceleration_m_s2,
+        motor_current_a=-trial.motor_current_a,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +102,29 @@ def test_ignored_lateral_force_equals_straight_rig(
     np.testing.assert_allclose(
         system.ignoring(2, shared, local), system.rig.simulate(2, straight, local)
     )
+
+
+def test_backward_drive_mirrors_effects_of_load(
+    system: LateralSystem, mirrored: LateralSystem, point: FloatArray
+) -> None:
+    shared, local = np.split(point, [len(system.shared)])
+    (forwards, torque), (back, same) = system.besides(2, shared), mirrored.besides(2, shared)
+    assert np.ptp(forwards) > 0.0
+    np.testing.assert_allclose(back, -forwards, atol=1e-12)
+    assert same == torque
+    errors = [speeds(item, shared, local, 2) for item in (system, mirrored)]
+    plus, minus = (item.measured - item.ignored for item in errors)
+    assert lacking_force(minus, mirrored, 2) == pytest.approx(
+        lacking_force(plus, system, 2), rel=1e-2
+    )
+
+
+def test_backward_drive_has_error_of_forward_one(
+    system: LateralSystem, mirrored: LateralSystem, fast: list[LateralTrial], point: FloatArray
+) -> None:
+    shared, local = np.split(point, [len(mirrored.shared)])
+    forwards = cell(fast[0], 0.65, speeds(system, shared, local, 0)).error_ignored_m_s
+    trial = replace(fast[0], trial=backwards(fast[0].trial))
+    back = cell(trial, 0.65, speeds(mirrored, shared, local, 0)).error_ignored_m_s
+    assert forwards > 0.01
+    assert back == pytest.approx(forwards, rel=1e-2)
