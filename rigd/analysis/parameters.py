@@ -360,7 +360,7 @@ def complete_groups(
     ``pooled`` names parameters that do not separate groups, although `group_by` names them.
 
     Raises:
-        DataError: a recording has no complete trial.
+        DataError: a recording has no complete trial, or a group is of several rigs.
     """
     for sweep in sweeps:
         if not sweep.trials:
@@ -370,6 +370,7 @@ def complete_groups(
             )
     found = groups(sweeps, by_recording=options.by_recording, pooled=pooled)
     for label, trials in found.items():
+        _refuse_different_rigs(trials)
         notify(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
         yield Group(label, trials, tuple(pooled))
 
@@ -442,6 +443,23 @@ def groups(
             label = ", ".join(words) or sweep.info.procedure
             found.setdefault(label, []).append((sweep, trial))
     return {label: sorted(trials, key=_played) for label, trials in found.items()}
+
+
+def _refuse_different_rigs(trials: Trials) -> None:
+    """Refuse trials of different rigs: one fit of them is of neither.
+
+    Raises:
+        DataError: there are two.
+    """
+    first = trials[0][0]
+    for sweep, _ in trials:
+        if sweep.info.rig != first.info.rig:
+            raise DataError(
+                f"{sweep.path} is of the rig {sweep.info.rig!r}, {first.path} of the rig "
+                f"{first.info.rig!r}",
+                hint="identify the recordings of each rig by themselves, with a command each or "
+                "with `--group-by recording`",
+            )
 
 
 def _played(trial: tuple[RecordedSweep, TrialInfo]) -> tuple[int, int]:

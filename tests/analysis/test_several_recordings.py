@@ -14,7 +14,7 @@ from support.random_rigs import random_rig
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.parameters import ParameterEvaluation, groups
+from rigd.analysis.parameters import ParameterEvaluation, complete_groups, groups
 from rigd.analysis.source import open_sweep
 from rigd.model.errors import DataError
 from rigd.record import recover
@@ -79,6 +79,14 @@ def test_trials_in_random_order_are_as_played(recorded: Recorded) -> None:
     played = tuple(replace(trial, start_ns=2 * last - trial.start_ns) for trial in sweep.trials)
     found = groups([replace(sweep, info=replace(sweep.info, trials=played))])
     assert [trial.number for _, trial in found["pvc"]] == [4, 3, 2, 1]
+
+
+def test_group_of_two_rigs_is_refused(recorded: Recorded) -> None:
+    sweep = open_sweep(recorded("before"))
+    other = replace(sweep, info=replace(sweep.info, rig="lugre-2"))
+    with pytest.raises(DataError, match=r"is of the rig 'lugre-2', .* of the rig 'lugre-1'"):
+        list(complete_groups([sweep, other], Options(), lambda _: None))
+    assert len(list(complete_groups([sweep, sweep], Options(), lambda _: None))) == 1
 
 
 def test_the_report_names_each_recording(recorded: Recorded) -> None:
