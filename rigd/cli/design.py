@@ -80,13 +80,19 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(f"{output} must end in .yaml")
     if not output.parent.is_dir():
         raise ConfigError(f"the folder {output.parent} does not exist", hint="make it first")
+    name = re.sub(r"\W+", "_", output.stem)
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,59}", name):
+        raise ConfigError(
+            f"{output}: {name!r} is not a valid name of a procedure",
+            hint="small letters, digits and _, a letter first, at most 60, such as designed.yaml",
+        )
     designed = design(
         args.model,
         load_rig(args.rig),
         load_procedure(args.base),
         args.minutes,
         [name for name in args.targets.split(",") if name.strip()],
-        re.sub(r"\W+", "_", output.stem),
+        name,
         group=args.group,
         notify=lambda line: print(f"designing {line}", file=sys.stderr),
     )

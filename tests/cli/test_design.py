@@ -28,7 +28,13 @@ def test_designed_procedure_states_promise_and_passes_check(
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("there.yaml", "exists already"), ("new.txt", "must end in .yaml")]
+    ("name", "message"),
+    [
+        ("there.yaml", "exists already"),
+        ("new.txt", "must end in .yaml"),
+        ("PVC.yaml", "'PVC' is not a valid name"),
+        ("2_tests.yaml", "'2_tests' is not a valid name"),
+    ],
 )
 def test_file_that_must_not_be_written_is_refused(
     tmp_path: Path, name: str, message: str, capsys: pytest.CaptureFixture[str]

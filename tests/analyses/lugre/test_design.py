@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from support.lugre_model import PVC, SENSOR_ROWS, fitted_constants, saved_model
 
 from rigd.analysis import ConfigError, DataError
 from rigd.analysis.design import choose, half_widths
-from rigd.analysis.designing import Ground, design
+from rigd.analysis.designing import DesignRequest, Ground, design
 from rigd.analysis.validation.saved import SavedModel, read_models
 from rigd.config.loader import load_rig
 from rigd.dry_run import dry_run
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
 from rigd_analyses.lugre.design.design import PREPARED_S, subject_of
+from rigd_analyses.lugre.design.design import design as lugre_design
 from rigd_analyses.lugre.design.motion import Limits, Sensors, refusal
 from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
@@ -166,6 +168,46 @@ def test_model_without_fitted_mass_takes_stated_one(tmp_path: Path) -> None:
     old = {rows.FITTED + name: x for name, x in fitted_constants().items() if name != "mass"}
     (saved,) = read_models(saved_model(tmp_path, settings={**SENSOR_ROWS, **old}))
     assert subject_of(_ground(saved)).shared[MASS] == 4.2
+
+
+def test_model_of_another_mass_is_refused(tmp_path: Path) -> None:
+    (saved,) = read_models(saved_model(tmp_path))
+    with pytest.raises(ConfigError, match=r"of a carriage of 3\.9593 kg, the rig has now 4\.2 kg"):
+        subject_of(_ground(saved))
+
+
+def test_tests_without_sliding_determine_no_friction(subject: Subject) -> None:
+    weak = subject.motion(Shape(HOLD, 0.05, 1.15))
+    for visited in (subject.visited([weak]), subject.visited([])):
+        for name in ("V_s", "mu_c", "mu_s", "g@50mm/s"):
+            assert subject.beyond(name, visited) == "the bristle slides in no test"
+
+
+def test_lower_limit_of_current_leaves_tests_out(tmp_path: Path) -> None:
+    (saved,) = read_models(saved_model(tmp_path))
+    ground = _ground(saved)
+    ground = replace(
+        ground,
+        constants={**ground.constants, "mass": 3.9593},
+        limits={**ground.limits, "motor_current": (0.0, 1.5)},
+        trials=({"current": 1.5, "brake_at": 1.15, "longest_drive": 4.0},),
+    )
+    request = DesignRequest((ground,), 2.0, (), "", "base", {}, "designed")
+    with pytest.raises(DataError, match="no test fits: of 24, "):
+        lugre_design(request, lambda _: None)
+
+
+def test_lowest_current_is_that_of_phases() -> None:
+    at = np.linspace(0.0, 1.5, 200)
+    for shape in shapes(1.5, 1.15):
+        told = [phase.current(at[at < phase.lasting_s]) for phase in shape.phases]
+        lowest = min(0.0, *(float(np.min(values)) for values in told))
+        assert min(0.0, shape.lowest_a) == pytest.approx(lowest), shape
+
+
+def test_travel_beyond_two_metres_is_within_bounds() -> None:
+    text = _procedure([Shape(HOLD, 0.6, 2.5)]).file.text
+    assert text.count("max: 2.5 m") == 2
 
 
 def _ground(saved: SavedModel) -> Ground:

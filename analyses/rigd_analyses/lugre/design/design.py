@@ -28,6 +28,8 @@ from rigd_analyses.lugre.validation.friction import AGAIN, POINT, Friction, fric
 DEFAULT = (*QUANTITIES, "g@5mm/s", "g@10mm/s", "g@20mm/s", "g@50mm/s")
 OPEN = math.log(2.0)  #: half width beyond which a quantity is not identifiable: a factor of two
 PREPARED_S = 1.8  #: before the first and behind the last trial
+FAR = 8.0  #: of its stated uncertainties: farther off, a fitted mass is another one
+SAME_MASS = 0.01  #: relative difference that no prediction shows
 APART = 0.1  #: relative distance of a target's slip from the ends of what is visited
 LONG = "longer than the time given"
 SETTINGS = ("preprocessing", "settings")
@@ -59,7 +61,9 @@ def design(request: DesignRequest, notify: Callable[[str], None]) -> Designed:
     )
     notify(f"what each of the tests tells of {', '.join(subject.name for subject in subjects)}")
     budget_s = request.budget_s - PREPARED_S
-    offers, left_out = _offers(subjects, shapes(largest, travel), budget_s)
+    lowest = max(ground.limits["motor_current"][0] for ground in request.grounds)
+    tried = [shape for shape in shapes(largest, travel) if shape.lowest_a >= lowest]
+    offers, left_out = _offers(subjects, tried, budget_s)
     if not offers:
         raise DataError(
             f"no test fits: of {sum(left_out.values())}, {_counted(left_out)}",
@@ -128,7 +132,7 @@ def subject_of(ground: Ground) -> Subject:
     """Return what is known of one group.
 
     Raises:
-        ConfigError: the model has another law, or was not identified by output error.
+        ConfigError: the model has another law or mass, or was not identified by output error.
     """
     saved = ground.model
     names = tuple(item.name for item in PARAMETERS)
@@ -169,6 +173,15 @@ def subject_of(ground: Ground) -> Subject:
     fitted = [row(name) for name in wanted]
     # A model that was saved before the mass had an uncertainty took it as stated.
     fitted.append(row(rows.FITTED + MASS) if rows.FITTED + MASS in given else values[MASS])
+    constants = known_constants(values, ground.uncertainties, share)
+    mass, now = fitted[-1], constants.mass
+    if abs(mass - now.value) > max(FAR * now.u, SAME_MASS * now.value):
+        raise saved.error(
+            f"{saved.name} is of a carriage of {mass:.5g} kg, the rig has now {now.value:.5g} kg",
+            (*SETTINGS, rows.FITTED + MASS),
+            hint="friction and drag were fitted with that mass: identify a recording with the "
+            "present one",
+        )
     limited = saved.get(*SETTINGS, rows.VOLTAGE_AT_REST) is not None
     sensors = Sensors(
         row(rows.PERIOD), row(rows.CURRENT_NOISE), row(rows.ANGLE_COUNT), row(rows.POSITION_COUNT),
@@ -180,7 +193,7 @@ def subject_of(ground: Ground) -> Subject:
         saved.group or "the model",
         np.append(friction.theta, fitted),
         sensors,
-        known_constants(values, ground.uncertainties, share),
+        constants,
         Limits(low, high, row(rows.TOP_SPEED)),
         _other(saved, friction),
     )

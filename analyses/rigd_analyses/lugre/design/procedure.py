@@ -112,6 +112,7 @@ def _steps(setpoint: str, position: str, kinds: Collection[Kind]) -> Iterator[Co
 
 def _parameters(shapes: Sequence[Shape]) -> CommentedMap:
     most = max(abs(value) for shape in shapes for value in (shape.current_a, shape.second_a))
+    far = max(2.0, *(shape.stop_at_m for shape in shapes))
 
     def entry(doc: str, unit: str, low: str, high: str) -> CommentedMap:
         return CommentedMap(doc=doc, unit=unit, min=low, max=high)
@@ -123,10 +124,10 @@ def _parameters(shapes: Sequence[Shape]) -> CommentedMap:
         second=entry(
             "Second current (change), last current (ramp)", "A", f"-{most:g} A", f"{most:g} A"
         ),
-        change_at=entry("Where the current changes (change)", "m", "0 m", "2 m"),
+        change_at=entry("Where the current changes (change)", "m", "0 m", f"{far:g} m"),
         frequency=entry("Swings per second (swing)", "Hz", "0.1 Hz", "10 Hz"),
         lasting=entry("Longest time of the last part of the drive", "s", "0.1 s", "30 s"),
-        stop_at=entry("Where the drive ends", "m", "0 m", "2 m"),
+        stop_at=entry("Where the drive ends", "m", "0 m", f"{far:g} m"),
     )
 
 

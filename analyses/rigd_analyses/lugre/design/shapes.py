@@ -65,6 +65,11 @@ class Shape:
         return Kind(self.kind_name)
 
     @property
+    def lowest_a(self) -> float:
+        """The lowest current that the motor is told."""
+        return -self.current_a if self.kind is Kind.SWING else min(self.current_a, self.second_a)
+
+    @property
     def phases(self) -> tuple[Phase, ...]:
         """The parts of the trial, in turn."""
         first, second, over = self.current_a, self.second_a, self.lasting_s

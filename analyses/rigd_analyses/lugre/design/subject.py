@@ -139,14 +139,21 @@ class Subject:
         return np.asarray(slip[bent])
 
     def visited(self, motions: Sequence[Motion]) -> tuple[float, float]:
-        """Return the range of slip in m/s that the estimator takes as visited."""
-        slip = np.concatenate([self.slip(motion) for motion in motions])
+        """Return the range of slip in m/s that the estimator takes as visited.
+
+        It is empty, from inf to 0, if the bristle slides in none of ``motions``.
+        """
+        slip = np.concatenate([np.empty(0), *(self.slip(motion) for motion in motions)])
+        if not slip.size:
+            return math.inf, 0.0
         low, high = np.quantile(slip, [TRIM, 1.0 - TRIM])
         return float(low), float(high)
 
     def beyond(self, name: str, visited: tuple[float, float]) -> str:
         """Return why no test with this slip gives a target; empty if one may."""
         low, high = visited
+        if low > high:
+            return "the bristle slides in no test"
         speed, slip = float(self.theta[V_S]), slip_of(name)
         if slip is not None:
             inside = low <= slip <= high
