@@ -101,7 +101,7 @@ def record(
     ) as writer:  # fmt: skip
         for place, (number, force, complete) in enumerate(trials, 1):
             begin = START_NS + (place - 1) * ROWS * PERIOD_NS
-            parameters = {"force": force} | (more or {})
+            parameters = {"force": force, **(more or {})}
             if unit != "N":
                 parameters = dict(reversed(parameters.items()))
             data = {"number": number, "repeat": 1, "parameters": parameters,

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from support.served_axis import LONG, SWEEP, ServedAxis, travelling
 
+from rigd.daemon.resume import read_resume_point
 from rigd.daemon.serve import steering
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
@@ -75,7 +76,7 @@ def test_stop_ends_resume_that_reads_its_file(
         served.until(lambda status: status.step == "go")
         served.stop("eve", "abort")
         served.until_idle()
-        held = Held(steering.read_resume_point)
+        held = Held(read_resume_point)
         monkeypatch.setattr(steering, "read_resume_point", held)
         refused(served, held, "resume_run", run=run)
         assert served.status.state == "idle"
