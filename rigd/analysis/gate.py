@@ -21,6 +21,11 @@ UNEXPLAINED = 1.5  #: mean square of an output's innovations, 1 if model and noi
 UNEXPLAINED_TRIAL = 2.5  #: and in its worst trial
 DOUBLED = 0.05  #: relative difference of a factor of two that is still one
 MOST = 4  #: findings that are given
+#: How a refusal begins if what explains a misfit leaves the parameters without a meaning.
+REFUSED = {
+    Meaning.LAW: "The friction is not that of the model: these data show",
+    Meaning.CONFUSED: "No number is given, as these data show what cannot be told from friction:",
+}
 
 
 def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> Gate:
@@ -31,7 +36,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
     explained = diagnosis.explanations
     unexplained = _unexplained(diagnosis, labels)
     contradicted = [item for item in explained if abs(item.pull) > CONTRADICTED]
-    laws = [item for item in explained if item.meaning is Meaning.LAW]
+    laws = [item for item in explained if item.meaning in REFUSED]
     decisive = [] if unexplained else [*contradicted, *laws][:1]
     first = sorted(explained, key=lambda item: item not in decisive)  # what the outcome rests on
     sentences = [sentence(item) for item in first]
@@ -48,7 +53,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
             text += f" There seems to be {diagnosis.left[0].name}."
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
-        text = f"The friction is not that of the model: these data show {sentences[0]}"
+        text = f"{REFUSED[laws[0].meaning]} {sentences[0]}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if explained:
         text = f"The model fits these data with {sentences[0]}"

@@ -343,6 +343,7 @@ class Meaning(Enum):
     NUISANCE = "they stand"
     VARIES = "they are means of what varies"
     LAW = "they are not those of the law that holds"
+    CONFUSED = "they cannot be told from it"
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,7 @@ def test_constant_left_to_data_states_its_move() -> None:
     [
         Explanation("mass", "kg", 2.0, 0.1, 90.0, stated=1.0, pull=10.0),
         Explanation("a law", "1", 2.0, 0.1, 90.0, meaning=Meaning.LAW),
+        Explanation("a play", "1", 2.0, 0.1, 90.0, meaning=Meaning.CONFUSED),
     ],
 )
 def test_findings_begin_with_what_decides_the_outcome(decisive: Explanation) -> None:

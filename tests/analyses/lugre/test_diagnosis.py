@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
+from support.lugre_kinds import KINDS
 from support.lugre_wrong import CONSTANT, Program, World, control, right
 
 from rigd.analysis.diagnosis import diagnose
@@ -43,6 +44,16 @@ def test_a_measuring_wheel_out_of_centre_is_named() -> None:
     stiffness = result.parameter("sigma_0")
     assert stiffness.low is not None and stiffness.high is not None
     assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+def test_error_that_follows_slip_gives_no_number() -> None:
+    """A backlash of 1 mrad looks like an error of the wheel encoder that depends on the slip."""
+    (kind,) = [kind for kind in KINDS if kind.name == "gear has backlash"]
+    world = kind.world(right("pvc"), kind.sizes[0])
+    result = found(world, world.program)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.MISFIT
+    assert not any(item.identifiable for item in (*result.parameters, *result.derived))
 
 
 @pytest.mark.parametrize("number", some(range(6), 6))

@@ -28,6 +28,7 @@ NEAR = 13  #: lengths between two neighbours that a winner is refined with
 MAINS_HZ = (50.0, 60.0)
 
 FRICTION = "friction"
+SLIP = "the slip"  #: an error that depends on it changes the motion as friction does
 #: What a law of friction holds; friction that depends on it otherwise follows another law.
 LAWS = ("the speed", "the slip", "the current", "the acceleration")
 
@@ -46,6 +47,8 @@ def suspects(rig: Disturbed) -> Iterator[Suspect]:
         if item.name.startswith(FRICTION):
             meaning = Meaning.LAW if item.name.endswith(LAWS) else Meaning.VARIES
             yield replace(item, meaning=meaning)
+        elif item.name.endswith(SLIP):
+            yield replace(item, meaning=Meaning.CONFUSED)
         else:
             yield item
     yield from _repeating(rig)
