@@ -25,18 +25,31 @@ def analysis_of(
     place: Place | None = None,
     trial_parameters: Collection[str] | None = None,
     rig: RigConfig | None = None,
+    recorded: Collection[str] | None = None,
 ) -> type[Analysis]:
     """Return the analysis of ``plan``, once the plan gives all that it needs and nothing else.
 
     ``place`` is the plan's place in its file, for the error; ``trial_parameters`` are those
-    that the trials have, ``rig`` the one whose channels are the signals, if that is known.
+    that the trials have, ``rig`` the one whose channels are the signals, ``recorded`` the streams
+    that a run records, if that is known.
 
     Raises:
         ConfigError: no such analysis is installed, or it cannot be loaded; a signal, constant or
-            reference is missing or unknown; or a signal or constant is of another kind.
+            reference is missing or unknown; a signal or constant is of another kind; or a signal
+            that the analysis cannot do without is not recorded.
     """
     analysis = _installed_analysis(plan.model, place)
     check_plan(plan, analysis, place, trial_parameters, rig)
+    used = [plan.signals[name] for name in analysis.needs.signals]
+    streams = {channel: channel.partition(".")[0] for channel in used}
+    missing = [] if recorded is None else [at for at in used if streams[at] not in recorded]
+    if missing:
+        wanted = ", ".join(dict.fromkeys(f"{streams[channel]}: 1" for channel in missing))
+        raise ConfigError(
+            f"identify: model {plan.model} needs {', '.join(missing)}, which 'record' leaves out",
+            hint=f"add to 'record': {wanted}",
+            place=place,
+        )
     return analysis
 
 

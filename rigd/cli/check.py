@@ -258,6 +258,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,
             compiled.on(rig),
+            compiled.record,
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"

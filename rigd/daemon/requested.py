@@ -69,6 +69,7 @@ def requested(
             source.document.key_place(("identify",)),
             compiled.trials[0].parameters,
             compiled.on(loaded),
+            compiled.record,
         )
     if seed is None:
         seed = SEED if resume is None else resume.seed

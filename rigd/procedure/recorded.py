@@ -48,7 +48,7 @@ def read_record(
                 path = ("record", name, "during", index)
                 reader.note(path, f"the procedure has no step {step!r}", suggest(step, steps))
         record[name] = Recorded(given.every, frozenset(given.during))
-    _check_identify(reader, source, record, streams)
+    _check_identify(reader, source, record)
     return record
 
 
@@ -88,10 +88,8 @@ def _capture(
     return Capture(when, before_s, after_s)
 
 
-def _check_identify(
-    reader: Reader, source: ProcedureSource, record: dict[str, Recorded], streams: Sequence[str]
-) -> None:
-    """Note a signal of the analysis that is not recorded, or not whole."""
+def _check_identify(reader: Reader, source: ProcedureSource, record: dict[str, Recorded]) -> None:
+    """Note a signal of the analysis that is not recorded whole."""
     plan = source.identify
     signals = {} if plan is None else {
         ("identify", key, name): channel
@@ -99,14 +97,7 @@ def _check_identify(
         for name, channel in named.items()
     }  # fmt: skip
     for path, channel in signals.items():
-        stream = channel.partition(".")[0]
-        recorded = record.get(stream)
-        if recorded is None and path[1] == "signals" and stream in streams:
-            reader.note(
-                path,
-                f"{channel} is not recorded: the analysis needs it",
-                f"add '{stream}: 1' to 'record'",
-            )
+        recorded = record.get(channel.partition(".")[0])
         if recorded is not None and recorded.capture is not None:
             reader.note(
                 path,

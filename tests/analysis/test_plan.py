@@ -52,6 +52,14 @@ def test_a_plan_that_lacks_something_is_refused(plan: IdentifyPlan, words: str) 
         analysis_of(plan)
 
 
+def test_signal_that_is_not_recorded_is_refused() -> None:
+    streams = {channel.partition(".")[0] for channel in SIGNALS.values()}
+    analysis_of(PLAN, recorded=streams)
+    channel = SIGNALS["relay"]
+    with pytest.raises(ConfigError, match=f"needs .*{channel}.*, which 'record' leaves out"):
+        analysis_of(PLAN, recorded=streams - {channel.partition(".")[0]})
+
+
 def test_trials_need_the_parameters_that_the_campaign_varies() -> None:
     analysis_of(PLAN, trial_parameters=("set", "load", "voltage"))
     with pytest.raises(ConfigError, match="with a parameter 'voltage'"):

@@ -62,7 +62,7 @@ finish:
     set: {wheel_servo.current: 0 A}
     for: 0.1 s
 
-record: {wheel_encoder: 1, wheel_servo: 1, truth: 10}
+record: {wheel_servo: 1, truth: 10}
 
 identify:
   model: lugre

@@ -68,8 +68,7 @@ def test_small_procedure_compiles_to_its_trials(compile_text: Compile, small: st
 
     every_row = Recorded()
     assert compiled.record == {
-        "cycle": every_row, "wheel_encoder": every_row, "wheel_servo": every_row,
-        "truth": Recorded(10),
+        "cycle": every_row, "wheel_servo": every_row, "truth": Recorded(10),
     }  # fmt: skip
     assert compiled.identify is not None
     assert compiled.identify.constants == {"mass": 3.9593, "rolling_resistance": 0.009}
@@ -81,7 +80,6 @@ def test_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, sm
     compiled = compile_text(small.replace("wheel_servo: 1, truth: 10", wanted))
     assert compiled.record == {
         "cycle": Recorded(),
-        "wheel_encoder": Recorded(),
         "wheel_servo": Recorded(),
         "truth": Recorded(4, frozenset({"drive", "back"})),
         "carriage": Recorded(1, frozenset({"hold"})),

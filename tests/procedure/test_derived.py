@@ -51,7 +51,7 @@ def test_rig_of_run_has_channels_of_procedure(
     assert share is not None
     assert (share.unit, share.doc) == ("1", "of the speed of the belt")
     assert "motion" not in compiled.record  # it names the streams that it wants
-    every = deriving(small).replace("record: {", "record: {motion: 1, ")
+    every = deriving(small).replace("record: {wheel_servo: 1,", "record: {motion: 1,")
     assert compile_text(every).record["motion"] == Recorded()
 
 

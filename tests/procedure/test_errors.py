@@ -20,7 +20,6 @@ def place_of(text: str, token: str) -> str:
 RANGE = "{from: 0.5 A, to: 1.5 A, step: 0.5 A}"
 DRIVE = "wheel_servo.current: ${current}"
 END = "until: carriage.position > 1 m"
-RECORD = "{wheel_encoder: 1, wheel_servo: 1, truth: 10}"
 
 
 @pytest.mark.parametrize(
@@ -60,17 +59,17 @@ RECORD = "{wheel_encoder: 1, wheel_servo: 1, truth: 10}"
          ["is measured by the rig lugre-1, not commanded"]),
         (END, "until: carrige.position > 1 m", "carrige.position >",
          ["no channel 'carrige.position'", "did you mean 'carriage.position'"]),
-        (RECORD, "{wheel_servo: 1, thruth: 10}", "thruth",
+        ("{wheel_servo: 1, truth: 10}", "{wheel_servo: 1, thruth: 10}", "thruth",
          ["no stream 'thruth'", "did you mean 'truth'"]),
-        (RECORD, "{wheel_servo: 0}", "0}", ["'0' must be at least 1"]),
-        (RECORD, "{truth: {during: [drive, bakc]}}", "bakc",
+        ("{wheel_servo: 1, truth: 10}", "{wheel_servo: 0}", "0}", ["'0' must be at least 1"]),
+        ("{wheel_servo: 1, truth: 10}", "{truth: {during: [drive, bakc]}}", "bakc",
          ["the procedure has no step 'bakc'", "did you mean 'back'"]),
-        (RECORD, "{truth: {during: floor_prompt}}", "floor_prompt}}",
+        ("{wheel_servo: 1, truth: 10}", "{truth: {during: floor_prompt}}", "floor_prompt}}",
          ["the procedure has no step 'floor_prompt'"]),
-        (RECORD, "{truth: {every: 0, during: drive}}", "0, during",
+        ("{wheel_servo: 1, truth: 10}", "{truth: {every: 0, during: drive}}", "0, during",
          ["'0' must be at least 1"]),
-        (RECORD, "{truth: {every: 2}}", "{every: 2}", ["during"]),
-        (RECORD, "{truth: {during: []}}", "[]}}", ["at least 1"]),
+        ("{wheel_servo: 1, truth: 10}", "{truth: {every: 2}}", "{every: 2}", ["during"]),
+        ("{wheel_servo: 1, truth: 10}", "{truth: {during: []}}", "[]}}", ["at least 1"]),
         ("wheel_encoder.angle", "wheel_encoder.angel", "wheel_encoder.angel", ["no channel"]),
         ("carriage.position: {low", "carriage.positio: {low", "carriage.positio:", ["no channel"]),
         ("group_by: floor", "group_by: flor", "flor\n", ["unknown parameter 'flor'", "'floor'"]),

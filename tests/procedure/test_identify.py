@@ -133,10 +133,3 @@ def test_optional_signal_needs_rig_that_has_it(compile_text: Compile, small: str
     assert plan is not None
     assert plan.signals["angle"] == "wheel_encoder.angle"
     assert "heat" not in plan.signals
-
-
-def test_signal_that_is_not_recorded_is_refused(compile_text: Compile, small: str) -> None:
-    text = small.replace("record: {wheel_encoder: 1, ", "record: {")
-    with pytest.raises(ConfigError, match=r"wheel_encoder\.angle is not recorded") as caught:
-        compile_text(text)
-    assert caught.value.hint == "add 'wheel_encoder: 1' to 'record'"

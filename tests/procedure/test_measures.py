@@ -30,10 +30,7 @@ accept:
 
 @pytest.fixture
 def text(small: str) -> str:
-    return (
-        small.replace("record: {wheel_encoder: 1, wheel_servo: 1, truth: 10}", "record: all")
-        + MEASURE
-    )
+    return small.replace("record: {wheel_servo: 1, truth: 10}", "record: all") + MEASURE
 
 
 def test_measures_are_compiled_to_si(text: str, compile_text: Compile) -> None:
