@@ -4,6 +4,11 @@ The state of the deviations is: carriage position, wheel angle, both speeds, bri
 error of the current in this trial. The step from sample to sample is the derivative of the
 recursion itself (:mod:`.kernel`). An approximation would not be exact enough: wheel and carriage
 drift by a millimetre, and their difference is known to a tenth of a micrometre.
+
+If the carriage turns, dry friction turns its sign, and the acceleration jumps. The noise of the
+current moves the speed by more than the speed over which the sign turns, so that the simulation
+turns some samples too early or too late. No derivative says what the accelerometer reads there: its
+readings are not heeded.
 """
 
 from __future__ import annotations
@@ -13,6 +18,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.kernel import kernel
@@ -31,6 +37,9 @@ X, ANGLE, V, W, Z, OFFSET = range(6)
 STATES = 6
 MOVING_M_S = 2e-3  #: of the wheel's rim; below it static friction takes up what disturbs
 MOST_REPEATS = 300.0  #: samples that may show the same count, and count as one
+DRIFTS = 0.3  #: of the speed over which dry friction turns: less drift leaves the turn in its place
+TURNS = 4.0  #: standard deviations of the speed within which the carriage may turn
+UNHEEDED = 1e3  #: standard deviations of a reading that is not heeded
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,7 @@ def transitions(
         phase_0 = orders * (angle[k] + late * turning[k])
         phase_1 = orders * (angle[after] + late * turning[after])
         jump = jumps[k] > 0.0
-        steps = rig.steps_of(period, jump)
+        steps = rig.steps_of(period, jump or rig.turns(v, q[14] * w))
         h = period / steps
         s[:] = 0.0
         for d in range(5):
@@ -144,6 +153,10 @@ def deviations(
     seen = np.zeros((count, 3, STATES))
     seen[:, 0, ANGLE], seen[:, 0, W] = radius, -radius * shared[WHEEL_DELAY]
     seen[:, 1, X], seen[:, 1, V] = 1.0, -shared[CARRIAGE_DELAY]
+    first = np.zeros(STATES)
+    first[OFFSET] = noise.current_a**2 / noise.rest
+    drift = np.sqrt(_drift(forward, driven, first))
+    turns = may_turn(states[:, rig.SPEED], drift)
     seen[:, 2, V : Z + 1] = (1.0 + shared[GAIN]) * felt
     turned = radius * system.period_s * np.abs(states[:, rig.WHEEL_SPEED])
     moved = system.period_s * np.abs(states[:, rig.SPEED])
@@ -151,15 +164,46 @@ def deviations(
         [
             _rounding(radius * noise.angle_rad, turned),
             _rounding(noise.position_m, moved),
-            np.full(count, noise.acceleration_m_s2**2),
+            (noise.acceleration_m_s2 * np.where(turns, UNHEEDED, 1.0)) ** 2,
         ],
         axis=1,
     )
-    first = np.zeros(STATES)
-    first[OFFSET] = noise.current_a**2 / noise.rest
     mix = np.eye(3)
     mix[0, 1] = 1.0  # slip travel and carriage travel are the wheel's travel
     return Deviations(forward, driven, seen, variance, first, mix)
+
+
+@kernel
+def _drift(forward: FloatArray, driven: FloatArray, first: FloatArray) -> FloatArray:
+    """Return the variance (n,) of the carriage's speed before any output is heeded.
+
+    Arguments as those of :class:`rigd.analysis.innovations.Deviations`.
+    """
+    count, states = driven.shape
+    out = np.zeros(count)
+    p, moved = np.diag(first), np.zeros((states, states))
+    for n in range(count):
+        out[n] = max(p[V, V], 0.0)
+        for a in range(states):
+            for b in range(states):
+                moved[a, b] = 0.0
+                for c in range(states):
+                    moved[a, b] += forward[n, a, c] * p[c, b]
+        for a in range(states):
+            for b in range(states):
+                p[a, b] = driven[n, a] * driven[n, b]
+                for c in range(states):
+                    p[a, b] += moved[a, c] * forward[n, b, c]
+    return out
+
+
+def may_turn(speed: FloatArray, drift: FloatArray) -> NDArray[np.bool_]:
+    """Return at which samples (n,) the carriage may have turned already, or not yet.
+
+    ``speed`` as simulated and its standard deviation ``drift`` are (n,) in m/s.
+    """
+    near = np.abs(speed) < TURNS * (drift + rig.SMOOTH_M_S)
+    return np.asarray(near & (drift > DRIFTS * rig.SMOOTH_M_S))
 
 
 def _rounding(step: float, moved: FloatArray) -> FloatArray:

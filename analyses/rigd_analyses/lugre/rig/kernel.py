@@ -11,10 +11,11 @@ With V = r w - v, u = V - |V| z / g(V) and S(s) = tanh(s / 1 mm/s) (lugre.md sec
 K, T_0, b and I are at the wheel, behind gear and efficiency. The ripple follows the measured wheel
 angle, a = measured + wheel_delay * its rate. Runge-Kutta of fourth order with the period of the
 samples, or parts of it that are no longer than 1 ms: the fastest rate while sliding is about 350
-1/s, that of dry friction at rest 2200 1/s, and steps beyond 2.8 of its times are not stable. In a
-period in which the current jumps it follows the jump through the amplifier's 1 kHz, in eight steps
-each. With 16 times as many steps (64 in a
-jump) slip travel moves by 4e-8 m at most, a thousandth of a count, and carriage travel by 7e-7 m.
+1/s, that of dry friction at rest 2200 1/s, and steps beyond 2.8 of its times are not stable. A
+period takes eight steps if the current jumps in it, which then follows the jump through the
+amplifier's 1 kHz, and if carriage or wheel may turn: dry friction turns its sign within a
+millisecond, and so do the derivatives. With 16 times as many steps (64 in a jump) slip travel moves
+by 4e-8 m at most, a thousandth of a count, and carriage travel by 7e-7 m.
 
 The sensitivities are those of the discrete recursion: exact derivatives of what is computed.
 """
@@ -36,7 +37,8 @@ NAMES = (
 )  # fmt: skip
 COUNT = len(NAMES)
 SMOOTH_M_S = 1e-3  #: speed over which dry friction turns its sign
-JUMP_STEPS = 8
+FINE_STEPS = 8  #: where the current jumps, and where carriage or wheel turn
+TURNING_M_S = 6e-3
 LONGEST_STEP_S = 1e-3
 LOOP_RATE = 2.0 * math.pi * 1000.0  #: 1/s, of the amplifier's current loop
 SATURATED = 19.1  #: beyond it tanh is 1 in double precision
@@ -46,10 +48,16 @@ POSITION, ANGLE, ACCELERATION, SPEED, WHEEL_SPEED, BRISTLE = range(6)
 
 
 @kernel
-def steps_of(period: float, jump: bool) -> int:
+def steps_of(period: float, fine: bool) -> int:
     """Return the steps of one period."""
     steps = max(1, math.ceil(period / LONGEST_STEP_S - 0.1))  # clocks are off by a little
-    return steps * JUMP_STEPS if jump else steps
+    return steps * FINE_STEPS if fine else steps
+
+
+@kernel
+def turns(v: float, rim: float) -> bool:
+    """Return whether carriage or rim, in m/s, may turn in the next period."""
+    return min(abs(v), abs(rim)) < TURNING_M_S
 
 
 @kernel
@@ -203,7 +211,7 @@ def integrate(
     count = current.size
     out = np.zeros((count, 6))
     by_out = np.empty((count, 5, COUNT)) if sensitive else np.zeros((1, 5, COUNT))
-    static = q[1] * math.exp(q[2])
+    static, radius = q[1] * math.exp(q[2]), q[14]
     x, turned, v, w, z = 0.0, 0.0, 0.0, 0.0, q[19]
     s = np.zeros((5, COUNT))
     s[4, 19] = 1.0
@@ -235,7 +243,7 @@ def integrate(
         phase_1 = transitions * (angle[k + 1] + late * turning[k + 1])
         hurry_1 = transitions * turning[k + 1]
         jump = jumps[k] > 0.0
-        steps = steps_of(period, jump)
+        steps = steps_of(period, jump or turns(v, radius * w))
         h = period / steps
         for step in range(steps):
             if step > 0:
