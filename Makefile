@@ -15,7 +15,7 @@ SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo test test-long quick test-days fmt check check-page docs bench clean
+.PHONY: setup demo precompile test test-long quick test-days fmt check check-page docs bench clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
@@ -25,10 +25,13 @@ $(VENV)/.ready: pyproject.toml scripts/setup
 demo: setup ## the campaigns of three published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
+precompile: setup ## compile what tests import once: each of the processes of `make test` would do it
+	$(BIN)/pytest -q -m side_by_side --collect-only > /dev/null
+
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
 define play
 	scripts/need node npm chromium
-	$(BIN)/pytest -m "side_by_side$(1)" -n $$((2 * $$(nproc))) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "side_by_side$(1)" -n $$((3 * $$(nproc))) --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m "not side_by_side$(1)" -n 2 --dist loadfile --no-loadscope-reorder
 endef
 
