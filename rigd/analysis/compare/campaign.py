@@ -39,7 +39,7 @@ class Campaign:
 
     ``method`` is how they were estimated, by group of trials; ``refused`` are sentences on groups
     that the analysis refuses. Of measures, ``conditions`` are all parameters of the trials of each
-    group.
+    group, ``formulas`` those of the derived channels behind each measure.
     """
 
     name: str
@@ -49,6 +49,7 @@ class Campaign:
     method: Mapping[str, str] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
     conditions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    formulas: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def model(self) -> str:
@@ -231,7 +232,9 @@ def campaign_of_measures(
 ) -> Campaign:
     """Return the campaign of measures; its groups are named by all parameters of their trials."""
     conditions = {label_of(item.conditions): item.conditions for item in result.summaries}
-    return Campaign(name, origins, _measure_estimates(result), conditions=conditions)
+    return Campaign(
+        name, origins, _measure_estimates(result), conditions=conditions, formulas=result.formulas
+    )
 
 
 def label_of(condition: Mapping[str, str]) -> str:

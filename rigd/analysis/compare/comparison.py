@@ -25,6 +25,7 @@ from rigd.analysis.compare.statistics import (
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.measures import varied
+from rigd.analysis.measures.ranges import changed_formula
 from rigd.model.errors import DataError
 
 #: All parameters together: so often a difference is named where there is none.
@@ -125,6 +126,7 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
         }
         if campaigns[0].model == MEASURES:
             _refuse_other_definitions(name, estimates)
+            _refuse_other_formulas(name, [item for item in campaigns if estimates[item.name]])
         found.append(_compared(group, name, estimates, campaigns))
     if all(sum(e is not None for e in item.estimates.values()) < 2 for item in found):
         raise _nothing_in_common(campaigns)
@@ -188,6 +190,18 @@ def _by_what_varies(campaigns: Sequence[Campaign]) -> list[Campaign]:
     return [named(item) if item.conditions else item for item in campaigns]
 
 
+def _refuse_other_formulas(name: str, campaigns: Sequence[Campaign]) -> None:
+    for first, second in combinations(campaigns, 2):
+        mine, theirs = first.formulas.get(name, {}), second.formulas.get(name, {})
+        channel = changed_formula(mine, theirs)
+        if channel is not None:
+            raise _other_definitions(
+                name,
+                {first.name: f"{channel} = {mine[channel]}",
+                 second.name: f"{channel} = {theirs[channel]}"},
+            )  # fmt: skip
+
+
 def _refuse_other_definitions(name: str, estimates: Mapping[str, Estimate | None]) -> None:
     told = {
         key: item.meaning + (f", in {item.unit}" if item.unit != "1" else "")
@@ -195,11 +209,15 @@ def _refuse_other_definitions(name: str, estimates: Mapping[str, Estimate | None
         if item is not None
     }
     if len({*told.values()}) > 1:
-        each = "; ".join(f"{key}: {text}" for key, text in told.items())
-        raise DataError(
-            f"the groups measure {name} in different ways ({each})",
-            hint="compare recordings that measure it alike; give another measure another name",
-        )
+        raise _other_definitions(name, told)
+
+
+def _other_definitions(name: str, told: Mapping[str, str]) -> DataError:
+    each = "; ".join(f"{key}: {text}" for key, text in told.items())
+    return DataError(
+        f"the groups measure {name} in different ways ({each})",
+        hint="compare recordings that measure it alike; give another measure another name",
+    )
 
 
 def _nothing_in_common(campaigns: Sequence[Campaign]) -> DataError:

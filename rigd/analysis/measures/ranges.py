@@ -1,10 +1,10 @@
-"""Finds the sensors behind a channel, and their samples at the end of what they can measure."""
+"""Finds the sensors and formulas behind a channel, and samples at the end of a sensor's range."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -17,6 +17,8 @@ from rigd.record import Recording
 
 #: A channel in a formula; units and functions have no dot.
 _NAME = re.compile(r"\b[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*\b")
+#: The words and signs of a formula, without the spaces between them.
+_WORDS = re.compile(r"\w+(?:\.\w+)*|[^\w\s]")
 #: What the name of a constant of the rig begins with in a formula.
 _RIG: Final = "rig."
 
@@ -69,6 +71,11 @@ class Sensors:
         reached = self._reached(name)
         return [item.removeprefix(_RIG) for item in reached if item.startswith(_RIG)]
 
+    def formulas_behind(self, names: Collection[str]) -> dict[str, str]:
+        """Return the formulas that channels rest on, by the channel that each gives."""
+        reached = dict.fromkeys(item for name in names for item in self._reached(name))
+        return {item: self.formulas[item] for item in reached if item in self.formulas}
+
     def _reached(self, name: str) -> Sequence[str]:
         reached, waiting = dict[str, None](), [name]
         while waiting:
@@ -84,3 +91,14 @@ class Sensors:
                 if channel.raw_of == short and other.partition(".")[0] == device
             ]
         return list(reached)
+
+
+def changed_formula(first: Mapping[str, str], second: Mapping[str, str]) -> str | None:
+    """Return a channel whose formula is another in ``second``; spaces do not count.
+
+    A formula that only one of them states, as of an unreadable rig file, cannot be compared.
+    """
+    for name in first.keys() & second.keys():
+        if _WORDS.findall(first[name]) != _WORDS.findall(second[name]):
+            return name
+    return None

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from rigd.analysis.copies import refuse_same_file, refuse_same_trials
 from rigd.analysis.corrections import scope_of
-from rigd.analysis.measures.ranges import Sensors
+from rigd.analysis.measures.ranges import Sensors, changed_formula
 from rigd.analysis.measures.reading import PlayedSteps, TrialReader
 from rigd.analysis.measures.result import (
     MeasureResult,
@@ -51,6 +51,7 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     _refuse_different_rigs(recordings)
     found: dict[tuple[str, _Point], list[tuple[Measure, TrialReading]]] = {}
     shown: dict[_Point, dict[str, str]] = {}
+    formulas: dict[str, dict[str, str]] = {}
     first: Procedure | None = None
     for recording in recordings:
         own = procedure or recorded_procedure(recording)
@@ -73,6 +74,10 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
             shown.setdefault(key, {name: trial.text(name) for name in trial.parameters})
             for measure in measures:
                 found.setdefault((measure.name, key), []).append((measure, reader.reading(measure)))
+                own_formulas = sensors.formulas_behind(measured_channels([measure]))
+                formulas[measure.name] = _together(
+                    formulas.get(measure.name, {}), own_formulas, measure.name, recording.path
+                )
     if first is None or not found:
         raise DataError("no trial began in these recordings: there is nothing to measure")
     every = [items[0][0] for items in found.values()]
@@ -90,7 +95,25 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     ]
     summaries.sort(key=lambda item: order.index(item.measure.name))
     constants = _used_constants(recordings[0], first, every)
-    return MeasureResult(tuple(summaries), constants)
+    return MeasureResult(tuple(summaries), constants, formulas)
+
+
+def _together(
+    before: Mapping[str, str], formulas: Mapping[str, str], measure: str, path: Path
+) -> dict[str, str]:
+    """Return the formulas behind a measure, of a recording and of those before it.
+
+    Raises:
+        DataError: one of them is another one: the mean over both is that of none.
+    """
+    channel = changed_formula(before, formulas)
+    if channel is not None:
+        raise DataError(
+            f"{path} measures {measure} otherwise than the recordings before it: {channel} is "
+            f"{formulas[channel]!r}, before {before[channel]!r}",
+            hint="measure the recordings of each formula by themselves",
+        )
+    return {**formulas, **before}
 
 
 def _point(trial: TrialInfo) -> _Point:

@@ -98,10 +98,14 @@ class UsedConstants:
 
 @dataclass(frozen=True)
 class MeasureResult:
-    """Everything that was measured in some recordings."""
+    """Everything that was measured in some recordings.
+
+    ``formulas`` are those of the derived channels behind each measure, by channel.
+    """
 
     summaries: tuple[Summary, ...]
     constants: tuple[UsedConstants, ...] = ()
+    formulas: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def judgement(self) -> Judgement | None:

@@ -99,3 +99,22 @@ def test_order_of_parameters_makes_no_condition() -> None:
     turned = campaign("b", summary("b", {"floor": "pvc", "force": "1 N"}))
     (row,) = compare([of_floors("a", "pvc"), turned]).compared
     assert row.group == "" and set(row.differences) == {"b"}
+
+
+def of_formula(name: str, formula: str) -> Campaign:
+    return replace(campaign(name, summary(name, {})), formulas={"gap": {"axis.gap": formula}})
+
+
+def test_measure_of_another_formula_is_refused() -> None:
+    with pytest.raises(DataError) as refused:
+        compare([of_formula("a", "axis.top / 2"), of_formula("b", "axis.top / 3")])
+    assert refused.value.message == (
+        "the groups measure gap in different ways (a: axis.gap = axis.top / 2; "
+        "b: axis.gap = axis.top / 3)"
+    )
+
+
+def test_formula_of_one_group_alone_is_compared() -> None:
+    old = campaign("a", summary("a", {}))  # its rig file is of another version of rigd
+    (row,) = compare([old, of_formula("b", "axis.top / 3")]).compared
+    assert row.differences

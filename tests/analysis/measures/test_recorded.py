@@ -88,12 +88,13 @@ def record(
     rig: str = "bench",
     more: Mapping[str, float] | None = None,
     unit: str = "N",
+    description: str = RIG,
 ) -> Recording:
     """Write trials (number, force, whether complete); ``change`` edits the rows of one."""
     text = PROCEDURE.format(measure=measure)
     attachments = [
         Attachment("procedure.yaml", "application/yaml", text.encode()),
-        Attachment("rig.yaml", "application/yaml", RIG.encode()),
+        Attachment("rig.yaml", "application/yaml", description.encode()),
     ]
     with RecordingWriter.create(
         path, streams=[AXIS, FRICTION], metadata={"run": {"procedure": "pull", "rig": rig}},
@@ -388,6 +389,29 @@ def test_equal_setpoints_written_otherwise_are_one_result(tmp_path: Path) -> Non
     summary = only(measured(recordings))
     assert len(summary.readings) == 2
     assert summary.conditions == {"force": "1 N", "span": "0.02 m"}
+
+
+def derived(folder: Path, *formulas: str) -> list[Recording]:
+    """Return a recording of the ratio for each formula of half.load, which it rests on."""
+    text = "axis.load / 2"
+    return [
+        record(folder / f"{name}.mcap", "  it: {mean: friction.mu}", change={1: loaded(by, 1.0)},
+               description=RIG.replace(text, formula))
+        for name, by, formula in zip("ab", (4.0, 4.1), formulas, strict=True)
+    ]  # fmt: skip
+
+
+def test_another_formula_behind_measure_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError) as refused:
+        measured(derived(tmp_path, "axis.load / 2", "axis.load / 3"))
+    assert refused.value.message == (
+        f"{tmp_path / 'b.mcap'} measures it otherwise than the recordings before it: half.load is "
+        "'axis.load / 3', before 'axis.load / 2'"
+    )
+
+
+def test_formula_with_other_spaces_is_one(tmp_path: Path) -> None:
+    assert only(measured(derived(tmp_path, "axis.load / 2", "axis.load/2"))).count == 2
 
 
 def test_copy_of_recording_is_no_further_run(tmp_path: Path) -> None:
