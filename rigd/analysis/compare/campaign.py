@@ -39,7 +39,8 @@ class Campaign:
 
     ``method`` is how they were estimated, by group of trials; ``refused`` are sentences on groups
     that the analysis refuses. Of measures, ``conditions`` are all parameters of the trials of each
-    group, ``formulas`` those of the derived channels behind each measure.
+    group as shown, ``points`` the same in SI, ``formulas`` those of the derived channels behind
+    each measure.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Campaign:
     method: Mapping[str, str] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
     conditions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    points: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     formulas: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
@@ -231,9 +233,14 @@ def campaign_of_measures(
     name: str, origins: tuple[ResultOrigin, ...], result: MeasureResult
 ) -> Campaign:
     """Return the campaign of measures; its groups are named by all parameters of their trials."""
-    conditions = {label_of(item.conditions): item.conditions for item in result.summaries}
+    groups = {label_of(item.conditions): item for item in result.summaries}
     return Campaign(
-        name, origins, _measure_estimates(result), conditions=conditions, formulas=result.formulas
+        name,
+        origins,
+        _measure_estimates(result),
+        conditions={group: item.conditions for group, item in groups.items()},
+        points={group: item.point for group, item in groups.items()},
+        formulas=result.formulas,
     )
 
 

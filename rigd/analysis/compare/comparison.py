@@ -173,13 +173,21 @@ def _check(campaigns: Sequence[Campaign]) -> None:
 
 
 def _by_what_varies(campaigns: Sequence[Campaign]) -> list[Campaign]:
-    """Return ``campaigns`` with groups of measures named by what varies over all of them."""
-    names = varied([point for item in campaigns for point in item.conditions.values()])
+    """Return ``campaigns`` with groups of measures named by what varies over all of them.
+
+    A value that two campaigns show in different units has the text of the first.
+    """
+    names = varied([point for item in campaigns for point in item.points.values()])
+    shown: dict[tuple[str, str], str] = {}
 
     def named(campaign: Campaign) -> Campaign:
         points = {
-            group: {name: point[name] for name in names if name in point}
-            for group, point in campaign.conditions.items()
+            group: {
+                name: shown.setdefault((name, point[name]), campaign.conditions[group][name])
+                for name in names
+                if name in point
+            }
+            for group, point in campaign.points.items()
         }
         estimates = tuple(
             replace(item, group=label_of(points[item.group])) for item in campaign.estimates

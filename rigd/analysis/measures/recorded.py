@@ -90,6 +90,7 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
             {name: text for name, text in shown[key].items() if name in names},
             [reading for _, reading in items],
             shown[key],
+            {name: dict(key)[name] for name in shown[key]},
         )
         for (_, key), items in found.items()
     ]

@@ -50,7 +50,8 @@ class TrialReading:
 class Summary:
     """A measure over the trials with equal ``conditions`` (name to text); numbers in SI.
 
-    ``conditions`` are all parameters of the trials, ``setpoints`` those that differ between trials.
+    ``conditions`` are all parameters of the trials, ``setpoints`` those that differ between trials;
+    ``point`` has the conditions in SI, to be compared.
     ``mean`` and ``std`` are over the trials that could be read. ``low`` and ``high`` bound the mean
     with a probability of 95 %: repeatability (type A, Student's t), and ``systematic``, the stated
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
@@ -75,6 +76,7 @@ class Summary:
     u: float | None = None
     freedom: int = 0
     conditions: Mapping[str, str] = field(default_factory=dict)
+    point: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_within_run(self) -> bool:
@@ -140,6 +142,7 @@ def summary_of(
     setpoints: Mapping[str, str],
     readings: Sequence[TrialReading],
     conditions: Mapping[str, str] | None = None,
+    point: Mapping[str, str] | None = None,
 ) -> Summary:
     """Return ``measure`` over the trials with the same setpoints.
 
@@ -188,7 +191,7 @@ def summary_of(
     trend = trend_of([item.value for item in played if item.value is not None])
     return Summary(
         measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
-        trend, runs, u, max(n - 1, 0), conditions or {},
+        trend, runs, u, max(n - 1, 0), conditions or {}, point or {},
     )  # fmt: skip
 
 

@@ -20,14 +20,19 @@ GAP = Measure("gap", "mean", "axis.gap", Window(), "mm")
 OPEN = ((Condition("axis.gap", Comparison.ABOVE, 5e-3, unit="mm"),),)
 
 
-def summary(name: str, condition: Mapping[str, str], measure: Measure = GAP) -> Summary:
-    """Return the summary of four runs of one trial under this condition."""
+def summary(
+    name: str,
+    condition: Mapping[str, str],
+    measure: Measure = GAP,
+    point: Mapping[str, str] | None = None,
+) -> Summary:
+    """Return the summary of four runs of one trial under this condition, ``point`` in SI."""
     random = np.random.default_rng(len(name))
     readings = [
         TrialReading(Path(f"{name}-{run}.mcap"), 1, float(value))
         for run, value in enumerate(1e-3 + 1e-5 * random.standard_normal(4))
     ]
-    return summary_of(measure, {}, readings, condition)
+    return summary_of(measure, {}, readings, condition, point or condition)
 
 
 def campaign(name: str, *summaries: Summary) -> Campaign:
@@ -118,3 +123,21 @@ def test_formula_of_one_group_alone_is_compared() -> None:
     old = campaign("a", summary("a", {}))  # its rig file is of another version of rigd
     (row,) = compare([old, of_formula("b", "axis.top / 3")]).compared
     assert row.differences
+
+
+def test_condition_in_other_unit_is_the_same() -> None:
+    names = {"a": ("1 N", "2 N"), "b": ("1000 mN", "3000 mN")}
+    first, second = (
+        campaign(
+            name,
+            *(
+                summary(name, {"force": text}, point={"force": newtons})
+                for text, newtons in zip(texts, values, strict=True)
+            ),
+        )
+        for (name, texts), values in zip(names.items(), (("1", "2"), ("1", "3")), strict=True)
+    )
+    found = compare([first, second]).compared
+    assert {row.group: set(row.differences) for row in found} == {
+        "force 1 N": {"b"}, "force 2 N": set(), "force 3000 mN": set(),
+    }  # fmt: skip

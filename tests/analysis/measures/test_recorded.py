@@ -389,6 +389,7 @@ def test_equal_setpoints_written_otherwise_are_one_result(tmp_path: Path) -> Non
     summary = only(measured(recordings))
     assert len(summary.readings) == 2
     assert summary.conditions == {"force": "1 N", "span": "0.02 m"}
+    assert summary.point == {"force": "1", "span": "0.02"}
 
 
 def derived(folder: Path, *formulas: str) -> list[Recording]:
