@@ -5,8 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
+from typing import Final
 
 from rigd.model.severity import Severity
+
+#: Rounding brings a computed value beyond a bound by less than this share of the larger bound.
+_ROUNDING: Final = 1e-9
+
+
+def rounded_to(low: float, value: float, high: float) -> float:
+    """Return ``value``, or the bound beyond which it lies by no more than rounding makes."""
+    inside = min(max(value, low), high)
+    size = max(abs(low) if math.isfinite(low) else 0.0, abs(high) if math.isfinite(high) else 0.0)
+    return inside if abs(value - inside) <= _ROUNDING * size else value
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.derived.dimensions import fits
+from rigd.model.limits import rounded_to
 from rigd.model.units import dimension_text, format_quantity, parse_unit
 from rigd.procedure.expression import (
     ExpressionError,
@@ -38,10 +39,15 @@ class Parameter:
     high: float
 
     def taken(self, value: Value) -> Value:
-        """Return ``value``, which is not refused; an arc over its radius as the angle it is."""
-        if isinstance(value, str) or not value.of_arc:
+        """Return ``value``, which is not refused; an arc over its radius as the angle it is.
+
+        What rounding has brought beyond a bound is that bound.
+        """
+        if isinstance(value, str):
             return value
-        return number_in(value.value, parse_unit(self.unit))
+        if value.of_arc:
+            value = number_in(value.value, parse_unit(self.unit))
+        return replace(value, value=rounded_to(self.low, value.value, self.high))
 
     def refuse(self, value: Value) -> tuple[str, str] | None:
         """Return the reason why ``value`` is not allowed and the remedy, or None."""
@@ -67,11 +73,10 @@ class Parameter:
                 "its own",
                 f"subtract a difference, such as '1 {parse_unit(self.unit).difference()}'",
             )
-        if value.value < self.low or value.value > self.high:
+        exact = rounded_to(self.low, value.value, self.high)
+        if exact < self.low or exact > self.high:
             side, bound = (
-                ("below its min", self.low)
-                if value.value < self.low
-                else ("above its max", self.high)
+                ("below its min", self.low) if exact < self.low else ("above its max", self.high)
             )
             shown = format_quantity(value.value, self.unit)
             return (

@@ -10,7 +10,7 @@ from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.config.quantities import rate_unit
 from rigd.config.rig import RigConfig
-from rigd.model.limits import SetpointLimit
+from rigd.model.limits import SetpointLimit, rounded_to
 from rigd.model.units import format_quantity
 from rigd.procedure.expression import Scope
 from rigd.procedure.profile_source import (
@@ -135,14 +135,16 @@ class SetpointReader:
         half = self.reader.difference(
             (*self.path, key, "amplitude"), amplitude, self.unit, self.scope
         )
-        for end in (middle - half, middle + half):
-            self._check_limit((key, "amplitude"), end)
+        ends = middle - half, middle + half
+        for end in ends:
+            self._limited((key, "amplitude"), end)
+        if min(ends) < self.limit.low or max(ends) > self.limit.high:  # by rounding, or noted
+            room = min(self.limit.high - middle, middle - self.limit.low)
+            half = math.copysign(math.nextafter(room, 0.0), half)
         return middle, half
 
     def _level(self, path: KeyPath, text: str) -> float:
-        value = self._number(path, text, self.display)
-        self._check_limit(path, value)
-        return value
+        return self._limited(path, self._number(path, text, self.display))
 
     def _number(self, path: KeyPath, text: str, unit: str) -> float:
         return self.reader.number((*self.path, *path), text, unit, self.scope)
@@ -154,8 +156,10 @@ class SetpointReader:
             return math.nan
         return value
 
-    def _check_limit(self, path: KeyPath, value: float) -> None:
+    def _limited(self, path: KeyPath, value: float) -> float:
+        """Return ``value``, at a limit if rounding has brought it beyond; else note what is."""
         low, high = self.limit.low, self.limit.high
+        value = rounded_to(low, value, high)
         if value < low or value > high:
             side, bound = ("below", low) if value < low else ("above", high)
             self.reader.note(
@@ -164,6 +168,7 @@ class SetpointReader:
                 f"{format_quantity(bound, self.display)}",
                 "change the value, or the limit in the rig file",
             )
+        return value
 
     def _check_rate(self, path: KeyPath, rate: float) -> None:
         """Note a profile that the limiter would change: the recording would not show its shape."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
+from rigd.model.limits import SetpointLimit
 from rigd.model.units import parse_quantity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
@@ -101,6 +103,34 @@ def test_override_replaces_parameters_tables_and_sweep(compile_text: Compile, sm
         "floor": "pvc", "speed": 0.2, "rolling": 0.022, "current": 0.7,
     }  # fmt: skip
     assert [trial.parameters["current"] for trial in compiled.trials] == [0.7]
+
+
+ABOVE = "0.4 A + 0.8 A + 0.3 A"  # 1.5000000000000002 A in binary
+
+
+def test_parameter_rounded_beyond_max_is_max(compile_text: Compile, small: str) -> None:
+    compiled = compile_text(small, current=ABOVE)
+    assert [trial.parameters["current"] for trial in compiled.trials] == [1.5]
+
+
+@pytest.mark.parametrize(
+    "written",
+    ["{sum}", "-({sum})", "{{square: {{amplitude: '{sum}', frequency: 1 Hz}}}}",
+     "{{sine: {{offset: 0.1 A, amplitude: '{sum} - 0.1 A', frequency: 1 Hz}}}}"],
+)  # fmt: skip
+def test_setpoint_rounded_beyond_limit_is_limit(
+    compile_text: Compile, rig: RigConfig, small: str, written: str
+) -> None:
+    device, limit = rig.devices["wheel_servo"], SetpointLimit(-1.5, 1.5)
+    lower = replace(device, limits={**device.limits, "current": limit})
+    own = replace(rig, devices={**rig.devices, "wheel_servo": lower})
+    text = small.replace("wheel_servo.current: ${current}",
+                         f"wheel_servo.current: {written.format(sum=ABOVE)}")  # fmt: skip
+    compiled = compile_procedure(parse_procedure(text, Path("p.yaml")), own, {})
+    (drive,) = only_program(compiled.trials[0].steps).segments
+    profile = drive.setpoints["wheel_servo.current"]
+    peaks = [abs(profile.at(t / 40, 0.0)) for t in range(41)]
+    assert 1.5 - 1e-12 < max(peaks) <= 1.5
 
 
 def test_repeats_are_trials_of_their_own(compile_text: Compile, small: str) -> None:
