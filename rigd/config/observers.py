@@ -290,6 +290,8 @@ class _Linear:
     def _entry(self, path: KeyPath, text: str, wanted: Dimension) -> float:
         try:
             found = parse_quantity(text)
+            if path[0] != "x0":  # a state; all others are factors and variances
+                found = found.as_difference()
         except ValueError as error:
             self._note(path, str(error))
             return math.nan

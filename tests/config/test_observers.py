@@ -72,6 +72,23 @@ def test_discrete_matrices_are_taken_as_they_are(rig_text: str) -> None:
     assert config.plan.q[1][1] == pytest.approx(4e-6)
 
 
+WARM = (
+    GOOD.replace("speed: m/s, bias: m/s^2", "gain: 1, heat: K").replace("1e-8 m^2/s^5", "1e-8")
+    .replace("1e2 mm^2/s^3", "1").replace("[0, 0, -1]", "[0, -1, 0]")
+    .replace("[0, 0, 0]]", "[0, 0, -1]]").replace("x0: [20 mm, 0, 0]", "x0: [0, 0, 20 degC]")
+)  # fmt: skip
+
+
+def test_temperature_begins_on_its_scale(rig_text: str) -> None:
+    assert config_of(with_observers(rig_text, WARM)).plan.x0 == pytest.approx((0.0, 0.0, 293.15))
+
+
+def test_temperature_as_factor_must_be_difference(rig_text: str) -> None:
+    text = WARM.replace("[0, 1, 0], [0, 0, 1e-2]]", "[0, 1, 5 degC], [0, 5 K, 1e-2]]")
+    with pytest.raises(ConfigError, match="a difference is expected here: write '5 K'"):
+        parse_rig(with_observers(rig_text, text), FILE)
+
+
 def test_rig_with_observer_passes_between_processes(rig_text: str) -> None:
     config = config_of(with_observers(rig_text, GOOD))
     assert pickle.loads(pickle.dumps(config)) == config
