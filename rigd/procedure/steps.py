@@ -190,7 +190,7 @@ class StepCompiler:
             else ()
         )
         self._check_end(path, source)
-        return Segment(
+        segment = Segment(
             name=source.step,
             setpoints=setpoints,
             until=until,
@@ -199,6 +199,8 @@ class StepCompiler:
             on_timeout=OnTimeout(source.on_timeout),
             hold=None if source.hold is None else self._hold(path, source.hold, scope),
         )
+        self._check_held(path, segment)
+        return segment
 
     def _hold(self, path: KeyPath, source: HoldSource, scope: Scope) -> Hold:
         """Return what the step at ``path`` does while it is held; problems are noted."""
@@ -247,6 +249,18 @@ class StepCompiler:
         if "on_timeout" in source.model_fields_set and source.timeout is None:
             message = "on_timeout without 'timeout' has no effect"
             self.reader.note_key((*path, "on_timeout"), message, "add a timeout, or remove it")
+
+    def _check_held(self, path: KeyPath, segment: Segment) -> None:
+        """Note a condition that must hold for longer than the step at ``path`` lasts."""
+        ends = [end for end in (segment.duration_s, segment.timeout_s) if end is not None]
+        for condition in (item for row in segment.until for item in row):
+            if ends and condition.for_s > min(ends):
+                self.reader.note(
+                    (*path, "until"),
+                    f"the step {segment.name!r} ends after {min(ends):.6g} s, before a condition "
+                    f"of its 'until' can have held for {condition.for_s:.6g} s",
+                    "give the step more time, or the condition less",
+                )
 
 
 def _read_fault(

@@ -144,6 +144,10 @@ END = "until: carriage.position > 1 m"
          ["measures between -0.1 m and"]),
         (END, "until: \"|carriage.position| < 0 m\"", "|carriage.position| <", ["never be"]),
         (END, "until: \"|carriage.position < 1 m\"", "|carriage.position <", ["cannot read"]),
+        (END, "until: carriage.position > 1 m for 5 s", "carriage.position > 1 m for 5",
+         ["the step 'drive' ends after 4 s, before a condition of its 'until' can have held"]),
+        (END, "until: carriage.position > 1 m for 2 s\n      for: 1.5 s",
+         "carriage.position > 1 m for 2", ["ends after 1.5 s"]),
         # prompts
         ("answer: ${floor}", "answer: pvc", "pvc\n    changes", ["'pvc' is not one of"]),
         ("    choices: [\"${floor}\"]\n", "    unit: kg\n    choices: [a]\n",
