@@ -14,7 +14,7 @@ from rigd.engine.holding import Holding, HoldPhase
 from rigd.engine.interlocks import Trip
 from rigd.engine.watch import Watches
 from rigd.model.severity import Severity, WayOut, way_out
-from rigd.procedure.condition_text import describe_values
+from rigd.procedure.condition_text import describe_left, describe_values
 from rigd.procedure.profiles import ConstantProfile, Profile
 from rigd.procedure.program import (
     CycleProgram,
@@ -77,8 +77,7 @@ class Player:
             for segment, at_work in zip(program.segments, self._acting, strict=True)
         ]
         self._limits = [
-            (readings[limit.channel], limit.low, limit.high, limit.channel)
-            for limit in program.limits
+            (readings[limit.channel], limit.low, limit.high, limit) for limit in program.limits
         ]
         self._position = -1
         self._began_ns = 0
@@ -126,13 +125,10 @@ class Player:
         """
         if self.entered:
             self.entered = []
-        for index, low, high, channel in self._limits:
+        for index, low, high, limit in self._limits:
             value = values[index]
             if not low <= value <= high:
-                return Outcome(
-                    Severity.END_TRIAL,
-                    f"{channel} = {value:.6g} left the trial's limits [{low:.6g}, {high:.6g}]",
-                )
+                return Outcome(Severity.END_TRIAL, describe_left(limit, value))
         hold = self._hold
         if hold is not None and hold.phase is not HoldPhase.NONE:
             if hold.too_long(t_ns):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rigd.model.units import format_quantity
-from rigd.procedure.program import Condition, StatusCondition, Until
+from rigd.procedure.program import Condition, StatusCondition, TrialLimit, Until
 
 
 def describe_condition(condition: Condition | StatusCondition, threshold: str | None = None) -> str:
@@ -33,6 +33,17 @@ def describe_values(until: Until, values: Mapping[str, float]) -> str:
     """
     return ", ".join(
         dict.fromkeys(_describe_value(item, values[item.channel]) for row in until for item in row)
+    )
+
+
+def describe_left(limit: TrialLimit, value: float) -> str:
+    """Return how ``value`` of its channel is outside of ``limit``."""
+    if value != value:
+        return f"{limit.channel} has no value, and the trial has a limit of it"
+    side, bound = ("below", limit.low) if value < limit.low else ("above", limit.high)
+    return (
+        f"{limit.channel} is {format_quantity(value, limit.unit)}, {side} the trial's limit of "
+        f"{format_quantity(bound, limit.unit)}"
     )
 
 

@@ -104,11 +104,15 @@ class Segment:
 
 @dataclass(frozen=True)
 class TrialLimit:
-    """A bound during a trial; beyond it the trial ends, marked incomplete."""
+    """A bound during a trial; beyond it the trial ends, marked incomplete.
+
+    ``unit`` is the channel's, for messages.
+    """
 
     channel: str
     low: float
     high: float
+    unit: str = field(default="1", compare=False)
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ class StepCompiler:
             if low >= high:
                 message = f"low {source.low} is not below high {source.high}"
                 self.reader.note((*where, "low"), message, "swap the two")
-            limits.append(TrialLimit(name, low, high))
+            limits.append(TrialLimit(name, low, high, channel.shown_in))
         return tuple(limits)
 
     def _bound(self, path: KeyPath, text: str, channel: Channel, scope: Scope) -> float:

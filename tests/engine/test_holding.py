@@ -113,7 +113,7 @@ def test_limits_of_trial_hold_while_held() -> None:
     held.on(20)
     outcome = held.on(5, pause=True, x=3.0)
     assert outcome is not None
-    assert "left the trial's limits" in outcome.reason
+    assert "above the trial's limit" in outcome.reason
 
 
 LOOPS = MappingProxyType({"c.f": "a.u"})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -127,6 +128,20 @@ def test_trial_limit_ends_trial_and_so_does_nan() -> None:
         assert outcome is not None
         assert outcome.severity is Severity.END_TRIAL
         assert "a.x" in outcome.reason
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (294.15, "a.x is 21 degC, above the trial's limit of 20 degC"),
+        (268.15, "a.x is -5 degC, below the trial's limit of 0 degC"),
+        (math.nan, "a.x has no value, and the trial has a limit of it"),
+    ],
+)
+def test_left_trial_limit_is_in_its_unit(value: float, told: str) -> None:
+    limit = TrialLimit("a.x", 273.15, 293.15, "degC")
+    outcome = play(CycleProgram((Segment("s", duration_s=1.0),), (limit,)), [(value, 0)])[1]
+    assert outcome is not None and outcome.reason == told
 
 
 def test_an_empty_program_is_done_at_once() -> None:
