@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 
 HELP = "print a completion script for your shell"
 EXAMPLES = """\
@@ -21,5 +22,17 @@ def execute(args: argparse.Namespace) -> int:
     """Print the script."""
     import shtab
 
+    for action in _free(args.parser):
+        action.complete = shtab.FILE  # type: ignore[attr-defined]
     print(shtab.complete(args.parser, shell=args.shell))
     return 0
+
+
+def _free(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Yield what takes a value that is no choice, of all commands: most of these are files."""
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other way to list them
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            for command in action.choices.values():
+                yield from _free(command)
+        elif action.nargs != 0 and action.choices is None:
+            yield action

@@ -92,17 +92,32 @@ def test_completion_scripts_know_every_command(shell: str, tmp_path: Path) -> No
         assert command in script.out
 
 
-def test_bash_completion_completes_a_command(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        ("ide", ["identify"]),
+        ("check pu", ["pull.yaml", "pulls"]),
+        ("run --rig pull.", ["pull.yaml"]),
+        ("run pull.yaml --output pull.", ["pull.yaml"]),
+        ("run --compression l", ["lz4"]),
+        ("remote status --rig pull.", ["pull.yaml"]),
+    ],
+)
+def test_bash_completion_completes_commands_and_files(
+    tmp_path: Path, words: str, completed: list[str]
+) -> None:
     (tmp_path / "rigd.bash").write_text(rigd("completion", "bash", cwd=tmp_path).out)
+    (tmp_path / "pull.yaml").touch()
+    (tmp_path / "pulls").mkdir()
     done = subprocess.run(
         [
             "bash", "-c",
-            "source rigd.bash; COMP_WORDS=(rigd ide); COMP_CWORD=1; _shtab_rigd 2>/dev/null; "
-            'echo "${COMPREPLY[@]}"',
+            f"source rigd.bash; COMP_WORDS=(rigd {words}); COMP_CWORD={len(words.split())}; "
+            '_shtab_rigd 2>/dev/null; echo "${COMPREPLY[@]}"',
         ],
         cwd=tmp_path, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.stdout.split() == ["identify"]
+    assert sorted(done.stdout.split()) == completed
 
 
 def test_unexpected_exception_is_reported_as_bug(
