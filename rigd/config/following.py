@@ -108,9 +108,11 @@ def unseen_levels(rig: RigConfig, levels: Iterable[tuple[str, str, float]]) -> S
     """Return in words which of ``levels`` the interlocks that follow their setpoints cannot see.
 
     ``levels`` are step, setpoint and value in SI; a value of 0 is a drive that shall stand still.
+    Of several interlocks that follow one setpoint, that with the smallest band sees most.
     """
     found: dict[str, tuple[float, str]] = {}
-    followed = {lock.follows: (lock, setpoint) for lock, setpoint, _ in _followed(rig)}
+    by_band = sorted(_followed(rig), key=lambda item: item[0].band, reverse=True)
+    followed = {lock.follows: (lock, setpoint) for lock, setpoint, _ in by_band}
     for step, name, value in levels:
         lock, _ = followed.get(name, (None, None))
         if lock is None or not 0.0 < abs(value) < lock.band:

@@ -103,6 +103,16 @@ def test_band_beyond_setpoints_is_named_with_numbers() -> None:
     assert unseen_levels(rig, [("fast", "oven.fan", 20.0)]) == []
 
 
+def test_narrowest_of_two_interlocks_sees_most() -> None:
+    lock = RIG[RIG.index("  - {name: follows") : RIG.index("derived:")]
+    wide = lock.replace("name: follows", "name: wide").replace("band: 20", "band: 60")
+    for both in (lock + wide, wide + lock):
+        rig = parse_rig(RIG.replace(lock, both), FILE)
+        assert unseen_levels(rig, [("middle", "oven.fan", 40.0)]) == []
+        (text,) = unseen_levels(rig, [("slow", "oven.fan", 10.0)])
+        assert text.startswith("interlock follows does not notice")
+
+
 @pytest.mark.parametrize(("band", "count"), [("20 rad/s", 0), ("60 rad/s", 1)])
 def test_wide_band_is_named_for_the_rig(band: str, count: int) -> None:
     rig = parse_rig(RIG.replace("band: 20 rad/s", f"band: {band}"), FILE)
