@@ -7,7 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_json, add_quiet, add_rig, add_runs, read_assignments
+from rigd.cli.options import (
+    add_json,
+    add_quiet,
+    add_rig,
+    add_runs,
+    named_twice,
+    read_assignments,
+)
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
@@ -54,6 +61,10 @@ def execute(args: argparse.Namespace) -> int:
 
     rig = load_rig(args.rig)
     moves = read_assignments(args.setpoints, "SETPOINT=VALUE")
+    if (twice := named_twice(args.setpoints)) is not None:
+        raise ConfigError(
+            f"{twice} is given two values", hint="hold one value; jog again for the next"
+        )
     text = _procedure_text(moves, args.duration, rig)
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})

@@ -83,6 +83,12 @@ def read_assignments(texts: Iterable[str], shape: str = "NAME=VALUE") -> dict[st
     return values
 
 
+def named_twice(texts: Sequence[str]) -> str | None:
+    """Return the first name that has two values in assignments; None if each has one."""
+    names = [text.partition("=")[0].strip() for text in texts]
+    return next((name for name in names if names.count(name) > 1), None)
+
+
 def read_about(operator: str | None, note: str, meta: Sequence[str], specimen: str = "") -> About:
     """Return operator, ``--note``, ``--meta`` and ``--specimen`` of a run.
 
@@ -94,9 +100,7 @@ def read_about(operator: str | None, note: str, meta: Sequence[str], specimen: s
     from rigd.model.errors import ConfigError
 
     values = read_assignments(meta)
-    if len(values) < len(meta):
-        names = [text.partition("=")[0].strip() for text in meta]
-        twice = next(name for name in names if names.count(name) > 1)
+    if (twice := named_twice(meta)) is not None:
         raise ConfigError(
             f"--meta gives {twice} two values",
             hint=f"a name has one value: write --meta '{twice}=A, B'",

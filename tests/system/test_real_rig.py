@@ -72,6 +72,14 @@ def test_jog_holds_setpoint_then_rests_and_is_recorded(tmp_path: Path) -> None:
     assert recording.read("longitudinal_belt")["engaged_setpoint"][-1] == 1.0  # its rest
 
 
+def test_setpoint_with_two_values_moves_nothing(tmp_path: Path) -> None:
+    two = ["wheel_servo.current=0.1A", "wheel_servo.current=0.2A"]
+    done = rigd("jog", *two, "--rig", "lugre-1", cwd=tmp_path)
+    assert done.code == 2
+    assert "wheel_servo.current is given two values" in done.err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("setpoint", "duration", "words"),
     [
