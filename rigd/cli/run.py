@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -86,7 +87,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compression",
         choices=("zstd", "lz4", "none"),
-        default="zstd",
         help="compression of the recording (default: zstd)",
     )
     parser.add_argument("--operator", metavar="NAME", help="operator of the run, for the recording")
@@ -162,7 +162,7 @@ def _execute(args: argparse.Namespace) -> int:
         output=args.output,
         folder=args.runs,
         resume=resume,
-        compression=args.compression,
+        compression=args.compression or "zstd",
     )
     procedure, rig = request.procedure, request.rig
     if resume is not None and len(resume.done) == len(procedure.trials):
@@ -173,10 +173,27 @@ def _execute(args: argparse.Namespace) -> int:
     if procedure.measures and not args.dry_run:
         require("analysis", "a procedure that measures")
     if args.dry_run:
+        if without_effect := _without_effect(args):
+            print(
+                "warning: without effect in a dry run, which records nothing and asks nobody: "
+                f"{', '.join(without_effect)}",
+                file=sys.stderr,
+            )
         unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
         return _dry_run(request, unfit, as_json=args.json)
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
+
+
+def _without_effect(args: argparse.Namespace) -> list[str]:
+    """Return the options given that only a run has."""
+    given = {
+        "--output": args.output is not None,
+        "--pace": args.pace is not None,
+        "--ask": args.ask,
+        "--compression": args.compression is not None,
+    }
+    return [option for option, is_given in given.items() if is_given]
 
 
 def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:

@@ -144,6 +144,14 @@ def test_dry_run_measures_nothing(folder: Path) -> None:
     assert ended.code == 0
 
 
+def test_dry_run_names_options_without_effect(folder: Path) -> None:
+    given = ["--output", "x.mcap", "--pace", "2", "--ask", "--compression", "zstd"]
+    ended = rigd("run", "strict.yaml", "--rig", "lugre-1", "--dry-run", *given, cwd=folder)
+    assert ended.code == 0
+    assert "nobody: --output, --pace, --ask, --compression\n" in ended.err
+    assert not (folder / "x.mcap").exists()
+
+
 def test_table_of_trials_has_measures(folder: Path) -> None:
     ended = rigd("export", "a.mcap", "--to", "csv", "--stream", "carriage", "--output", "tables",
                  cwd=folder)  # fmt: skip
