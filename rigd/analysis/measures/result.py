@@ -187,12 +187,23 @@ def summary_of(
         judgement, why = _judge(measure, readings, low, high, why)
         if judgement is Judgement.UNDECIDED and not why and mean is not None and std is not None:
             why = _advice(measure, mean, spread, n, systematic or 0.0, "runs" if runs else "trials")
-    played = sorted(readings, key=lambda item: item.start_ns)
-    trend = trend_of([item.value for item in played if item.value is not None])
+    trend = trend_of([item.value for item in _played(readings) if item.value is not None])
     return Summary(
         measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
         trend, runs, u, max(n - 1, 0), conditions or {}, point or {},
     )  # fmt: skip
+
+
+def _played(readings: Sequence[TrialReading]) -> list[TrialReading]:
+    """Return ``readings`` in the order of play.
+
+    Runs in virtual time may begin at one moment: they follow one another as they were given.
+    """
+    begun: dict[Path, int] = {}
+    for item in readings:
+        begun[item.recording] = min(item.start_ns, begun.get(item.recording, item.start_ns))
+    runs = sorted(begun, key=begun.__getitem__)
+    return sorted(readings, key=lambda item: (runs.index(item.recording), item.start_ns))
 
 
 def _std(values: Sequence[float]) -> float:

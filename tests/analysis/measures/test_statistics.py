@@ -202,6 +202,20 @@ def test_drift_is_named_in_order_of_play() -> None:
     assert summary_of(measure(), {}, readings(*drifting[:3])).trend is None
 
 
+def test_runs_that_begin_together_are_not_mixed() -> None:
+    steps = (0.1200, 0.1201, 0.1199)  # of each run; the runs differ
+    played = [
+        TrialReading(Path(f"{run}.mcap"), number, run + value, start_ns=number)
+        for run in range(4)
+        for number, value in enumerate(steps)
+    ]
+    mixed = sorted(played, key=lambda item: item.start_ns)  # as it was: each run in turn
+    assert trend_of([item.value for item in mixed if item.value is not None]) is None
+    trend = summary_of(measure(), {}, played).trend
+    assert trend is not None
+    assert trend.per_trial == pytest.approx(0.315, rel=0.01)
+
+
 def test_one_rejected_result_rejects_all() -> None:
     accepted, undecided = Judgement.ACCEPTED, Judgement.UNDECIDED
     assert outcome_of([None, accepted, Judgement.REJECTED, undecided]) is Judgement.REJECTED
