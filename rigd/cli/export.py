@@ -148,8 +148,15 @@ def execute(args: argparse.Namespace) -> int:
         )
         for path in written:
             print(path)
-        for loss in run_info(recording).losses:
+        info = run_info(recording)
+        for loss in info.losses:
             print(f"warning: {loss}", file=sys.stderr)
+        if info.other_topics and args.stream is None:
+            print(
+                f"warning: {file}: not exported, because rigd cannot read them as columns: "
+                f"{', '.join(info.other_topics)}",
+                file=sys.stderr,
+            )
     return 0
 
 

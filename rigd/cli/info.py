@@ -133,6 +133,7 @@ def _print(info: RunInfo) -> None:
             f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
         ),
         "calibration": _calibration(info.metadata.get("calibration", {})),
+        "not read": ", ".join(info.other_topics),
         "attached": ", ".join(info.attachments),
     }
     lines = [*facts.items(), *(("added note", str(note)) for note in info.notes)]

@@ -59,6 +59,7 @@ class RunInfo:
     duration_s: float
     size: int  #: bytes
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
+    other_topics: tuple[str, ...] = ()  #: of another program, which rigd cannot read as columns
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -116,6 +117,7 @@ def run_info(recording: Recording) -> RunInfo:
         streams=tuple(_stream_info(recording, name) for name in recording.streams),
         attachments=tuple(index.name for index in recording.contents.attachments),
         gaps=recording.gaps,
+        other_topics=tuple(dict.fromkeys(recording.other_topics)),
     )
 
 
@@ -198,6 +200,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
             }
             for stream in info.streams
         ],
+        "other_topics": list(info.other_topics),
         "attachments": list(info.attachments),
     }
 

@@ -11,9 +11,11 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 from numpy.typing import NDArray
 
+from rigd.cli.main import main
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover
 from rigd.record.chunks import ChunkHead, unpack_chunk
+from rigd.record.export import Format, export
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -194,6 +196,35 @@ def test_channels_of_a_topic_that_differ_stay(tmp_path: Path) -> None:
     recording = Recording.open(tmp_path / "merged.mcap")
     assert recording.read("p")["x"].tolist() == [1, 2, 3, 5, 6, 7, 9, 10, 11, 13]
     assert recording.other_topics == ("/p",)
+
+
+def test_topics_that_cannot_be_read_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_two_channels(path := tmp_path / "merged.mcap", 1 << 20, b"float64 y\n")
+    assert main(["info", str(path)]) == 0
+    assert "not read    /p\n" in capsys.readouterr().out
+    target = ["--to", "csv", "--output", str(tmp_path / "out")]
+    assert main(["export", str(path), *target]) == 0
+    told = f"warning: {path}: not exported, because rigd cannot read them as columns: /p\n"
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("format", ["csv", "parquet", "mat"])
+def test_streams_of_one_file_name_are_refused(tmp_path: Path, format: Format) -> None:
+    with (tmp_path / "two.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("a/msg/P", "ros2msg", b"float64 x\n")
+        for topic in ("/imu/left", "/imu.left"):
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, 1, b"\x00\x01\x00\x00" + bytes(8), 1)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    recording, out = Recording.open(tmp_path / "two.mcap"), tmp_path / "out"
+    with pytest.raises(RecordingError, match=r"'imu/left' and 'imu\.left' would both be imu\.left"):
+        export(recording, out, format)
+    assert not out.exists()
+    assert export(recording, out, format, streams=["imu.left"])
 
 
 def test_big_endian_messages_are_refused(tmp_path: Path) -> None:

@@ -75,8 +75,8 @@ def export(
     written in batches: memory does not grow with the recording, but for ``mat``.
 
     Raises:
-        RecordingError: no such stream, a file exists (unless ``overwrite``), or it cannot be
-            written: then no file is new or changed.
+        RecordingError: no such stream, two of one file name, a file exists (unless ``overwrite``),
+            or it cannot be written: then no file is new or changed.
     """
     kind = FORMATS[format]
     chosen = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
@@ -85,10 +85,14 @@ def export(
     if kind.together:
         files[target] = kind.write, tables
     else:
-        files = {
-            target / f"{part.name.replace('/', '.')}{kind.suffixes[0]}": (kind.write, [part])
-            for part in tables
-        }
+        for part in tables:
+            path = target / f"{part.name.replace('/', '.')}{kind.suffixes[0]}"
+            if path in files:
+                raise RecordingError(
+                    f"{files[path][1][0].name!r} and {part.name!r} would both be {path.name}",
+                    hint="Export to hdf5 or mdf4 instead, or one of them alone by --stream.",
+                )
+            files[path] = kind.write, [part]
         if kind.described:
             files[target / DESCRIPTION] = _function("arrow:describe_csv"), tables
     # These exist if another stream was exported before; what they contain must be the same.
