@@ -231,6 +231,22 @@ def test_no_line_leads_through_time_unrecorded(
     assert np.isfinite(trace.values).sum() == 500
 
 
+@pytest.mark.parametrize("piece_rows", [700, 250, 90])
+def test_hole_between_two_pieces_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece_rows: int
+) -> None:
+    rows = ramp(1.0)
+    rows[TIME_FIELD][500:] += 3_000_000_000  # the hole is from 0.5 s to 3.5 s of 4 s
+    monkeypatch.setattr(samples, "PIECE_ROWS", piece_rows)
+    procedure = "record: {axis: {every: 1, during: [drive]}}\n"
+    recording = Recording.open(record(tmp_path / "run.mcap", (), rows, procedure=procedure))
+    whole = Attempt(0, START_NS, START_NS + 4_000_000_000)
+    found = gather(recording, [whole], shared_time([whole], [], ()), {0: 0}, {0: 250})
+    trace = found.traces[0]["axis.position"]
+    assert np.all(np.diff(trace.t_s) > 0.0)
+    assert trace.t_s[np.isnan(trace.values)].tolist() == pytest.approx([2.0], abs=0.01)
+
+
 def test_long_streams_are_read_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = Recording.open(record(tmp_path / "run.mcap", (), ramp(10.0)))
     whole = Attempt(0, START_NS, START_NS + 10_000_000_000)

@@ -167,20 +167,19 @@ def gather(
     streams = [(stream, poses_of([stream])) for stream in shown_streams(recording)]
     for attempt in attempts:
         for stream, poses in streams:
+            before = np.zeros(0, np.int64)
             for rows, share in _pieces(recording, stream.name, attempt):
                 columns = share * draw.get(attempt.index, 0)
-                breaks = [
-                    *lost.get(stream.name, ()),
-                    *(holes(rows) if stream.name in parts else ()),
-                ]
+                times = rows[TIME_FIELD].astype(np.int64)
+                found = holes(np.append(before, times)) if stream.name in parts else []
+                breaks, before = [*lost.get(stream.name, ()), *found], times[-1:]
                 _take(samples, attempt, stream, rows, groups, columns, breaks)
                 _walk(samples, attempt, poses, rows, math.ceil(share * points))
     return samples
 
 
-def holes(rows: NDArray[np.void]) -> list[int]:
-    """Return the middle of each time, in ns, in which nothing of the stream was recorded."""
-    times = rows[TIME_FIELD].astype(np.int64)
+def holes(times: NDArray[np.int64]) -> list[int]:
+    """Return the middle of each time, in ns, in which no row of ``times`` (n,) was recorded."""
     waits = np.diff(times)
     if not waits.size:
         return []
@@ -241,9 +240,9 @@ def _take(
             band.setdefault(name, Band.empty()).enter(place[inside], values[inside])
         if columns:
             trace = Trace(*thin(t_s, values, max(1, math.ceil(columns))))
-            trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in breaks_ns])
             traces = samples.traces.setdefault(attempt.index, {})
-            traces[name] = _joined(traces.get(name), trace)
+            gaps_s = [(ns - attempt.start_ns) * 1e-9 for ns in breaks_ns]
+            traces[name] = _joined(traces.get(name), trace, gaps_s)
 
 
 def _shown(channel: Channel, values: FloatArray) -> FloatArray:
@@ -274,17 +273,12 @@ def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArr
         extremes[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
 
 
-def _broken(trace: Trace, gaps_s: Sequence[float]) -> Trace:
-    """Return the trace with breaks: no line is drawn over what is lost or was not recorded."""
-    inside = [at for at in gaps_s if trace.t_s[0] <= at <= trace.t_s[-1]]
-    if not inside:
-        return trace
+def _joined(before: Trace | None, trace: Trace, gaps_s: Sequence[float]) -> Trace:
+    """Return both traces as one: no line is drawn over what is lost or was not recorded."""
+    first_s = trace.t_s[0] if before is None else before.t_s[-1]
+    inside = [at for at in gaps_s if first_s <= at <= trace.t_s[-1]]
     places = np.searchsorted(trace.t_s, inside, side="right")
-    t_s = np.insert(trace.t_s, places, inside)
-    return Trace(t_s, np.insert(trace.values, places, math.nan))
-
-
-def _joined(before: Trace | None, trace: Trace) -> Trace:
+    trace = Trace(np.insert(trace.t_s, places, inside), np.insert(trace.values, places, math.nan))
     if before is None:
         return trace
     return Trace(
