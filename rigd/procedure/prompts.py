@@ -10,6 +10,7 @@ from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.model.limits import rounded_to
 from rigd.model.units import format_quantity, parse_unit
 from rigd.procedure.agreement import inside
 from rigd.procedure.conditions import check_reachable, read_until
@@ -106,6 +107,8 @@ def _number_prompt(
     top = math.inf if high is None else high
     if bottom > top:
         reader.note((*path, "min"), f"min {source.min} is above max {source.max}", "swap the two")
+    if answer is not None:
+        answer = rounded_to(bottom, answer, top)
     if answer is not None and (answer < bottom or answer > top):
         reader.note(
             (*path, "answer"),

@@ -55,6 +55,11 @@ def prompt_of(text: str, rig: RigConfig) -> Prompt:
     return prompt
 
 
+def test_answer_rounded_beyond_max_is_max(rig: RigConfig) -> None:
+    text = TEXT.replace("answer: ${load}", "answer: 0.4 kg + 0.8 kg + 0.3 kg\n      max: 1.5 kg")
+    assert prompt_of(text, rig).answer == 1.5
+
+
 def test_agreement_share_is_of_the_given_answer(rig: RigConfig) -> None:
     prompt = prompt_of(TEXT, rig)
     assert prompt.agrees == Agreement("scale.mass", 0.05, True, 1.0, STABLE)
