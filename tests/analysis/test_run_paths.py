@@ -11,14 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.analysis.report.svg import drawing_style
-from rigd.analysis.run_page import run_report
+from rigd.analysis.run_page import run_report, samples
 from rigd.analysis.run_page.figures import planes
 from rigd.analysis.run_page.groups import Groups
 from rigd.analysis.run_page.paths import BodyPath, path_of
+from rigd.analysis.run_page.samples import Attempt, gather, shared_time
 from rigd.model.channels import Channel, Stream
 from rigd.model.poses import poses_of
 from rigd.model.rows import TIME_FIELD, row_dtype
-from rigd.record import RecordingWriter
+from rigd.record import Recording, RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000
 MARKER = Stream("marker", (Channel("x", "m"), Channel("y", "m"), Channel("heading", "rad")))
@@ -108,3 +109,20 @@ def test_page_shows_paths_of_a_recording(tmp_path: Path) -> None:
     text = unescape(run_report(file))
     assert '<section id="plane">' in text
     assert "marker: x 3 to 7 m, y −1 to 3 m" in text
+
+
+@pytest.mark.parametrize("piece_rows", [1_000, 150])
+def test_path_is_interrupted_between_two_pieces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece_rows: int
+) -> None:
+    monkeypatch.setattr(samples, "PIECE_ROWS", piece_rows)
+    rows = circle()
+    rows[TIME_FIELD][250:] += 20_000_000_000  # the hole is from 10 s to 30 s of 40 s
+    with RecordingWriter.create(
+        file := tmp_path / "run.mcap", streams=[MARKER], metadata={}, attachments=[],
+        start_ns=START_NS, sync_interval_s=None,
+    ) as writer:  # fmt: skip
+        writer.write("marker", rows)
+    whole = Attempt(0, START_NS, START_NS + 40_000_000_000)
+    found = gather(Recording.open(file), [whole], shared_time([whole], [], ()), {}, {})
+    assert breaks(found.paths["marker"][0]) == 1

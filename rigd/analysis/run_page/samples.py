@@ -167,14 +167,16 @@ def gather(
     streams = [(stream, poses_of([stream])) for stream in shown_streams(recording)]
     for attempt in attempts:
         for stream, poses in streams:
-            before = np.zeros(0, np.int64)
+            before = recording.read(stream.name, 0, 0)  # the last row of the piece before
             for rows, share in _pieces(recording, stream.name, attempt):
                 columns = share * draw.get(attempt.index, 0)
-                times = rows[TIME_FIELD].astype(np.int64)
-                found = holes(np.append(before, times)) if stream.name in parts else []
-                breaks, before = [*lost.get(stream.name, ()), *found], times[-1:]
+                times = np.append(before[TIME_FIELD], rows[TIME_FIELD]).astype(np.int64)
+                found = holes(times) if stream.name in parts else []
+                breaks = [*lost.get(stream.name, ()), *found]
                 _take(samples, attempt, stream, rows, groups, columns, breaks)
-                _walk(samples, attempt, poses, rows, math.ceil(share * points))
+                linked = np.concatenate([before, rows]) if poses else rows
+                _walk(samples, attempt, poses, linked, math.ceil(share * points))
+                before = rows[-1:].copy()
     return samples
 
 
