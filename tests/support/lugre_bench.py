@@ -125,6 +125,7 @@ class Bench:
     noisy: bool = True
     dt_s: float = 1e-3
     max_s: float = 3.0
+    half_swing_s: float = np.inf  #: after which the current changes its sign, again and again
     #: Friction G of the rollers in N from sample to sample; none without lateral motion.
     lateral_n: FloatArray | None = field(default=None, compare=False)
 
@@ -144,26 +145,23 @@ class Bench:
             gravity_m_s2=G0,
         )
 
-    def rows(self, current_a: float, half_swing_s: float = 0.0) -> FloatArray:
-        """Return (n, 9): time, v, w, p, i, x, theta, acceleration, whether it brakes.
-
-        The current changes its sign after each ``half_swing_s``; 0: it stays.
-        """
+    def rows(self, current_a: float) -> FloatArray:
+        """Return (n, 9): time, v, w, p, i, x, theta, acceleration, whether it brakes."""
         f = self.truth
         q = (f.v_s, f.mu_c, f.mu_s, f.s0, f.s1, f.s2, f.mu_rol, self.mass_kg, 0.3 * self.noisy)
         most, after = round(self.max_s / self.dt_s), round(0.1 / self.dt_s)
         push = np.zeros(most + after) if self.lateral_n is None else self.lateral_n
         since = self.dt_s * np.arange(most + after) - 0.35 + 1e-9
-        sign = np.sign(since) if half_swing_s == 0.0 else 1.0 - 2.0 * (since // half_swing_s % 2)
+        sign = 1.0 - 2.0 * (since // self.half_swing_s % 2)
         commands = np.where(since > 0.0, sign * current_a, 0.0)
         return _drive(
             q, push, commands, most, after, self.dt_s,
             max(1, round(SUBSTEPS * self.dt_s / 1e-3)),
         )  # fmt: skip
 
-    def trial(self, current_a: float, seed: int, half_swing_s: float = 0.0) -> LugreTrial:
+    def trial(self, current_a: float, seed: int) -> LugreTrial:
         """Return one recording: 0.35 s of rest, the drive, 0.1 s of braking."""
-        rows = self.rows(current_a, half_swing_s)
+        rows = self.rows(current_a)
         t, v, theta = rows[:, 0], rows[:, 1], rows[:, 6]
         trial = LugreTrial(
             label=f"{current_a:.2f} A",

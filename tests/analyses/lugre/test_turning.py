@@ -28,8 +28,8 @@ def white_acceleration(bench: Callable[..., Any], zero_a: float) -> np.ndarray[A
 
     The monitor's zero is off by ``zero_a`` while the current flows.
     """
-    rig = bench("pvc")
-    trial = rig.trial(1.5, 1, HALF_SWING_S)
+    rig = bench("pvc", half_swing_s=HALF_SWING_S)
+    trial = rig.trial(1.5, 1)
     monitored = trial.motor_current_a + zero_a * (np.arange(len(trial.t_s)) >= STEP)
     floor = rig.truth
     ratio = np.log(floor.mu_s / floor.mu_c)
