@@ -7,11 +7,13 @@ Several threads call the methods: those of the server, the thread of the run and
 from __future__ import annotations
 
 import itertools
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -41,6 +43,7 @@ from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
 
+_LOG: Final = logging.getLogger(__name__)
 #: The hint if the rig is in use.
 HINT: Final = (
     "steer it through its daemon: rigd remote start PROCEDURE --rig {rig}, "
@@ -348,6 +351,7 @@ class Steering:
             running.start()
         except BaseException:
             self._running = None
+            self.show()
             raise
         self._notices.note(f"{requester} began {request.procedure.name}: {running.recording.name}")
         return Started(run=running.recording.name)
@@ -364,16 +368,16 @@ class Steering:
         self._changed()
 
     def _over(self, last: LastRun) -> None:
-        """Note that the run has ended; called from its thread."""
-        try:
-            self._feed.detach()
-            self._trips.save()
-            self._mark()
-            self._ended(last)
-        finally:
-            with self._lock:
-                # Together: a client that sees that nothing runs also sees how the run ended.
-                self.last, self._running = last, None
+        """Note that the run has ended; called from its thread. A step that fails skips no other."""
+        for step in (self._feed.detach, self._trips.save, self._mark, partial(self._ended, last)):
+            try:
+                step()
+            except Exception as error:  # noqa: BLE001 - the daemon lives on, and shows the rig
+                _LOG.exception("the end of a run was not noted completely")
+                self._notices.note(f"after the end of {last.run}: {error}", "error")
+        with self._lock:
+            # Together: a client that sees that nothing runs also sees how the run ended.
+            self.last, self._running = last, None
         self._notices.note(
             f"{last.run}: {last.ending}: {last.reason}",
             "warning" if last.exit_code else "info",
