@@ -26,7 +26,11 @@ async def renew_lease(rig: Rig, hub: Hub, sessions: Sessions) -> None:
     while True:
         await asyncio.sleep(RENEW_S)
         holder = hub.lease_holder
-        if holder is None or holder.identity != rig.identity or not sessions.has_page(holder.user):
+        if (
+            holder is None
+            or holder.identity != rig.identity
+            or not sessions.may_hold_lease(holder.user)
+        ):
             continue
         try:
             await rig.request(Kind.COMMAND, "lease_renew", {}, LeaseView, holder.user)

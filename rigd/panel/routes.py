@@ -117,8 +117,8 @@ class PanelApi:
         if session.role != "operator":
             raise Refusal(Code.FORBIDDEN, "this page may watch and stop, not command")
         to_us = verb == "lease_give" and args.get("to") == self.rig.identity
-        if to_us and not self.sessions.has_page(str(args.get("user", ""))):
-            raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
+        if to_us and not self.sessions.may_hold_lease(str(args.get("user", ""))):
+            raise Refusal(Code.NOT_FOUND, "that user is no operator with a page open here")
         kind = COMMANDS[verb].result
         return complete(await self.rig.request(Kind.COMMAND, verb, args, kind, session.name))
 

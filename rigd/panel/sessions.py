@@ -103,9 +103,12 @@ class Sessions:
             session.over.set()
             self._keep()
 
-    def has_page(self, name: str) -> bool:
-        """Return whether a page is open in the session of the user ``name``."""
-        return any(item.name == name and item.pages > 0 for item in self._sessions.values())
+    def may_hold_lease(self, name: str) -> bool:
+        """Return whether the user ``name`` is an operator who has a page open."""
+        return any(
+            item.name == name and item.role == "operator" and item.pages > 0
+            for item in self._sessions.values()
+        )
 
     def open_page(self, session: Session) -> None:
         """Note that a page of the session has connected."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rigd.panel.messages import Role
 from rigd.panel.rates import MOST_ADDRESSES, Bucket, BucketByAddress
 from rigd.panel.session_store import SessionStore
 from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
@@ -109,13 +110,25 @@ def test_user_has_page_until_last_is_closed() -> None:
     opened = sessions.redeem(sessions.invite("operator"), "Ada")
     assert opened is not None
     key, session = opened
-    assert not sessions.has_page("Ada")
+    assert not sessions.may_hold_lease("Ada")
     sessions.open_page(session)
     sessions.open_page(session)
     sessions.close_page(session)
-    assert sessions.has_page("Ada") and not sessions.has_page("Bob")
+    assert sessions.may_hold_lease("Ada") and not sessions.may_hold_lease("Bob")
     sessions.end(key)
-    assert not sessions.has_page("Ada")
+    assert not sessions.may_hold_lease("Ada")
+
+
+def test_observer_with_operators_name_keeps_no_lease() -> None:
+    sessions = Sessions()
+    cases: tuple[tuple[Role, bool], ...] = (("operator", True), ("observer", False))
+    for role, may in cases:
+        opened = sessions.redeem(sessions.invite(role), "Ada")
+        assert opened is not None
+        key, session = opened
+        sessions.open_page(session)
+        assert (session.name, sessions.may_hold_lease("Ada")) == ("Ada", may)
+        sessions.end(key)
 
 
 def test_second_user_of_a_name_gets_a_number() -> None:
