@@ -24,6 +24,7 @@ from rigd.panel.messages import (
 )
 from rigd.panel.outbox import Outbox
 from rigd.panel.rig import Rig
+from rigd.remote.client.watching import all_events
 from rigd.remote.protocol import ClientUser, Frame, Kind, Refusal, RigEvent, decode_frame
 from rigd.remote.protocol.results import Description, Events, History, LatestValues
 
@@ -175,7 +176,9 @@ class Hub:
         """Fetch events from before the start of the panel, and events lost on the way."""
         since = self._events[-1].seq + 1 if self._events else 0
         try:
-            answer = await self._rig.request(Kind.ASK, "events", {"seq": since}, Events)
+            answer = await all_events(
+                lambda seq: self._rig.request(Kind.ASK, "events", {"seq": seq}, Events), since
+            )
         except RigdError as error:
             log.warning("events may be missing: %s", error)
             return

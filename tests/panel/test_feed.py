@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support.panel import ServedPanel
 from support.played_campaign import STREAMS
-from support.played_rig import PlayedRig
+from support.played_rig import EVENTS_OF_ANSWER, PlayedRig
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
@@ -55,6 +55,14 @@ def test_late_page_gets_description_and_past_events(panel: ServedPanel) -> None:
         status = hear(page, "status")
         assert hear(page, "event", kind="trial_end")["data"] == {"number": 3}
     Status.model_validate_json(json.dumps(status))  # as the protocol has it, and nothing else
+
+
+def test_new_panel_fetches_the_newest_events() -> None:
+    rig = PlayedRig()
+    for _ in range(EVENTS_OF_ANSWER + 1):
+        rig.emit("step")
+    with ServedPanel(rig) as panel, panel.visitor().page() as page:
+        hear(page, "event", seq=EVENTS_OF_ANSWER)
 
 
 def test_description_is_asked_again_with_other_streams(panel: ServedPanel) -> None:

@@ -88,6 +88,7 @@ from rigd.remote.server import Lease, RigPublisher
 TICK_S = 1 / 30
 #: So long that a client which keeps the lease does not lose it on a crowded machine, in s.
 LEASE_S = 600.0
+EVENTS_OF_ANSWER = 100  #: a daemon bounds them too, by their bytes
 RUN = "2026-11-21T14-02-11_constant_current.mcap"
 TITLE = "LuGre omni-wheel rig, simulated"
 
@@ -358,7 +359,8 @@ class PlayedRig:
         )  # fmt: skip
 
     def _events(self, _: Requester, since: Since) -> Events:
-        return Events(events=tuple(self.events[since.seq :]), next=len(self.events))
+        found = self.events[since.seq :][:EVENTS_OF_ANSWER]
+        return Events(events=tuple(found), next=since.seq + len(found))
 
     def _latest(self, _: Requester, __: NoArguments) -> LatestValues:
         values = {

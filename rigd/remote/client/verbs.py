@@ -15,6 +15,7 @@ from rigd.procedure.loader import load_procedure
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.lease_keeper import LeaseKeeper
 from rigd.remote.client.transfer import Progress, fetch
+from rigd.remote.client.watching import all_events
 from rigd.remote.protocol import (
     Code,
     Frame,
@@ -77,7 +78,7 @@ class AsyncVerbs(ABC):
 
     async def events(self, since: int = 0) -> Events:
         """Return the events numbered from ``since`` that the daemon still knows."""
-        return await self._ask("events", Events, seq=since)
+        return await all_events(lambda seq: self._ask("events", Events, seq=seq), since)
 
     # Procedures
 

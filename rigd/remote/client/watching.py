@@ -48,6 +48,15 @@ async def each(
             yield read(payload)
 
 
+async def all_events(ask: Callable[[int], Awaitable[Events]], since: int) -> Events:
+    """Return the events from number ``since``; one answer has as many as it can contain."""
+    found: list[RigEvent] = []
+    while (answer := await ask(since)).events:
+        found += answer.events
+        since = answer.next
+    return Events(events=tuple(found), next=answer.next)
+
+
 async def without_gaps(
     received: AsyncGenerator[RigEvent, None],
     ask: Callable[[int], Awaitable[Events]],

@@ -12,6 +12,7 @@ from typing import get_type_hints
 
 import pytest
 from support.played_campaign import FILE, RECORDING, REPORT, TEXT, TRIP, WEIGH, past
+from support.played_rig import EVENTS_OF_ANSWER
 from support.served_rig import Served
 
 from rigd.model.errors import ConfigError, LinkError
@@ -196,6 +197,14 @@ def test_events_arrive_live_after_those_already_known(remote: Served, client: Cl
     remote.rig.emit("step", name="two")
     assert [next(events).data["name"] for _ in range(2)] == ["one", "two"]
     assert client.events(1).next == 2
+
+
+def test_events_of_several_answers_come_complete(remote: Served, client: Client) -> None:
+    for _ in range(2 * EVENTS_OF_ANSWER + 1):
+        remote.rig.emit("step")
+    found = client.events(1)
+    assert [event.seq for event in found.events] == list(range(1, 2 * EVENTS_OF_ANSWER + 1))
+    assert found.next == 2 * EVENTS_OF_ANSWER + 1
 
 
 def test_live_data_is_handed_over_as_frames(remote: Served, client: Client) -> None:
