@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -105,7 +105,7 @@ class Asked:
 class PlayedRig:
     """One rig, which any thread may change; a run that is stopped ends once a test ends it.
 
-    ``prompts`` are asked at the beginning of each run.
+    ``prompts`` are asked at the beginning of each run. ``wall`` is the clock of its computer.
     """
 
     def __init__(
@@ -114,9 +114,10 @@ class PlayedRig:
         *,
         prompts: tuple[PromptView, ...] = (),
         lease_s: float = LEASE_S,
+        wall: Callable[[], int] = time.time_ns,
     ) -> None:
         self.name = name
-        self.lease = Lease(duration_s=lease_s)
+        self.lease = Lease(duration_s=lease_s, wall=wall)
         self.publisher: RigPublisher | None = None  #: once it is served
         self.requests: list[Asked] = []
         self.stops = 0
@@ -140,7 +141,7 @@ class PlayedRig:
         self.begun = threading.Event()  #: a verb hangs
         self.let_go = threading.Event()
         self._hangs = ""
-        self._prompts = prompts
+        self._prompts, self._wall = prompts, wall
         self._waiting: list[PromptView] = []
         self._began = 0.0
         self._emitting = threading.Lock()
@@ -269,7 +270,7 @@ class PlayedRig:
             parameters={"current": played.target, "floor": "stone"},
         )  # fmt: skip
         return Status(
-            v=VERSION, rig=self.name, title=TITLE, t_ns=time.time_ns(),
+            v=VERSION, rig=self.name, title=TITLE, t_ns=self._wall(),
             rows_ns=time.time_ns(), seq=self.said,
             daemon=Daemon(
                 version="0.1.0", pid=os.getpid(), started_ns=1, descriptors=self.descriptors

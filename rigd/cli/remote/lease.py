@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -46,10 +45,10 @@ def _execute(args: argparse.Namespace) -> int:
                 return _hold(rig, rig.lease_take)
             case _:
                 return _hold(rig, rig.lease_seize)
-    if args.json:
-        print_json(view.model_dump(mode="json"))
-    else:
-        print(_in_words(view))
+        if args.json:
+            print_json(view.model_dump(mode="json"))
+        else:
+            print(_in_words(view, rig.status().t_ns))  # this computer's clock may differ
     return 0
 
 
@@ -94,10 +93,10 @@ def _hold(rig: Client, take: Callable[[], LeaseView]) -> int:
     return 0
 
 
-def _in_words(view: LeaseView) -> str:
+def _in_words(view: LeaseView, now_ns: int) -> str:
     if view.holder is None:
         return "no client has control"
-    left_s = max(view.until_ns - time.time_ns(), 0) * 1e-9
+    left_s = max(view.until_ns - now_ns, 0) * 1e-9
     lines = [f"{view.holder} has control, for another {left_s:.1f} s unless it is renewed"]
     return "\n".join([*lines, *(f"  {item} requests it" for item in view.asked_by)])
 

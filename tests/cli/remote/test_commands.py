@@ -13,7 +13,7 @@ from typing import TypeVar
 import pytest
 from support.command import Ended, rigd, start
 from support.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRIP, WEIGH
-from support.played_rig import RUN
+from support.played_rig import LEASE_S, RUN, PlayedRig
 from support.served_rig import Served, free_port, serve
 
 from rigd.cli.remote.rigs import show_rigs
@@ -161,6 +161,17 @@ def test_holder_of_the_lease_is_named(ask: Asking) -> None:
     assert asking.end().out.endswith("alice has control of lugre-1 until Ctrl-C gives it back\n"
                                      "given back\n")  # fmt: skip
     assert ask("lease").out == "no client has control\n"
+
+
+def test_time_of_lease_follows_clock_of_rig(tmp_path: Path) -> None:
+    setup = RemoteSetup((f"tcp/127.0.0.1:{free_port()}",))
+    ahead = PlayedRig(wall=lambda: time.time_ns() + 3_600_000_000_000)
+    ahead.hold_lease("bob")
+    with serve(setup, rig=ahead) as remote:
+        out = Asking(remote, tmp_path)("lease").out
+    found = re.match(r"bob has control, for another ([\d.]+) s", out)
+    assert found is not None, out
+    assert 0.0 < float(found[1]) <= LEASE_S + 1.0
 
 
 def test_events_and_recordings_are_listed(ask: Asking) -> None:
