@@ -1,19 +1,24 @@
-"""The page shows a channel in the unit in which people read it, in a real browser."""
+"""How the page shows the values of channels, in a real browser."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from playwright.sync_api import expect
 from support.browser import Watched
-from support.page import running
+from support.page import press, running, turn_to
 from support.panel import ServedPanel
-from support.played_bodies import BodiesRig
+from support.played_bodies import STREAMS, BodiesRig
+from support.played_campaign import dry_run
+from support.played_rig import PlayedRig
 
 from rigd.remote.protocol import Requester
 from rigd.remote.protocol.arguments import NoArguments
-from rigd.remote.protocol.results import ChannelView, Description, InterlockView
+from rigd.remote.protocol.results import ChannelView, Description, InterlockView, PeakView
+from rigd.remote.protocol.verbs import Handlers
 
 #: The channel gives 1.0, which is 9.55 rpm.
 RPM = 0.104719755
@@ -32,6 +37,19 @@ class TurningRig(BodiesRig):
         motor = found.streams[0].model_copy(update={"channels": (SPEED,)})
         streams = (motor, *found.streams[1:])
         return found.model_copy(update={"streams": streams, "interlocks": (FAST,)})
+
+
+class ClimbingRig(PlayedRig):
+    """Its lift has narrow limits."""
+
+    PEAK = PeakView(
+        channel="lift.height", unit="m", lowest=-0.001, highest=0.004321, low=-0.0025, high=0.005,
+        limit_by="rig file", inside=True,
+    )  # fmt: skip
+
+    def _table(self) -> Handlers:
+        found = dry_run({}).model_copy(update={"peaks": (self.PEAK,)})
+        return replace(super()._table(), dry_run=lambda *_: found)
 
 
 @pytest.fixture
@@ -54,3 +72,38 @@ def test_value_limit_and_trace_are_in_display_unit(panel: ServedPanel, watched: 
     expect(page.locator(".interlock-table")).to_contain_text(
         "within −3000\u202frpm … 3000\u202frpm"
     )
+
+
+def test_tiny_value_is_not_shown_as_zero(watched: Watched) -> None:
+    rig = BodiesRig()
+    rig.speed = 3e-7
+    with ServedPanel(rig) as panel:
+        page = running(panel, watched)
+        row = page.locator(".channel-table tr", has_text="speed").first
+        expect(row.locator(".value")).to_have_text("3·10⁻⁷")
+
+
+def test_channel_shows_no_value_of_another(watched: Watched) -> None:
+    rig = BodiesRig()
+    with ServedPanel(rig) as panel:
+        page = running(panel, watched)
+        rows = page.locator(".channel-table tr")
+        expect(rows.filter(has_text="speed").first.locator(".value")).to_have_text("1.000")
+        rig.become("idle")  # no more frames
+        torque = ChannelView(name="torque", unit="N m")
+        motor = STREAMS[0].model_copy(update={"channels": (torque,)})
+        rig.streams = (motor, *STREAMS[1:])
+        rig.emit("streams", added=[])
+        expect(rows.filter(has_text="torque").locator(".value")).to_have_text("–")
+
+
+def test_limits_of_preview_have_its_unit(watched: Watched) -> None:
+    with ServedPanel(ClimbingRig()) as panel:
+        page = watched.enter(panel.links["operator"])
+        turn_to(page, "Procedures")
+        page.get_by_role("button", name=re.compile("Identification tests")).click()
+        press(page, "Dry run")
+        row = page.locator(".peak", has_text="lift.height")
+        expect(row.locator(".peak-end").first).to_have_text("−2.5")
+        expect(row.locator(".peak-end").last).to_have_text("5")
+        expect(row.locator(".peak-values")).to_have_text("−1.000 … 4.321\u202fmm")

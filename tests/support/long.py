@@ -337,6 +337,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "the page in a browser, beyond stops, control and a run": {
         "panel/test_call.py": (),
+        "panel/test_display.py": (
+            "test_channel_shows_no_value_of_another",
+            "test_limits_of_preview_have_its_unit",
+            "test_tiny_value_is_not_shown_as_zero",
+        ),
         "panel/test_layout.py": (),
         "panel/test_page.py": (
             "test_a_maintainer_takes_over_and_tares",

@@ -66,6 +66,8 @@ class BodiesRig(PlayedRig):
         super().__init__()
         self.covered: set[str] = set()
         self.acts = self.saturated = 0.0  #: what its controller does
+        self.speed = 1.0  #: of its motor
+        self.streams = STREAMS
 
     def play(self, until: threading.Event) -> None:
         """Publish frames while a run is under way."""
@@ -77,7 +79,7 @@ class BodiesRig(PlayedRig):
             angle = 2 * math.pi * (now_ns * 1e-9 / TURN_S % 1.0)
             there = (RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), angle)
             rows: dict[str, tuple[float, ...]] = {
-                "motor": (1.0,), "standing": (sequence, *STANDS), "going_round": there,
+                "motor": (self.speed,), "standing": (sequence, *STANDS), "going_round": there,
                 "hidden": there, "governor": (0.8, 0.2, self.saturated, self.acts, 1.0),
             }  # fmt: skip
             for stream in STREAMS:
@@ -88,7 +90,7 @@ class BodiesRig(PlayedRig):
 
     def _describe(self, by: Requester, _: NoArguments) -> Description:
         return Description(
-            rig=self.name, title=TITLE, simulated=True, streams=STREAMS, interlocks=INTERLOCKS,
+            rig=self.name, title=TITLE, simulated=True, streams=self.streams, interlocks=INTERLOCKS,
             controllers=(CONTROLLER,), role=by.role,
         )  # fmt: skip
 

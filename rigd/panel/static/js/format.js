@@ -39,7 +39,8 @@ export function scaled(limit, symbol) {
 }
 
 /**
- * A value for a column that is read while it changes: always as many decimals as the range needs.
+ * A value for a column that is read while it changes: always as many decimals as the range needs. If that
+ * is more than the column can show, a value of the range is still not shown as 0.
  * @param {number | null | undefined} value
  * @param {number} scale
  */
@@ -49,7 +50,8 @@ export function steady(value, scale) {
   const most = scale < 5e-3 ? 6 : 4; // so that it fits into its column
   const decimals = Math.max(0, Math.min(most, 3 - Math.floor(Math.log10(scale || 1))));
   const text = value.toFixed(decimals);
-  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+  if (Number(text) !== 0) return text.replace("-", "−");
+  return Math.abs(value) > scale / 1000 ? short(value, 3) : text.replace("-", "");
 }
 
 /** @param {string} symbol */

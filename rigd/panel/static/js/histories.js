@@ -10,13 +10,22 @@ import { read, watch } from "./store.js";
  */
 export const histories = new Map();
 
+/**
+ * What each history contains: stream, channels and units.
+ * @type {Map<number, string>}
+ */
+let contents = new Map();
+
 watch("describe", () => {
-  const shapes = new Map(read("describe").streams.map((stream) => [stream.number, stream.channels.length]));
-  for (const [number, history] of histories) {
-    if (shapes.get(number) !== history.channels) histories.delete(number);
+  const before = contents;
+  contents = new Map();
+  for (const { number, name, channels } of read("describe").streams) {
+    const content = JSON.stringify([name, ...channels.map((channel) => [channel.name, channel.unit])]);
+    contents.set(number, content);
+    if (before.get(number) !== content) histories.set(number, new History(channels.length));
   }
-  for (const [number, channels] of shapes) {
-    if (!histories.has(number)) histories.set(number, new History(channels));
+  for (const number of histories.keys()) {
+    if (!contents.has(number)) histories.delete(number);
   }
 });
 

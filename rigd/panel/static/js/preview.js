@@ -93,10 +93,10 @@ function peak(item, isFit) {
   const to = Math.min(1, ((highest ?? low) - low) / room);
   bar.style.setProperty("--from", String(from));
   bar.style.setProperty("--to", String(Math.max(to, from + 0.005)));
-  /** @param {number | null} value */
-  const end = (value) => (value === null ? "" : short(value));
   const scale = Math.max(Math.abs(low), Math.abs(high), Math.abs(lowest ?? 0), Math.abs(highest ?? 0));
   const shown = scaled(scale, item.display);
+  /** @param {number | null} value */
+  const end = (value) => (value === null ? "" : short(value / shown.factor));
   /** @param {number | null} value */
   const found = (value) => steady(value === null ? null : value / shown.factor, scale / shown.factor);
   const beyond = isFit ? "beyond, too briefly to trip" : "beyond the limit";
