@@ -251,7 +251,7 @@ declare namespace Api {
     run: string | null;
     step: string | null;
     can_hold: boolean;
-    trial: TrialStatus | null;
+    trial: PageTrial | null;
     trials_done: number;
     trials_total: number;
     run_s: number;
@@ -269,6 +269,14 @@ declare namespace Api {
     name: string;
     channels: PageChannel[];
     rate_hz: number;
+  }
+  interface PageTrial {
+    number: number;
+    repeat: number;
+    parameters: Record<string, number | string | boolean>;
+    units: Record<string, string>;
+    label: string;
+    scales: Record<string, UnitScale>;
   }
   interface PieceView {
     size: number;
@@ -427,12 +435,6 @@ declare namespace Api {
   }
   interface Stopped {
     acted: boolean;
-  }
-  interface TrialStatus {
-    number: number;
-    repeat: number;
-    parameters: Record<string, number | string | boolean>;
-    label: string;
   }
   interface TripView {
     interlock: string;

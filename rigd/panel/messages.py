@@ -28,7 +28,7 @@ from rigd.remote.protocol.results import (
     RunView,
     StreamView,
 )
-from rigd.remote.protocol.status import PromptView
+from rigd.remote.protocol.status import PromptView, TrialStatus
 
 Role = Literal["operator", "observer"]
 
@@ -119,18 +119,28 @@ class PagePrompt(PromptView):
     """What 0 in `unit` is in SI; 0 but for degC and the like."""
 
 
+class PageTrial(TrialStatus):
+    """The trial under way."""
+
+    scales: dict[str, UnitScale]
+    """The units of its parameters, as numbers."""
+
+
 class PageStatus(Status):
     """The status of the rig."""
 
     prompt: PagePrompt | None = None
+    trial: PageTrial | None = None
 
     @classmethod
     def of(cls, status: Status) -> PageStatus:
-        """Return ``status`` with the unit of its prompt, if there is one, as numbers."""
-        prompt = status.prompt
+        """Return ``status`` with the units of its prompt and its trial as numbers."""
+        prompt, trial = status.prompt, status.trial
         if prompt is not None:
             prompt = PagePrompt(**{**dict(prompt), **_scale(prompt.unit)})
-        return cls(**{**dict(status), "prompt": prompt})
+        if trial is not None:
+            trial = PageTrial(**dict(trial), scales=_scales(trial.units))
+        return cls(**{**dict(status), "prompt": prompt, "trial": trial})
 
 
 class PageEvent(RigEvent):

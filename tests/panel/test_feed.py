@@ -136,6 +136,16 @@ def test_silent_daemon_is_shown_lost_then_found(panel: ServedPanel) -> None:
         hear(page, "panel", alive=True)
 
 
+def test_new_page_gets_units_of_present_trial(panel: ServedPanel) -> None:
+    panel.rig.state = "running"
+    with panel.visitor().page() as page:
+        trial = hear(page, "status", state="running")["trial"]
+        assert (trial["units"], trial["scales"]) == (
+            {"current": "A"},
+            {"current": {"factor": 1.0, "offset": 0.0}},
+        )
+
+
 def test_change_is_sent_at_once(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     with visitor.page() as page:

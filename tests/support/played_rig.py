@@ -267,7 +267,7 @@ class PlayedRig:
         run_s = time.monotonic() - self._began if plays and self._began else 0.0
         trial = TrialStatus(
             number=played.trial, repeat=1, label=f"current {played.target:.3g} A",
-            parameters={"current": played.target, "floor": "stone"},
+            parameters={"current": played.target, "floor": "stone"}, units={"current": "A"},
         )  # fmt: skip
         return Status(
             v=VERSION, rig=self.name, title=TITLE, t_ns=self._wall(),

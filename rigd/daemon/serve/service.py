@@ -209,6 +209,7 @@ def _trial(trial: TrialPlan, procedure: CompiledProcedure) -> TrialStatus:
         number=trial.number,
         repeat=trial.repeat,
         parameters=dict(trial.parameters),
+        units={k: unit for k, unit in procedure.units.items() if k in trial.parameters},
         label=trial_label(trial, procedure),
     )
 

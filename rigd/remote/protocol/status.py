@@ -48,6 +48,8 @@ class TrialStatus(Message):
     repeat: Count
     parameters: dict[str, float | str | bool]
     """Quantities in SI."""
+    units: dict[str, str] = Field(default_factory=dict)
+    """The units of the quantities, as the procedure has them."""
     label: DaemonText = ""
     """Its difference from other trials, for people: ``current 0.15 A, repeat 2``."""
 

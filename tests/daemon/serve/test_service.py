@@ -30,6 +30,7 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
         assert under_way.trial is not None
         assert (under_way.procedure, under_way.run, under_way.trials_total) == ("sweep", run, 3)
         assert under_way.trial.parameters["speed"] == pytest.approx(0.1)
+        assert under_way.trial.units["speed"] == "m/s"
         later = served.until(lambda status: status.trials_done == 1 and status.trial)
         assert later.left_s is not None
         assert 0.2 < later.left_s < 1.6

@@ -3,7 +3,6 @@
 import { command } from "./api.js";
 import { el, file, fill, flag, icon, setText } from "./dom.js";
 import { duration, parameters, words } from "./format.js";
-import { watchEvents } from "./link.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
@@ -46,15 +45,6 @@ export function mountRun(root) {
 }
 
 /**
- * The units of the present trial, also as numbers.
- * @type {{ units: Record<string, string>, scales: Record<string, Api.UnitScale> }}
- */
-let trial = { units: {}, scales: {} };
-watchEvents(({ kind, data, scales }) => {
-  if (kind === "trial_start") trial = { units: /** @type {Record<string, string>} */ (data.units), scales };
-});
-
-/**
  * @param {"pause" | "play"} drawing
  * @param {string} text
  * @param {string} title
@@ -88,7 +78,7 @@ function describe(facts, status) {
       ? `${duration(status.run_s)} so far`
       : `${duration(status.run_s)} of about ${duration(status.run_s + status.left_s)}, ${Math.round(100 * share(status, 0))}\u202f%`],
     ["Step", status.step ?? "–"],
-    ...(status.trial === null ? [] : parameters({ ...trial, parameters: status.trial.parameters }))
+    ...(status.trial === null ? [] : parameters(status.trial))
       .map(([name, value]) => [words(name), value]),
   ];
   if (facts.childElementCount !== 2 * lines.length) {
