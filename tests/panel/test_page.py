@@ -17,6 +17,17 @@ from support.stalls import witnessed
 from rigd.remote.protocol.results import StatedView
 from rigd.remote.protocol.status import Interrupted
 
+#: Keeps the connections of a page for live data.
+SOCKETS = """
+window.sockets = [];
+window.WebSocket = class extends WebSocket {
+  constructor(url) {
+    super(url);
+    if (url.endsWith("/api/live")) sockets.push(this);
+  }
+};
+"""
+
 
 def drawn(page: Page) -> int:
     return int(page.locator(".traces").get_attribute("data-drawn") or 0)
@@ -247,6 +258,25 @@ def test_interlocks_are_called_clear_only_while_watched(
     expect(verdict).to_have_text(re.compile(r"^not watched since the run ended, \d\d:"))
     panel.line.is_cut = True
     expect(verdict).to_have_text("not known")
+
+
+def test_events_stand_once_after_a_reconnection(watched: Watched) -> None:
+    ahead_ns = [1_000_000_000, 0, 2_000_000_000]  # two processes report: times are not in order
+    rig = PlayedRig(wall=lambda: time.time_ns() + ahead_ns[0])
+    watched.page.add_init_script(SOCKETS)
+    with ServedPanel(rig) as panel:
+        page = watched.enter(panel.links["operator"])
+        turn_to(page, "Events")
+        rows = page.locator(".event-table tbody tr")
+        for count in (1, 2):
+            rig.emit("step", name=f"number {count}")
+            expect(rows).to_have_count(count)
+            del ahead_ns[0]
+        page.evaluate("sockets[0].close()")
+        wait_until(lambda: page.evaluate("sockets.length === 2 && sockets[1].readyState === 1"))
+        rig.emit("step", name="number 3")
+        expect(rows.filter(has_text="number 3")).to_have_count(1)
+        expect(rows).to_have_count(3)
 
 
 def test_an_interrupted_run_is_offered_and_can_wait(panel: ServedPanel, watched: Watched) -> None:

@@ -348,6 +348,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_an_interrupted_run_is_offered_and_can_wait",
             "test_choosing_the_open_procedure_keeps_typed_values",
             "test_control_changes_hands_between_two_browsers",
+            "test_events_stand_once_after_a_reconnection",
             "test_interlocks_are_called_clear_only_while_watched",
             "test_past_run_is_drawn_without_control",
             "test_report_is_made_and_read_without_its_scripts",

@@ -206,7 +206,7 @@ class PlayedRig:
         trial = self.carriage.trial if self.state == "running" else -1
         with self._emitting:
             event = RigEvent(
-                v=VERSION, seq=len(self.events), t_ns=time.time_ns(), kind=kind, trial=trial,
+                v=VERSION, seq=len(self.events), t_ns=self._wall(), kind=kind, trial=trial,
                 data=data,
             )  # fmt: skip
             self.events.append(event)

@@ -71,7 +71,7 @@ async def without_gaps(
         if wanted is not None:
             for event in (await ask(wanted)).events:
                 yield event
-                wanted, newest_ns = event.seq + 1, event.t_ns
+                wanted, newest_ns = event.seq + 1, max(newest_ns, event.t_ns)
         async for event in received:
             if wanted is not None and event.seq < wanted and event.t_ns <= newest_ns:
                 continue  # among those asked for
@@ -80,7 +80,7 @@ async def without_gaps(
                     if missed.seq < event.seq:
                         yield missed
             yield event
-            wanted, newest_ns = event.seq + 1, event.t_ns
+            wanted, newest_ns = event.seq + 1, max(newest_ns, event.t_ns)
 
 
 @dataclass

@@ -50,6 +50,11 @@ def test_forgotten_events_stay_a_gap() -> None:
     assert [item.seq for item in read([told[1], told[7]], told[5:], None)] == [1, 5, 6, 7]
 
 
+def test_known_events_of_unordered_times_come_once() -> None:
+    told = [event(0, 1), event(1, 5), event(2, 3), event(3, 6)]
+    assert read(told[1:], told[:3], 0) == told
+
+
 def test_restarted_daemon_counts_from_zero() -> None:
     new = [event(0, 100), event(1, 101)]
     assert read([event(40), event(41), *new], [], None) == [event(40), event(41), *new]

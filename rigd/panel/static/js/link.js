@@ -117,7 +117,7 @@ function hear(message) {
       // After a new connection the panel sends the stored events again. A restarted daemon counts
     // from 0 again, but its time continues.
       if (message.event.seq <= last.seq && message.event.t_ns <= last.t_ns) break;
-      last = message.event;
+      last = { seq: message.event.seq, t_ns: Math.max(last.t_ns, message.event.t_ns) };
       for (const listener of onEvents) listener(message.event);
       break;
     case "skipped":
