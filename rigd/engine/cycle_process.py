@@ -36,7 +36,7 @@ from rigd.engine.wiring import in_cycle, wire
 from rigd.model.severity import Severity
 from rigd.model.system import readable
 from rigd.record.events import NO_TRIAL
-from rigd.sdk import Driver
+from rigd.sdk import Driver, peers
 
 T = TypeVar("T")
 
@@ -209,8 +209,11 @@ class CycleProcess:
     def _reply(self, question: m.Question[Any]) -> None:
         """Answer a question that can be answered at once."""
         match question:
-            case m.Open(_, judge):
+            case m.Open(_, judge, known):
+                peers.learn(known)
                 self._answer(question, self._open(judge=judge))
+            case m.Peers():
+                self._answer(question, peers.known())
             case m.Judge():
                 judged = [*judge_devices(self._cycle), *self._prove_watchdogs()]
                 self._answer(question, judged)

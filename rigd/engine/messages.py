@@ -8,7 +8,7 @@ processes run the same code, and no other process has an end of the socket.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Generic, TypeVar
 
 from rigd.config.rig import RigConfig
@@ -17,6 +17,7 @@ from rigd.engine.player import Outcome
 from rigd.model.errors import RigdError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
+from rigd.sdk.peers import Peer
 
 T = TypeVar("T")
 
@@ -55,9 +56,16 @@ class Open(Question[Sequence[str]]):
     """Open every device; the answer is the reasons why the rig cannot be armed, one sentence each.
 
     ``judge`` False: only the devices that could not be opened. :class:`Judge` asks for the rest.
+    ``peers``: where the daemon has opened TCP ports; see :mod:`rigd.sdk.peers`.
     """
 
     judge: bool = True
+    peers: Mapping[Peer, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Peers(Question[Mapping[Peer, str]]):
+    """Ask where the cycle has opened TCP ports; see :mod:`rigd.sdk.peers`."""
 
 
 @dataclass(frozen=True)

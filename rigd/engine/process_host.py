@@ -32,6 +32,7 @@ from rigd.model.errors import DeviceError, RecordingError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
+from rigd.sdk import peers
 
 #: A program that is too long for a packet, in the run's folder.
 PROGRAM: Final = "program.pickle"
@@ -154,7 +155,9 @@ class ProcessHost:
                 reasons += self._prove_off_cycle()
             if identities := self._off_cycle.identities:
                 self.event("devices", identities)
-        opened = self._ask(partial(m.Open, judge=judge), OPEN_S, kill_on_stop=True)
+        open_all = partial(m.Open, judge=judge, peers=peers.known())
+        opened = self._ask(open_all, OPEN_S, kill_on_stop=True)
+        peers.learn(self._ask(m.Peers) or {})
         return (*reasons, *self._or_lost(opened))
 
     def identities(self) -> Mapping[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 from support import file_axis
 from support.file_axis import word
+from support.name_server import lose_name_server
 from support.stalls import witnessed
 
 from rigd.config.rig import RigConfig, Waiver
@@ -328,6 +330,18 @@ def test_lost_or_hanging_cycle_leads_to_rescue(tmp_path: Path, number: signal.Si
             os.kill(pid, 0)
         assert host.play(move(0.5)).severity is Severity.FAULT
         assert word(path) == "rescued"
+
+
+def test_rescue_looks_no_name_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "axis"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        rig = file_axis.rig(path, tcp_port=server.getsockname()[1])
+        with host_of(rig) as (host, folder, _):
+            ready(host)
+            lose_name_server(monkeypatch)
+            os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
+            assert "made safe over a second link" in host.play(move(0.5)).reason
+            assert word(path) == "rescued"
 
 
 def test_hanging_driver_ends_run_like_dead_cycle(tmp_path: Path) -> None:

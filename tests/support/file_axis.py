@@ -12,6 +12,7 @@ from typing import ClassVar
 from rigd.config.rig import DeviceConfig, LinkSetup, RigConfig, SourceFile, Supervision, Waiver
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.sdk import Channel, Declaration, DeviceError, Driver, DriverConfig, Link, LinkConfig, Row
+from rigd.sdk.peers import connect
 
 
 class FileAxisConfig(DriverConfig):
@@ -31,6 +32,8 @@ class FileAxisConfig(DriverConfig):
     safe_takes_s: float = 0.0
     ready_after_s: float = 0.0
     opens_in_s: float = 0.0
+    tcp_port: int | None = None
+    """The port of `localhost` at which it is opened and rescued."""
 
 
 class AxisRow(Row):
@@ -63,6 +66,8 @@ class FileAxis(Driver[FileAxisConfig, None]):
 
     def open(self) -> None:
         self._begun = time.monotonic()
+        if self.config.tcp_port is not None:
+            connect("localhost", self.config.tcp_port, 1.0).close()
         self._keep("opened")
         time.sleep(self.config.opens_in_s)
 
@@ -106,6 +111,8 @@ class FileAxis(Driver[FileAxisConfig, None]):
         self._keep("safe")
 
     def rescue(self) -> None:
+        if self.config.tcp_port is not None:
+            connect("localhost", self.config.tcp_port, 1.0, again=True).close()
         self._keep("rescued")
 
     def _keep(self, word: str) -> None:

@@ -55,14 +55,14 @@ class Connection:
         self._transaction = 0
         self._sent = 0
 
-    def open(self, timeout_s: float) -> None:
-        """Connect within ``timeout_s``.
+    def open(self, timeout_s: float, *, again: bool = False) -> None:
+        """Connect within ``timeout_s``; ``again``: at the address that it had.
 
         Raises:
             LinkError: it cannot be reached.
         """
         self._buffer.clear()
-        self._transport.open(timeout_s)
+        self._transport.open(timeout_s, again=again)
 
     def close(self) -> None:
         """Close it; closing twice is silent."""

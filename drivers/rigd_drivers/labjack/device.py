@@ -86,7 +86,7 @@ class Device:
             DeviceError: it refuses.
         """
         self._connection.close()
-        self._connect(ANEW_S)
+        self._connect(ANEW_S, again=True)
         self.rest()
 
     def close(self) -> None:
@@ -105,7 +105,7 @@ class Device:
             DeviceError: it does not take it.
         """
         try:
-            self._connect()
+            self._connect(again=True)
             self.rest()
         finally:
             self.close()
@@ -209,10 +209,10 @@ class Device:
     def _ask(self, asked: Packet) -> tuple[float, ...]:
         return self._connection.ask(asked, self.call_time.until_s)
 
-    def _connect(self, within_s: float = OPEN_S) -> str:
+    def _connect(self, within_s: float = OPEN_S, *, again: bool = False) -> str:
         """Connect, and return what device it is."""
         try:
-            self._connection.open(within_s)
+            self._connection.open(within_s, again=again)
             return self._check_product()
         except LinkError as error:
             raise LinkError(

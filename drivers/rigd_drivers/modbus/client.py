@@ -43,14 +43,14 @@ class Client:
         self._exchange = exchange
         self._now_ns = now_ns
 
-    def open(self, timeout_s: float = OPEN_S) -> None:
-        """Open the connection, within ``timeout_s``.
+    def open(self, timeout_s: float = OPEN_S, *, again: bool = False) -> None:
+        """Open the connection, within ``timeout_s``; ``again``: at the address that it had.
 
         Raises:
             LinkError: it cannot be opened.
 
         """
-        self._transport.open(timeout_s)
+        self._transport.open(timeout_s, again=again)
 
     def close(self) -> None:
         """Close the connection; closing twice is silent."""

@@ -291,7 +291,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
     def _anew(self) -> Iterator[Client]:
         """Open a new connection, and close it in the end."""
         client = self.config.client(self._map.silence)
-        client.open(_RESCUE_OPEN_S)
+        client.open(_RESCUE_OPEN_S, again=True)
         try:
             yield client
         finally:

@@ -10,6 +10,7 @@ from typing import Final, Protocol
 import serial
 
 from rigd.sdk import LinkError
+from rigd.sdk.peers import connect
 
 #: More than the largest frame of either kind (260 bytes on TCP, 256 on a serial line).
 _CHUNK: Final = 1024
@@ -20,8 +21,8 @@ class Transport(Protocol):
 
     where: str
 
-    def open(self, timeout_s: float) -> None:
-        """Open it, within ``timeout_s``.
+    def open(self, timeout_s: float, *, again: bool = False) -> None:
+        """Open it, within ``timeout_s``; ``again``: at the address that it had last.
 
         Raises:
             LinkError: it cannot be opened.
@@ -57,18 +58,12 @@ class TcpTransport:
     def __init__(self, host: str, port: int) -> None:
         self.where = f"{host}:{port}"
         self._address = (host, port)
-        self._peer: tuple[str, int] | None = None
         self._socket: socket.socket | None = None
 
-    def open(self, timeout_s: float) -> None:
-        """See :class:`Transport`.
-
-        Once it was open, it is opened again at the same address: to find that of a name may take
-        seconds.
-        """
+    def open(self, timeout_s: float, *, again: bool = False) -> None:
+        """See :class:`Transport`."""
         try:
-            self._socket = socket.create_connection(self._peer or self._address, timeout_s)
-            self._peer = self._socket.getpeername()[:2]
+            self._socket = connect(*self._address, timeout_s, again=again)
         except OSError as error:
             raise LinkError(
                 f"cannot connect to {self.where}: {error}",
@@ -122,7 +117,7 @@ class SerialTransport:
         self._baud, self._parity, self._stop_bits = baud, parity, stop_bits
         self._serial: serial.Serial | None = None
 
-    def open(self, timeout_s: float) -> None:
+    def open(self, timeout_s: float, *, again: bool = False) -> None:
         """See :class:`Transport`; opening a port takes no time."""
         try:
             self._serial = serial.Serial(

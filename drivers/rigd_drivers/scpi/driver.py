@@ -167,14 +167,14 @@ class Scpi(SlowDriver[ScpiConfig, None]):
             self._send_safe()
         except (LinkError, DeviceError):
             self._port.close()
-            await self._port.open()
+            await self._port.open(again=True)
             self._send_safe()
         async with self._lock:
             await self._check_safe()
 
     async def rescue(self) -> None:
         """Send `safe` over a new connection before anything is asked; see :class:`SlowDriver`."""
-        await self._port.open()
+        await self._port.open(again=True)
         try:
             self._send_safe()
             await self._port.quiet(QUIET_S, timeout_s=self.config.timeout)

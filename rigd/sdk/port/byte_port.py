@@ -14,6 +14,7 @@ from typing import Final
 import serial
 
 from rigd.model.errors import DeviceError, LinkError
+from rigd.sdk.peers import connect, last_address, note
 from rigd.sdk.port.config import PortConfig
 
 _PARITIES: Final = {
@@ -35,7 +36,6 @@ class BytePort:
         self._config = config
         self._port: serial.Serial | socket.socket | None = None
         self._lost: OSError | None = None
-        self._peer: tuple[str, int] | None = None  # where the TCP port was open last
         #: The port, for messages.
         self.where = config.port
 
@@ -51,48 +51,52 @@ class BytePort:
             LinkError: there is no such port, it is not ours to open, or open already.
 
         """
-        self._open(None, CONNECT_S)
+        self._open(CONNECT_S)
 
     def open_again(self, connect_s: float) -> None:
         """Open the port as it was; a TCP port must accept within ``connect_s``, in s.
 
-        It is at the address that it had: to find that of a name may take seconds.
+        It is at the address that it had: see :mod:`rigd.sdk.peers`.
 
         Raises:
             LinkError: see :meth:`open`.
 
         """
-        self._open(self._peer, connect_s)
+        self._open(connect_s, again=True)
 
-    def _open(self, peer: tuple[str, int] | None, connect_s: float) -> None:
+    def _open(self, connect_s: float, *, again: bool = False) -> None:
         self._check_closed()
         if not self._config.is_tcp:
             self._port = self._serial()
             return
         try:
             host, port = self._config.address
-            opened = socket.create_connection(peer or (host, int(port)), connect_s)
-            self._peer = opened.getpeername()[:2]
+            opened = connect(host, int(port), connect_s, again=again)
         except OSError as error:
             raise self._unanswered(error) from error
         self._set_up(opened)
         self._port = opened
 
-    async def open_on_loop(self) -> None:
-        """Open the port without blocking the event loop; raises what :meth:`open` does."""
+    async def open_on_loop(self, *, again: bool = False) -> None:
+        """Open the port without blocking the event loop; raises what :meth:`open` does.
+
+        ``again``: at the address that it had; see :mod:`rigd.sdk.peers`.
+        """
         self._check_closed()
         if not self._config.is_tcp:
             self._port = self._serial()
             return
         loop = asyncio.get_running_loop()
         host, port = self._config.address
+        where = last_address(host, int(port)) if again else host
         own = None
         try:
             async with asyncio.timeout(CONNECT_S):
-                family, *_, address = (await loop.getaddrinfo(host, port, type=_STREAM))[0]
+                family, *_, address = (await loop.getaddrinfo(where, port, type=_STREAM))[0]
                 own = socket.socket(family, _STREAM)
                 own.setblocking(False)
                 await loop.sock_connect(own, address)
+            note(host, int(port), own)
         except BaseException as error:
             if own is not None:
                 own.close()

@@ -79,14 +79,14 @@ class LinePort:
         """Lines thrown away because they were too long."""
         return self._buffer.overlong
 
-    async def open(self) -> None:
-        """Open the port and begin to read.
+    async def open(self, *, again: bool = False) -> None:
+        """Open the port and begin to read; ``again``: at the address that it had.
 
         Raises:
             LinkError: there is no such port, it is not ours to open, or open already.
 
         """
-        await self._bytes.open_on_loop()
+        await self._bytes.open_on_loop(again=again)
         self.received = 0
         self.unusual = None
         self._not_before = 0.0

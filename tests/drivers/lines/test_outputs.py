@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from support.descriptors import beyond_select
+from support.name_server import lose_name_server
 
 from rigd.cli.new import rendered
 from rigd.config.loader import parse_rig
@@ -230,22 +231,25 @@ def test_device_is_rescued_beyond_1024_descriptors() -> None:
 
 
 def test_lost_name_server_does_not_delay_safety(monkeypatch: pytest.MonkeyPatch) -> None:
-    find = socket.getaddrinfo
-
-    def away(host: str, *arguments: Any, **options: Any) -> Any:
-        if host == "localhost":
-            raise socket.gaierror("no name server answers")
-        return find(host, *arguments, **options)
-
     with opened(host="localhost") as (driver, device):
         driver.arm()
         cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
-        monkeypatch.setattr(socket, "getaddrinfo", away)
+        lose_name_server(monkeypatch)
         drop(device)
         with pytest.raises(DeviceError, match="is gone"):
             cycle_until(driver, 5.0, lambda: False)
         driver.make_safe()
         driver.confirm_safe()
+        assert not device.output
+
+
+def test_lost_name_server_does_not_hinder_rescue(monkeypatch: pytest.MonkeyPatch) -> None:
+    with opened(host="localhost") as (driver, device):
+        driver.arm()
+        cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+        driver.close()  # as the kernel does for a process that was killed
+        lose_name_server(monkeypatch)
+        LineOutputs(driver.config, None).rescue()
         assert not device.output
 
 

@@ -16,6 +16,7 @@ import pytest
 from pydantic import ValidationError
 from support.descriptors import beyond_select
 from support.modbus_bench import ServoBench, cycle, rows_of, status
+from support.name_server import lose_name_server
 from support.stalls import witnessed
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
@@ -271,6 +272,17 @@ def test_drive_is_rescued_beyond_1024_descriptors(servo: ServoBench) -> None:
     cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
     with beyond_select():
         servo.driver().rescue()
+    assert servo.comes_to_rest()
+
+
+@TCP
+def test_lost_name_server_does_not_hinder_rescue(
+    servo: ServoBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = armed(servo, host="localhost")
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    lose_name_server(monkeypatch)
+    servo.driver(host="localhost").rescue()
     assert servo.comes_to_rest()
 
 
