@@ -31,6 +31,7 @@ from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
+from rigd.sdk import Driver
 
 if TYPE_CHECKING:
     from rigd.controllers.bank import Bank
@@ -456,9 +457,16 @@ class Cycle:
                 ordered.append(mount)
         until_ns = monotonic_ns() + CONFIRMING_NS
         for mount in ordered:
+            if type(mount.driver).confirm_safe is Driver.confirm_safe:
+                continue  # it has nothing to show
             try:
                 if monotonic_ns() < until_ns:
                     mount.driver.confirm_safe()
+                else:
+                    problems.append(
+                        f"{mount.name} was not asked whether it is safe: the devices before it "
+                        f"took {CONFIRMING_NS * 1e-9:g} s (look at it before you touch the rig)"
+                    )
             except Exception as error:  # noqa: BLE001 - boundary: as above
                 problems.append(f"{mount.name} does not confirm that it is safe: {error}")
         now_ns = self.t_ns if t_ns is None else t_ns

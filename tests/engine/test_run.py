@@ -8,6 +8,7 @@ import pytest
 from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.engine.control import Control
+from rigd.engine.cycle import CONFIRMING_NS
 from rigd.engine.result import Progress
 from rigd.model.errors import Blocked, DeviceError, Exit, LinkError, RecordingError
 from rigd.model.limits import Interlock, SetpointLimit
@@ -99,6 +100,28 @@ def test_device_that_does_not_confirm_spoils_exit_code() -> None:
         "other could not be made safe: relay welded",
         "axis does not confirm that it is safe: it still turns",
     )
+    assert result.exit_code is Exit.TRIPPED
+
+
+class SlowToConfirm(Stubborn):
+    """A device that takes ``late_ns`` to show that it is safe."""
+
+    late_ns = 0
+
+    def make_safe(self) -> None:
+        self.safe_calls += 1
+
+    def confirm_safe(self) -> None:
+        self.late_ns += CONFIRMING_NS
+
+
+def test_devices_without_time_to_confirm_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = SlowToConfirm()
+    monkeypatch.setattr("rigd.engine.cycle.monotonic_ns", lambda: other.late_ns)
+    bench = Bench(other=other, axis=Unconfirmed(other))
+    result = bench.run(procedure([move("one", 0.5)])).execute()
+    (problem,) = result.problems
+    assert problem.startswith("axis was not asked whether it is safe: the devices before it took 1")
     assert result.exit_code is Exit.TRIPPED
 
 
