@@ -33,6 +33,7 @@ class Card(Link):
     """
 
     kind: ClassVar[str] = "card"
+    rescued_whole: ClassVar[bool] = True
     #: Volts that the converter gives at its rails; at them the input may be anything beyond.
     lowest_volts: ClassVar[float]
     highest_volts: ClassVar[float]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from rigd.config.rig import DeviceConfig, RigConfig
@@ -22,7 +22,7 @@ RESCUE_S = 1.0
 
 @dataclass
 class Rescue:
-    """The result of a rescue, one sentence per actuator."""
+    """The result of a rescue, one sentence per actuator or shared link."""
 
     done: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
@@ -33,10 +33,18 @@ def rescue(rig: RigConfig, names: Collection[str], within_s: float = RESCUE_S) -
     found = Rescue()
     if rig.plant is not None:
         return found  # devices simulated in process have ended with it
+    together: dict[tuple[str, str], list[DeviceConfig]] = {}
+    for device in rig.devices.values():
+        if device.is_actuator and device.name in names:
+            together.setdefault(_rescued_with(rig, device), []).append(device)
     threads = [
-        threading.Thread(target=_rescue, args=(rig, device, found), daemon=True, name=device.name)
-        for device in rig.devices.values()
-        if device.is_actuator and device.name in names
+        threading.Thread(
+            target=_rescue,
+            args=(rig, devices, found),
+            daemon=True,
+            name=", ".join(device.name for device in devices),
+        )
+        for devices in together.values()
     ]
     for thread in threads:
         thread.start()
@@ -50,8 +58,20 @@ def rescue(rig: RigConfig, names: Collection[str], within_s: float = RESCUE_S) -
     return found
 
 
-def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
-    begun = time.monotonic()
+def _rescued_with(rig: RigConfig, device: DeviceConfig) -> tuple[str, str]:
+    """Return what is the same for devices that one rescue makes safe: their link, or the device."""
+    link, driver_class = device.link, device.driver_class
+    if link is None or not (issubclass(driver_class, Driver) and driver_class.second_link):
+        return "device", device.name
+    whole = rig.links[link].link_class.rescued_whole
+    return ("link", link) if whole else ("device", device.name)
+
+
+def _rescue(rig: RigConfig, devices: Sequence[DeviceConfig], found: Rescue) -> None:
+    """Make ``devices`` safe by the rescue of the first."""
+    begun, device = time.monotonic(), devices[0]
+    names = ", ".join(each.name for each in devices)
+    was = "was" if len(devices) == 1 else "were"
     try:
         setup = None if device.link is None else rig.links[device.link]
         link = None if setup is None else setup.link_class(setup.config)
@@ -63,9 +83,9 @@ def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
         elif isinstance(driver, Driver) and driver.second_link:
             insist(driver.rescue)
         else:
-            found.done.append(f"{device.name} is left to its watchdog")
+            found.done.append(f"{names} is left to its watchdog")
             return
         took_ms = (time.monotonic() - begun) * 1e3
-        found.done.append(f"{device.name} was made safe over a second link in {took_ms:.0f} ms")
+        found.done.append(f"{names} {was} made safe over a second link in {took_ms:.0f} ms")
     except Exception as error:  # noqa: BLE001 - boundary: told, and the others go on
-        found.problems.append(f"{device.name} could not be reached over a second link: {error}")
+        found.problems.append(f"{names} could not be reached over a second link: {error}")

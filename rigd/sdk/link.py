@@ -37,6 +37,8 @@ class Link(ABC):
     title: ClassVar[str] = ""
     #: The name that drivers give as their ``link_kind``; links of one kind are interchangeable.
     kind: ClassVar[str] = ""
+    #: Whether the rescue of one device on it makes all devices on it safe; it is then called once.
+    rescued_whole: ClassVar[bool] = False
 
     def __init__(self, config: Any) -> None:
         self.config = config
