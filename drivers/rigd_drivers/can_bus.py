@@ -135,7 +135,7 @@ class CanBus(Link):
         listening_s = max(3 * self.config.heartbeat, _SHORTEST_LISTENING_S)
         try:
             self.wait(lambda: False, listening_s)
-            if self._errors_in_a_row:
+            if self.errors and not self._meter.bits:  # no good frame was among them
                 raise self.broken("only errors are heard")
         except LinkError:
             self.close()

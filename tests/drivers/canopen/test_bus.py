@@ -155,10 +155,13 @@ def test_error_frames_alone_at_opening_are_refused(monkeypatch: pytest.MonkeyPat
     assert port.closed == 1
 
 
-def test_extended_frame_after_an_error_permits_opening(connect: Connect) -> None:
+@pytest.mark.parametrize("heard", [(0x2000_0088, 0x98FE_F121), (0x70B, 0x2000_0088)])
+def test_good_frame_beside_an_error_permits_opening(
+    connect: Connect, heard: tuple[int, int]
+) -> None:
     bus, port = connect()
-    port.say(0x2000_0088, bytes(8))
-    port.say(0x98FE_F121, "05")
+    for identifier in heard:
+        port.say(identifier, bytes(8))
     bus.open()
     assert bus.errors == 1
 
