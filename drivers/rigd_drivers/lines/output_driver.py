@@ -62,6 +62,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         self._sent: tuple[bytes, ...] = ()  # lines of the setpoints that were sent last
         self._on: bool | None = None  # as the device reports it
         self._was_ready = False
+        self._mute = False  # no answer came to the last question
 
     @classmethod
     def declare(cls, config: LineOutputsConfig) -> Declaration:
@@ -105,6 +106,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             self._lines.clear()
             self._questions, self._tally = Questions(), Tally(config)
             self._wanted, self._was_ready, self._due_s = None, False, 0.0
+            self._mute = False
             for command in config.start:
                 self._port.send(encoded(command))
             self.identity = f"lines at {config.port}"
@@ -184,14 +186,21 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
     def confirm_safe(self) -> None:
         """Check that the device shows that it is safe.
 
+        `safe` is sent again over a new connection if the last question has had no answer: a
+        connection may be dead and take bytes all the same.
+
         Raises:
-            LinkError: it does not answer.
+            LinkError: it does not answer, or takes no new connection within 0.2 s.
             DeviceError: it is not safe, or the port is gone.
             ProtocolError: its answers are others.
 
         """
         if not self._is_open:
             return
+        if self._mute and self.config.is_tcp:
+            self._port.close()
+            self._open_anew()
+            self._send_safe()
         found: list[bool] = []
 
         def safe(line: bytes) -> bool | None:
@@ -234,6 +243,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
 
     def _open_anew(self) -> None:
         self._port.open_again(ANEW_S)
+        self._mute = False
         self._lines.clear()
         self._questions = Questions()
 
@@ -290,6 +300,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             reading = self._tally.take(line) if on is None else None
             if on is None and reading is None:
                 continue  # counted
+            self._mute = False
             of_state = self._asked == self._ask_state
             if self._questions.answered(now_s) is not Heard.ANSWER or of_state is (on is None):
                 continue  # late, or to another question
@@ -301,6 +312,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
         if self._questions.expired(now_s):
             self._questions.give_up(now_s, owed=True)
             self._tally.unanswered()
+            self._mute = True
         return row
 
     def _wait(self, question: bytes, take: Callable[[bytes], T | None], timeout_s: float) -> T:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -217,6 +218,57 @@ def test_broken_connection_is_replaced_to_make_safe() -> None:
         driver.make_safe()
         driver.confirm_safe()
         assert not device.output
+
+
+@contextmanager
+def between(device: Any) -> Iterator[tuple[str, Callable[[], None]]]:
+    """Pass bytes on; give the port, and what lets connections made before take bytes in vain."""
+    _, _, number = device.port.rpartition(":")
+    pairs: list[tuple[socket.socket, socket.socket]] = []
+
+    def serve(server: socket.socket) -> None:
+        with suppress(OSError):
+            while True:
+                near, far = server.accept()[0], socket.create_connection(("127.0.0.1", number))
+                pairs.append((near, far))
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=carry, args=ends, daemon=True).start()
+
+    def carry(source: socket.socket, to: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(4096):
+                to.sendall(data)
+
+    def die() -> None:
+        for _, far in pairs:
+            far.shutdown(socket.SHUT_RDWR)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, args=(server,), daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}", die
+    for pair in pairs:
+        for end in pair:
+            end.close()
+
+
+def test_dead_connection_is_replaced_to_confirm_safe() -> None:
+    device = supply()
+    with between(device) as (port, die):
+        driver = LineOutputs(LineOutputsConfig.model_validate({**OPTIONS, "port": port}), None)
+        try:
+            driver.open()
+            driver.arm()
+            cycle_until(driver, 5.0, lambda: driver.ready() and device.driven == 5.0)
+            die()
+            late_s = time.monotonic() + 2 * driver.config.timeout
+            cycle_until(driver, 5.0, lambda: time.monotonic() > late_s)
+            driver.make_safe()
+            assert device.output
+            driver.confirm_safe()
+            assert not device.output
+        finally:
+            driver.close()
+            device.stop()
 
 
 def test_device_is_rescued_beyond_1024_descriptors() -> None:
