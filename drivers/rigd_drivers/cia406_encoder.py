@@ -57,7 +57,8 @@ class EncoderConfig(SensorConfig):
     inverted: bool = False
     """Whether counting up is the rig's negative direction."""
     zero: Annotated[float, In("count")] | None = None
-    """Count at zero, of an absolute encoder; none: that at opening, as for incremental."""
+    """Count at zero, of an absolute encoder, within half of whose range everything lies; none: that
+    at opening, as for incremental."""
     preset: Annotated[int, Ge(0), Le(0x7FFF_FFFF)] | None = None
     """Count that the action `preset` gives the present position (object 6003, or 6010:01 of linear
     encoders without 6004); none: it has no such action."""
@@ -178,7 +179,7 @@ class Cia406Encoder(CanSensor[EncoderConfig]):
 
     def _begin(self, span: int, shown: int) -> None:
         """Count from what the encoder shows."""
-        unwrap = Unwrap(span)
+        unwrap = Unwrap(span, round(self.config.zero or 0.0))
         count = unwrap.follow(self._within_span(shown, span))
         self._unwrap = unwrap
         self._zero = count if self.config.zero is None else self.config.zero
