@@ -22,7 +22,7 @@ from rigd.daemon.forms import RecordingSpec, RunSetup, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
 from rigd.daemon.signals import handle_signals
-from rigd.daemon.trial_check import check_apart, check_trial
+from rigd.daemon.trial_check import CheckApart, check_trial
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.checked import TrialJudge
 from rigd.engine.clock import Clock, VirtualClock, WallClock
@@ -206,8 +206,10 @@ def _judge(request: RunRequest, path: Path) -> TrialJudge | None:
     plan = request.procedure.identify
     if plan is None or plan.check is None:
         return None
-    check = check_trial if request.virtual else check_apart
-    return TrialJudge(partial(check, path), plan.check)
+    if request.virtual:
+        return TrialJudge(partial(check_trial, path), plan.check)
+    apart = CheckApart(path)
+    return TrialJudge(apart.check, plan.check, apart.give_up)
 
 
 def check_resumable(request: RunRequest, resume: ResumePoint) -> None:

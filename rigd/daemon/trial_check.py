@@ -11,12 +11,16 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.model.errors import RigdError
+
+if TYPE_CHECKING:
+    from rigd.engine.child import Child
 
 #: The recorder writes every second; a disk may be slow.
 WRITTEN_WITHIN_S: Final = 10.0
@@ -50,24 +54,44 @@ def check_trial(path: Path, number: int) -> Sequence[str]:
     return analysis.check_trial(sweep.without(optional), ended[-1])
 
 
-def check_apart(path: Path, number: int) -> Sequence[str]:
-    """Return what :func:`check_trial` does, from a process of its own.
+class CheckApart:
+    """Checks trials of the recording at ``path``, each in a process of its own."""
 
-    Raises:
-        Unchecked: it cannot be checked.
-    """
-    from rigd.engine.child import Child, module  # of Linux, as runs in real time are
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._given_up = threading.Event()
 
-    command = module("rigd.daemon.trial_check", str(path), str(number))
-    try:
-        child = Child(command, output=True, tied=True)
-    except OSError as error:
-        raise Unchecked(f"its process cannot be started: {error.strerror}") from error
-    printed = child.talk(None, TIMEOUT_S)
-    if printed is None:
-        child.fence(1.0)
-        raise Unchecked(f"it took longer than {TIMEOUT_S:g} s")
-    answer, errors = printed
+    def check(self, number: int) -> Sequence[str]:
+        """Return what :func:`check_trial` does.
+
+        Raises:
+            Unchecked: it cannot be checked, or was given up.
+        """
+        from rigd.engine.child import Child, module  # of Linux, as runs in real time are
+
+        command = module("rigd.daemon.trial_check", str(self._path), str(number))
+        try:
+            child = Child(command, output=True, tied=True)
+        except OSError as error:
+            raise Unchecked(f"its process cannot be started: {error.strerror}") from error
+        until_s, printed = time.monotonic() + TIMEOUT_S, None
+        while printed is None:
+            given_up = self._given_up.is_set()
+            if given_up or time.monotonic() > until_s:
+                child.fence(1.0)
+                child.talk(None, 1.0)  # closes its pipes
+                raise Unchecked(
+                    "it was given up" if given_up else f"it took longer than {TIMEOUT_S:g} s"
+                )
+            printed = child.talk(None, POLL_S)
+        return _reasons(child, *printed)
+
+    def give_up(self) -> None:
+        """End the check under way: nobody waits for it."""
+        self._given_up.set()
+
+
+def _reasons(child: Child, answer: str, errors: str) -> Sequence[str]:
     if child.code:
         last = errors.strip().splitlines()
         raise Unchecked(last[-1] if last else f"its process ended with {child.ended}")

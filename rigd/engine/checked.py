@@ -22,10 +22,14 @@ END: Final = "end"
 
 @dataclass(frozen=True)
 class TrialJudge:
-    """Calls ``check`` with the number of a trial; it returns why the trial cannot be used."""
+    """Calls ``check`` with the number of a trial; it returns why the trial cannot be used.
+
+    ``give_up`` ends a check that nobody waits for any more.
+    """
 
     check: Callable[[int], Sequence[str]]
     action: TrialCheck
+    give_up: Callable[[], None] = lambda: None
 
     def judge(self, number: int, host: Host, asking: Asking, control: Control) -> Outcome | None:
         """Return why no trial follows, or None.
@@ -44,6 +48,7 @@ class TrialJudge:
         host.flush()
         stopped = host.ask(check)
         if stopped is not None:
+            self.give_up()
             return stopped
         if failures:
             control.notices.append(f"trial {number} could not be checked: {failures[0]}")

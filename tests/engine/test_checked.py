@@ -60,7 +60,7 @@ class Operator:
 
 def judged(
     action: TrialCheck, reasons: Sequence[str] = (SWAPPED,), answers: Any = None,
-    host: RestingHost | None = None,
+    host: RestingHost | None = None, give_up: Callable[[], None] = lambda: None,
 ) -> tuple[Outcome | None, RestingHost, Control]:  # fmt: skip
     """Return the outcome of trial 3, its rig, and what the operator reads."""
     rig, control = host or RestingHost(), Control()
@@ -69,7 +69,7 @@ def judged(
         assert number == 3 and rig.flushed == 1
         return reasons
 
-    judge = TrialJudge(check, action)
+    judge = TrialJudge(check, action, give_up)
     as_host = cast(Host, rig)
     asking = Asking(as_host, cast(Answers, answers or OwnAnswers()))
     return judge.judge(3, as_host, asking, control), rig, control
@@ -107,8 +107,12 @@ def test_question_without_an_operator_ends_the_run() -> None:
 
 def test_stop_during_check_ends_the_run() -> None:
     stop = Outcome(Severity.STOP, "stopped by hand")
-    outcome, rig, _ = judged(TrialCheck.WARN, host=RestingHost(stopped=stop))
+    ended: list[bool] = []
+    outcome, rig, _ = judged(
+        TrialCheck.WARN, host=RestingHost(stopped=stop), give_up=lambda: ended.append(True)
+    )
     assert outcome is stop and rig.events == []
+    assert ended == [True]
 
 
 def test_check_that_fails_is_stated_and_ends_nothing() -> None:
