@@ -46,6 +46,16 @@ class ModeProfile(Documented):
     follows_bit: bool | None = None
     """Whether bit 12 of the statusword shows that the drive follows; none: in the cyclic mode."""
 
+    @model_validator(mode="after")
+    def _has_a_sign(self) -> Self:
+        for key, found in (("target", self.target), ("actual", self.actual)):
+            if found is not None and found.type.startswith("u"):
+                raise ValueError(
+                    f"'{key}' {found.object} is of type {found.type}, which has no sign: a drive "
+                    "goes both ways"
+                )
+        return self
+
     def choose(self, modes: tuple[Mode, Mode], target: Entry, actual: Entry) -> Choice:
         """Return what to set up; ``modes`` are the cyclic one and the profile one."""
         cyclic = self.mode == "cyclic"

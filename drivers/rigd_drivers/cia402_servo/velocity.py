@@ -19,8 +19,6 @@ from rigd_drivers.cia402_servo.profile import MILLI_RPM, Choice, speed_choice
 from rigd_drivers.cia402_servo.ratings import agreed, rated_torques
 from rigd_drivers.cia402_servo.servo import Servo
 
-#: 606Ch and 60FFh have 32 bits with sign.
-_LARGEST: Final = (1 << 31) - 1
 #: 60A9h: numerator revolutions, and what they are divided by (CiA 303-2, table of SI units).
 _REVOLUTION: Final = 0xB4
 _PER: Final = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0}
@@ -120,7 +118,8 @@ class VelocityServo(Servo[VelocityConfigT]):
     def _check_ratings(self, node: Node) -> str:
         scaling = self._check_torque(node) if self.config.measures_torque else ""
         self._check_velocity_unit(node)
-        reach = self.config.lever * self.config.unit * _LARGEST
+        largest = (1 << 8 * self._choice.target.size - 1) - 1
+        reach = self.config.lever * self.config.unit * largest
         if self.config.speed_range > reach:
             raise ProtocolError(
                 f"{node} takes at most {reach:.3g} {self.speed_unit} in units of `velocity_unit`, "

@@ -201,6 +201,10 @@ def test_unit_of_velocities_is_that_of_the_profile(
         ({"speed": {"velocity_unit": "1 rpm", "velocity_counts": "1 count/s"}}, "not both"),
         ({"speed": {"mode": "homing"}}, "cyclic"),
         (
+            {"speed": {"target": {"object": "6042:00", "type": "uint16"}}},
+            "'target' 6042:00 is of type uint16, which has no sign",
+        ),
+        (
             {"torque": {"actual": {"object": "2030:00", "type": "int32"}}},
             "object 2030:00 of type int32 does not fit a PDO",
         ),
@@ -216,6 +220,16 @@ def test_unit_of_velocities_is_that_of_the_profile(
 def test_profile_that_cannot_be_is_refused(profile: dict[str, Any], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         belt_config(profile={**ABOUT, **profile})
+
+
+def test_speed_beyond_the_target_object_is_refused(connect: Connect) -> None:
+    target = {"object": "60FF:00", "type": "int16"}
+    profile = {**ABOUT, "speed": {"velocity_unit": "0.01 rpm", "target": target}}
+    drive = servo(2, mode=9)
+    del drive.objects[0x60A9, 0]
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=r"takes at most 0\.546 m/s .*`speed_range` is 2\.5"):
+        belt(bus, profile=profile).open()
 
 
 def test_profile_without_torque_is_refused_for_current() -> None:
