@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.swings import Swings
 from rigd.engine.sink import Rows
 from rigd.model.channels import STATUS_FIELD
@@ -20,8 +21,8 @@ from rigd.model.rows import TIME_FIELD
 class PeakSink:
     """Keeps extremes of a run; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
 
-    ``steps`` has (time in ns, trial number, step name) in order of play. ``swings`` has the streams
-    of the controllers.
+    ``steps`` has (time in ns, trial number, step name) in order of play. ``swings`` and
+    ``at_limit`` have the streams of the controllers.
     """
 
     peaks: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -29,6 +30,7 @@ class PeakSink:
     trips: list[str] = field(default_factory=list)
     cut: set[str] = field(default_factory=set)
     swings: Mapping[str, Swings] = field(default_factory=dict)
+    at_limit: Mapping[str, AtLimit] = field(default_factory=dict)
     last_ns: int = 0
 
     def write(self, stream: str, rows: Rows) -> None:
@@ -36,6 +38,8 @@ class PeakSink:
         self.last_ns = max(self.last_ns, int(rows[TIME_FIELD][-1]))
         if stream in self.swings:
             self.swings[stream].take(rows)
+        if stream in self.at_limit:
+            self.at_limit[stream].take(rows)
         for name in rows.dtype.names or ():
             if name in (TIME_FIELD, STATUS_FIELD):
                 continue

@@ -19,6 +19,8 @@ from rigd.config.differences import Difference
 from rigd.config.following import unseen_levels
 from rigd.config.rig import RigConfig
 from rigd.config.sibling import read_sibling
+from rigd.controllers.driver import ControllerConfig
+from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
 from rigd.dry_run.peaks import PeakSink
@@ -212,7 +214,9 @@ def _play(
     wiring = wire(rig, clock, control, seed)
     held = [name.partition(".") for name in rig.loops]
     swings = {name: Swings(f"{channel}_setpoint") for name, _, channel in held}
-    sink = PeakSink(swings=swings)
+    configs = (device.config for device in rig.devices.values())
+    loops = {item.name: AtLimit(item) for item in configs if isinstance(item, ControllerConfig)}
+    sink = PeakSink(swings=swings, at_limit=loops)
     record = {s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name}
     host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=record)
     if spans_ns is not None:
@@ -239,7 +243,8 @@ def _refusals(sink: PeakSink, result: RunResult, rig: RigConfig) -> list[str]:
     ]
     if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
-    return refusals + [f"trial {n} would end early: {why}" for n, why in result.incomplete]
+    refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]
+    return refusals or [reason for item in sink.at_limit.values() if (reason := item.end())]
 
 
 def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iterator[PredictedPeak]:

@@ -221,6 +221,28 @@ def test_dry_run_refuses_gains_of_wrong_sign() -> None:
     assert dry_run(compiled(right), right, seed=1).refusals == ()
 
 
+@pytest.mark.parametrize("step", ["for: 1 s", "for: 0.3 s", "for: 1.9 s"])
+def test_dry_run_refuses_wrong_sign_with_defaults(step: str) -> None:
+    wrong = ("kp: 5", "kp: -5"), ("ki: 300", "ki: -300"), ("    stuck_after: 0.5 s\n", "")
+    rig = rig_with(*wrong)
+    (refusal,) = dry_run(compiled(rig, PROCEDURE.replace("for: 1 s", step)), rig, seed=1).refusals
+    assert "controller rim_hold: wheel_servo.current was at its limit of -1 A" in refusal
+    assert "the gains have the wrong sign" in refusal
+
+
+def test_dry_run_accepts_output_limited_while_approaching() -> None:
+    near = ("output_limits: [-1 A, 1.2 A]", "output_limits: [-1 A, 1 A]")
+    rig = rig_with(near, ("0.5 m/s, rate", "2 m/s, rate"), ("1 m/s^2", "50 m/s^2"))
+    for goal in ("2 m/s", "{ramp: {to: 2 m/s, over: 0.3 s}}"):
+        text = PROCEDURE.replace("rim_hold: 0.12 m/s", f"rim_hold: {goal}")
+        played = Played(rig, text.replace("for: 1 s", "for: 0.3 s"))
+        assert played.play()[0] is Severity.DONE
+        hold = played.sink.of("rim_hold")
+        assert hold["saturated"][hold["active"] == 1.0][-200:].all()
+        short = compiled(rig, text.replace("for: 1 s", "for: 0.3 s"))
+        assert dry_run(short, rig, seed=1).refusals == ()
+
+
 def test_dry_run_refuses_gains_far_too_high() -> None:
     rig = rig_with(("ki: 300", "ki: 300000"))
     (refusal,) = dry_run(compiled(rig), rig, seed=1).refusals
