@@ -26,6 +26,7 @@ from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import MountedRig
 from rigd.engine.player import Outcome, Player
+from rigd.engine.watch import Taken
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
@@ -103,6 +104,7 @@ class Cycle:
         self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.stamp_of)
         self._stamps = [0] * (len(rig.mounts) + 2 * len(rig.derived))
+        self._taken = Taken(self._stamps, rig.stamp_of)
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
         before = Derived | Observer  # computed before anything is decided
         self._silent = {item.name for item in rig.mounts if not isinstance(item.driver, before)}
@@ -193,7 +195,7 @@ class Cycle:
         ``windows`` are those of streams that another process records.
         """
         self._emit = emit
-        self._rows = CycleRows(self.rig, rings, record, blocks, windows)
+        self._rows = CycleRows(self.rig, rings, record, blocks, windows, self._taken)
 
     def load(self, program: CycleProgram | None, then: CycleProgram | None = None) -> None:
         """Play ``program`` from the next cycle on; None takes the setpoints to rest.
@@ -213,7 +215,7 @@ class Cycle:
         if program is None:
             return None
         loops = self._computing.loops
-        return Player(program, self._watched, self.rig.setpoints, loops)
+        return Player(program, self._watched, self.rig.setpoints, loops, self._taken)
 
     def readings(self) -> Mapping[str, float]:
         """Return the newest value of every channel."""

@@ -10,6 +10,7 @@ from rigd.engine.computing import COMPUTED
 from rigd.engine.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.shared import RowRing
+from rigd.engine.watch import Taken
 from rigd.engine.windows import RecordWindows, Windows
 from rigd.model.channels import STALE, Stream
 from rigd.procedure.program import Recorded
@@ -86,7 +87,7 @@ class CycleRows:
     """Pushes the values that the cycle has read and written to ``rings``, according to ``record``.
 
     Blocks that are read in the cycle go to ``blocks``, row by row at their own times. ``windows``
-    are those of the streams that another process records.
+    are those of the streams that another process records, ``taken`` the times of the values.
     """
 
     def __init__(
@@ -96,8 +97,9 @@ class CycleRows:
         record: Mapping[str, Recorded],
         blocks: Mapping[str, BlockSink],
         windows: Mapping[str, Windows],
+        taken: Taken | None = None,
     ) -> None:
-        self._windows = RecordWindows(record, windows, {**rig.readings, **rig.status})
+        self._windows = RecordWindows(record, windows, {**rig.readings, **rig.status}, taken)
         self._held: list[HeldRows] = []
         self._devices: list[_Pushed] = []
         self._computed: list[tuple[RowSink, memoryview, int, Windows | None]] = []

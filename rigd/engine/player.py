@@ -12,7 +12,7 @@ from types import MappingProxyType
 from rigd.controllers.chain import through
 from rigd.engine.holding import Holding, HoldPhase
 from rigd.engine.interlocks import Trip
-from rigd.engine.watch import Watches
+from rigd.engine.watch import Taken, Watches
 from rigd.model.severity import Severity, WayOut, way_out
 from rigd.procedure.condition_text import describe_left, describe_values
 from rigd.procedure.profiles import ConstantProfile, Profile
@@ -52,7 +52,7 @@ class Player:
     Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
     place and returns an outcome when the program has ended. The next segment begins within the same
     cycle. ``readings`` also contains status words, as ``device.status``. ``loops`` maps the
-    setpoint of each controller to what it commands.
+    setpoint of each controller to what it commands. ``taken`` has the times of the values.
 
     Raises:
         KeyError: the program names an unknown channel or setpoint.
@@ -64,10 +64,11 @@ class Player:
         readings: Mapping[str, int],
         setpoints: Mapping[str, int],
         loops: Mapping[str, str] = MappingProxyType({}),
+        taken: Taken | None = None,
     ) -> None:
         self._segments = program.segments
         self._acting = list(through(loops, (segment.setpoints for segment in program.segments)))
-        self._watches = [Watches(segment.until, readings) for segment in program.segments]
+        self._watches = [Watches(segment.until, readings, taken) for segment in program.segments]
         self._profiles = [
             [(setpoints[name], profile) for name, profile in segment.setpoints.items()]
             for segment in program.segments
@@ -164,7 +165,7 @@ class Player:
 
     def _enter(self, t_ns: int, wanted: MutableSequence[float], before: Sequence[float]) -> None:
         self._began_ns = t_ns
-        self._watches[self._position].restart()
+        self._watches[self._position].restart(t_ns)
         self._moving.clear()
         self.entered.append(self._segments[self._position].name)
         for place, profile in self._profiles[self._position]:

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from rigd.procedure.program import Comparison, Condition, StatusCondition, Until
 
 
+class Taken(NamedTuple):
+    """When the values of a rig were taken: the table of times, and which of them each value has.
+
+    The table stays the same object.
+    """
+
+    times_ns: Sequence[int]
+    place_of: Sequence[int]
+
+
 @dataclass(frozen=True, eq=False)
 class _Watch:
-    """A condition bound to its place in the values table."""
+    """A condition bound to its places in the tables of values and times."""
 
     index: int
+    taken: int
     met: Callable[[float], bool]
     hold_ns: int
 
@@ -20,28 +32,42 @@ class _Watch:
 class Watches:
     """Conditions bound to the tables of a rig: any of the rows, of which all must hold.
 
-    ``readings`` also contains status words, as ``device.status``.
+    ``readings`` also contains status words, as ``device.status``. A condition has held from one
+    reading to another: a value that no reading follows counts for no time. Without ``taken`` each
+    value is read in the cycle that checks it.
 
     Raises:
         KeyError: a condition names an unknown channel.
     """
 
-    def __init__(self, until: Until, readings: Mapping[str, int]) -> None:
+    def __init__(
+        self, until: Until, readings: Mapping[str, int], taken: Taken | None = None
+    ) -> None:
         self._until = until
+        self._times_ns = None if taken is None else taken.times_ns
         self._rows = [
             tuple(
-                _Watch(readings[item.channel], _test(item), round(item.for_s * 1e9)) for item in row
+                _Watch(
+                    place := readings[item.channel],
+                    0 if taken is None else taken.place_of[place],
+                    _test(item),
+                    round(item.for_s * 1e9),
+                )
+                for item in row
             )
             for row in until
         ]
+        self._from_ns = 0
         self._held_since: dict[_Watch, int] = {}
 
-    def restart(self) -> None:
-        """Forget for how long conditions have held."""
+    def restart(self, t_ns: int) -> None:
+        """Begin anew at ``t_ns``: how long conditions have held before does not count."""
+        self._from_ns = t_ns
         self._held_since.clear()
 
     def shift(self, by_ns: int) -> None:
         """Leave out a time of ``by_ns`` in which nothing was checked."""
+        self._from_ns += by_ns
         for watch in self._held_since:
             self._held_since[watch] += by_ns
 
@@ -62,7 +88,11 @@ class Watches:
         if not watch.met(values[watch.index]):
             self._held_since.pop(watch, None)
             return False
-        return t_ns - self._held_since.setdefault(watch, t_ns) >= watch.hold_ns
+        if not watch.hold_ns:
+            return True
+        taken_ns = t_ns if self._times_ns is None else self._times_ns[watch.taken]
+        since_ns = self._held_since.setdefault(watch, max(taken_ns, self._from_ns))
+        return taken_ns - since_ns >= watch.hold_ns
 
 
 def _test(condition: Condition | StatusCondition) -> Callable[[float], bool]:

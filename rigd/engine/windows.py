@@ -14,7 +14,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.engine.watch import Watches
+from rigd.engine.watch import Taken, Watches
 from rigd.model.errors import DeviceError
 from rigd.procedure.program import Recorded
 
@@ -118,7 +118,8 @@ class _Captured:
 class RecordWindows:
     """Opens and closes the windows of streams that are not recorded at all times.
 
-    ``shared`` has the windows that another process reads, ``readings`` the places of channels.
+    ``shared`` has the windows that another process reads, ``readings`` the places of channels,
+    ``taken`` the times of their values.
 
     A capture includes rows that were taken before the cycle knows of it. So about a row of time t
     the cycle decides ``before_s`` later, and the row waits as long: that is all that differs.
@@ -129,6 +130,7 @@ class RecordWindows:
         record: Mapping[str, Recorded],
         shared: Mapping[str, Windows],
         readings: Mapping[str, int],
+        taken: Taken | None = None,
     ) -> None:
         self._of = {
             stream: shared.get(stream) or Windows.unshared()
@@ -145,7 +147,8 @@ class RecordWindows:
             capture = record[stream].capture
             if capture is not None:
                 windows.lag_ns = round(capture.before_s * 1e9)
-                watches, after_ns = Watches(capture.when, readings), round(capture.after_s * 1e9)
+                watches = Watches(capture.when, readings, taken)
+                after_ns = round(capture.after_s * 1e9)
                 self._captures.append(_Captured(stream, watches, windows.lag_ns, after_ns, windows))
 
     def of(self, stream: str) -> Windows | None:

@@ -16,7 +16,15 @@ from rigd.model.errors import DeviceError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import STOPS, Severity
 from rigd.procedure.profiles import Chirp, ConstantProfile, Profile, Ramp, Sine
-from rigd.procedure.program import CycleProgram, Recorded, Segment
+from rigd.procedure.program import (
+    Capture,
+    Comparison,
+    Condition,
+    CycleProgram,
+    OnTimeout,
+    Recorded,
+    Segment,
+)
 
 wild = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5, 5))
 profiles: st.SearchStrategy[Profile] = st.one_of(
@@ -192,6 +200,68 @@ def test_row_that_comes_late_has_its_own_time() -> None:
     outcome = host.play(move("go", 1.0))
     assert outcome.severity is Severity.FAULT
     assert "axis gave a row that is 0.001 s ahead" in outcome.reason
+
+
+HEAVY = Condition("axis.load", Comparison.ABOVE, 3.0, for_s=0.02)
+
+
+@pytest.mark.parametrize(
+    ("answered", "ends_after_ms"),
+    [
+        (range(1000), 30),
+        ([10], None),  # one reading, then silence: the value stays in the table
+        (range(10, 25), None),
+        ([*range(10, 25), *range(60, 1000)], 60),
+    ],
+)
+def test_silent_sensor_does_not_count_as_held(
+    answered: Sequence[int], ends_after_ms: int | None
+) -> None:
+    bench = Bench()
+    host = bench.host()
+    begun_ns = host.cycle.clock.start_ns
+
+    def answer(t_ns: int) -> Sequence[float] | None:
+        now_ms = (t_ns - begun_ns) // 1_000_000
+        if now_ms >= 10 and now_ms not in answered:
+            return None
+        return 0.0, 5.0 if now_ms >= 10 else 1.0
+
+    bench.axis.answer = answer
+    segment = Segment("push", {}, until=((HEAVY,),), timeout_s=0.09, on_timeout=OnTimeout.END_TRIAL)
+    outcome = host.play(CycleProgram((segment,)))
+    if ends_after_ms is None:
+        assert outcome.severity is Severity.END_TRIAL
+        assert "did not end within 0.09 s" in outcome.reason
+    else:
+        assert outcome.severity is Severity.DONE
+        assert host.cycle.t_ns - begun_ns == ends_after_ms * 1_000_000
+
+
+def test_reading_before_step_does_not_count_as_held() -> None:
+    bench = Bench()
+    host = bench.host()
+    begun_ns = host.cycle.clock.start_ns
+    bench.axis.answer = lambda t_ns: (0.0, 5.0) if (t_ns - begun_ns) % 50_000_000 == 0 else None
+    push = Segment("push", {}, until=((HEAVY,),), timeout_s=0.2)
+    wait = Segment("wait", {}, duration_s=0.035)
+    assert host.play(CycleProgram((wait, push))).severity is Severity.DONE
+    assert host.cycle.t_ns - begun_ns == 100_000_000  # 15 ms after the step began are not enough
+
+
+def test_silent_sensor_captures_nothing_that_is_held() -> None:
+    bench = Bench()
+    cycle = bench.cycle()
+    events: list[str] = []
+    record = {"axis": Recorded(capture=Capture(((HEAVY,),), 0.01, 0.01))}
+    cycle.connect({}, record, lambda t_ns, kind, data: events.append(kind))
+    bench.axis.answer = lambda t_ns: (0.0, 5.0) if cycle.counters.cycles == 1 else None
+    for _ in range(60):
+        cycle.step()
+    assert events == []
+    bench.axis.answer = lambda t_ns: (0.0, 5.0)
+    cycle.step()
+    assert events == ["capture"]
 
 
 def test_device_that_falls_silent_is_fault_even_unwatched() -> None:
