@@ -332,9 +332,10 @@ class _Reader:
     def _limits(
         self, name: str, source: ControllerSource, measured: Channel
     ) -> SetpointLimit | None:
-        """Return the limits of the setpoint; it rests at the value next to 0 within them."""
+        """Return the limits of the setpoint; by default it rests next to 0 within them."""
         unit, given = measured.unit, source.limits
         low, high, rate = measured.low, measured.high, math.inf
+        rest = None
         if given is not None:
             path: KeyPath = ("controllers", name, "limits")
             low = read_quantity(self.document, (*path, "low"), given.low, unit, self.problems)
@@ -353,13 +354,21 @@ class _Reader:
                 )
                 if rate <= 0:
                     self.note((name, "limits", "rate"), f"rate {given.rate} must be above 0")
+            if given.rest is not None:
+                rest = read_quantity(
+                    self.document, (*path, "rest"), given.rest, unit, self.problems
+                )
+                check_inside(
+                    self.document, (*path, "rest"), rest, (low, high), unit,
+                    f"the setpoint of {name} in this file", self.problems,
+                )  # fmt: skip
         elif not (math.isfinite(low) and math.isfinite(high)):
             self.note(
                 (name,), f"the setpoint of {name} has no limits, and {source.measured} no range",
                 f"add 'limits: {{low: ..., high: ..., rate: ...}}' in {unit}",
             )  # fmt: skip
             return None
-        return SetpointLimit(low, high, rate, min(max(0.0, low), high))
+        return SetpointLimit(low, high, rate, min(max(0.0, low), high) if rest is None else rest)
 
     def _check_ages(self, name: str, source: ControllerSource, rig: RigConfig) -> None:
         """Check that readings that come on time are never stale."""

@@ -224,6 +224,8 @@ class TargetLimitSource(Source):
     """Highest setpoint."""
     rate: QuantityText | None = None
     """Largest change per second; by default any."""
+    rest: QuantityText | None = None
+    """Setpoint that `rest` means in a held step; by default the one next to 0 within the bounds."""
 
 
 class ControllerSource(Source):

@@ -49,6 +49,13 @@ def with_controllers(rig_text: str, controllers: str) -> str:
     return rig_text.replace("interlocks:\n", f"{DERIVED}\n{controllers}\ninterlocks:\n", 1)
 
 
+def test_setpoint_of_controller_rests_where_file_says(rig_text: str) -> None:
+    for given, rest in (("", 0.0), (", rest: 0.2 m/s", 0.2)):
+        text = GOOD.replace("rate: 1 m/s^2}", f"rate: 1 m/s^2{given}}}")
+        rig = parse_rig(with_controllers(rig_text, text), FILE)
+        assert rig.devices["rim_hold"].limits["speed"].rest == rest
+
+
 def test_controllers_become_devices_with_a_setpoint(rig_text: str) -> None:
     rig = parse_rig(with_controllers(rig_text, GOOD), FILE)
     config = rig.devices["rim_hold"].config
@@ -117,6 +124,9 @@ RIM = f"measured: rim.speed, output: wheel_servo.current, {LIMITS}"
         (f"a: {{{RIM}, kp: 1 A s/m, schedule: rim.speed}}", "rim.speed}", "expected 1"),
         (f"a: {{{RIM}, kp: 1 A s/m, schedule: rim.sped}}", "rim.sped}", "'rim.speed'?"),
         (f"a: {{{RIM}, kp: 1 A s/m, stale_after: 1 ms}}", "1 ms", "too short"),
+        (f"a: {{{RIM}, kp: 1 A s/m}}".replace("rate: 1 m/s^2", "rest: 0.6 m/s"), "0.6 m/s",
+         "0.6 m/s is above 0.5 m/s"),
+        (f"a: {{{RIM}, kp: 1 A s/m}}".replace("rate: 1 m/s^2", "rest: 3 N"), "3 N", "expected m/s"),
         ("a: {measured: rim.speed, output: wheel_servo.current, kp: 1 A s/m}", "{measured",
          "has no limits, and rim.speed no range"),
         (f"a: {{measured: rim.sped, output: wheel_servo.current, {LIMITS}}}", "rim.sped", "rim.sp"),
