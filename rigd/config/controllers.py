@@ -141,7 +141,8 @@ class _Reader:
             needs=frozenset(item.partition(".")[0] for item in used if item),
             **gains, filter_s=filter_s,
             weight=source.setpoint_weight, forward=source.feed_forward, schedule=source.schedule,
-            stale_s=source.stale_after, frozen_s=source.frozen_after, stuck_s=source.stuck_after,
+            stale_s=source.stale_after, frozen_s=source.frozen_after,
+            frozen_always=source.frozen == "always", stuck_s=source.stuck_after,
         )  # fmt: skip
         declaration = Controller.declare(config)
         short = declaration.setpoints[0].name

@@ -265,6 +265,10 @@ class ControllerSource(Source):
     """The trial ends if the measured value does not change at all for so long, while the output
     moves by more than 1 % of its range.
     """
+    frozen: Literal["moving", "always"] = "moving"
+    """With `always` a measured value without change is frozen while the output does not move too:
+    for a sensor whose noise changes each reading.
+    """
     stuck_after: Annotated[float, In("s"), Gt(0), Le(3600)] = 2.0
     """The trial ends if the output is at a limit for so long and the error does not shrink, or if a
     relay does not pass over for so long.

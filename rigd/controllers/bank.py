@@ -17,6 +17,8 @@ from rigd.model.units import format_quantity
 
 #: The time of an input that is not used: it never is too old.
 _FUTURE: Final = 2**62
+#: Of the range of the output: so far it must have moved before a value without change is frozen.
+_MOVED: Final = 0.01
 _SOURCES: Final = ("measured", "forward", "schedule")
 
 
@@ -50,7 +52,8 @@ class Bank:
                 (c.kp, c.ki, c.kd, c.filter_s, c.weight, c.low, c.high,
                  limit.low, limit.high, limit.rate * period_s,
                  *(round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)),
-                 index.get(c.output, -1), c.relay, c.hysteresis)
+                 index.get(c.output, -1), c.relay, c.hysteresis,
+                 -1.0 if c.frozen_always else _MOVED * (c.high - c.low))
                 for c, limit in zip(self.configs, own, strict=True)
             ]
         ).reshape(count, kernel.PARAMETERS)  # fmt: skip
@@ -182,9 +185,8 @@ class Bank:
         elif fault == kernel.OLD:
             reason = f"{name} is stale: its last reading is over {1e3 * config.stale_s:g} ms old"
         elif fault == kernel.STILL:
-            reason = (
-                f"{name} is frozen: it has not changed at all for {config.frozen_s:g} s, while "
-                f"{config.output} did"
+            reason = f"{name} is frozen: it has not changed at all for {config.frozen_s:g} s" + (
+                "" if config.frozen_always else f", while {config.output} did"
             )
         elif fault == kernel.NO_PROGRESS:
             output = format_quantity(row[kernel.R_OUTPUT], config.output_unit)

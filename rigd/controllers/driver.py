@@ -63,6 +63,8 @@ class ControllerConfig(DriverConfig):
     """Time without any change of the measured value, while the output moves, after which it counts
     as frozen.
     """
+    frozen_always: bool = False
+    """Whether it counts as frozen while the output does not move too."""
     stuck_s: float = 2.0
     """Time at a limit without progress."""
 

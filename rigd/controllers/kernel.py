@@ -37,7 +37,8 @@ TARGET_LOW, TARGET_HIGH, TARGET_STEP = 7, 8, 9
 STALE, FROZEN, STUCK = 10, 11, 12  # in ns
 INNER: Final = 13  # the controller that it commands; -1: a device
 RELAY, HYSTERESIS = 14, 15  # 0: a PID
-PARAMETERS: Final = 16
+MOVED: Final = 16  # a value without change is frozen once the output has moved by more
+PARAMETERS: Final = 17
 # Columns of what goes in: values; when the newest reading in the measured one came, and for the
 # first three values the time of the oldest reading in each.
 MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
@@ -64,8 +65,6 @@ RESULTS: Final = 13
 # Why a controller gives up, as numbers.
 FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW, NO_SWING = 0, 1, 2, 3, 4, 5, 6
 
-#: Of the range of the output: so far it must have moved before a value without change is frozen.
-_MOVED: Final = 0.01
 #: Part of the error by which it must shrink at a limit to count as progress.
 _PROGRESS_PART: Final = 0.01
 
@@ -271,10 +270,7 @@ def _watch(
     if results[c, R_FAULT] != FINE:
         return
     moved = abs(memory[c, _U] - memory[c, _FROZEN_U])
-    if (
-        t_ns - taken[c, _CHANGED] > parameters[c, FROZEN]
-        and moved > _MOVED * (parameters[c, HIGH] - parameters[c, LOW])
-    ):  # fmt: skip
+    if t_ns - taken[c, _CHANGED] > parameters[c, FROZEN] and moved > parameters[c, MOVED]:
         results[c, R_FAULT] = STILL
         return
     if parameters[c, RELAY] != 0.0:

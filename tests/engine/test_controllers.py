@@ -198,6 +198,26 @@ def test_stale_reading_goes_to_rest_after_its_time() -> None:
     assert on[-1] == 598 + 11
 
 
+@pytest.mark.parametrize("frozen", ["moving", "always"])
+def test_frozen_reading_ends_step_of_steady_output(frozen: str) -> None:
+    """With kp alone and a constant setpoint the output stands still once the value does."""
+    keys = f"frozen_after: 0.1 s\n    frozen: {frozen}\n"
+    alone = ("    ki: 300 A/m\n", ""), ("    stuck_after: 0.5 s\n", f"    {keys}")
+    played = Played(rig_with(("measured: rim.speed", "measured: rim.seen"), *alone, (
+        "50 Hz}\n", "50 Hz}\n  rim.seen: {is: carriage.position / 1 s}\n",
+    )))  # fmt: skip
+    played.spoil("carriage", lambda n, row: (0.1, *row[1:]) if n >= 600 else row)
+    found = played.play()
+    if frozen == "moving":
+        assert found == (Severity.DONE, "")
+        return
+    assert found == (
+        Severity.END_TRIAL,
+        "controller rim_hold: rim.seen is frozen: it has not changed at all for 0.1 s",
+    )
+    assert np.flatnonzero(played.sink.of("rim_hold")["active"])[-1] == 599 + 101
+
+
 def test_interlock_acts_before_controller() -> None:
     rig = rig_with(
         ("stuck_after: 0.5 s", "stuck_after: 60 s"),
