@@ -37,7 +37,9 @@ def wider(parts: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
         joined(["+", "-", "*", "min", "max"], parts, parts),
         joined(["/"], parts, exact.filter(lambda part: "dev_" in part.text())),
         joined(["negative", "abs", "derivative", "integral"], parts),
-        joined(["sqrt"], exact),
+        joined(["sqrt", "sin", "cos", "tan", "lookup"], exact),
+        joined(["atan2"], leaves, leaves),  # elsewhere a zero may differ in its sign
+        st.builds(lambda x, power: Part("**", (x,), power), parts, st.sampled_from([2.0, 3.0])),
         st.builds(lambda f, x: Part(f[0], (x,), f[1]), fixed, parts),
         joined(["where"], conditions, parts, parts),
         joined(["hold"], parts, conditions),

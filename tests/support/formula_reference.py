@@ -13,6 +13,8 @@ from scipy.linalg import expm
 #: Names of the two-place operators and of the functions of numbers.
 OPERATORS: Final = ("+", "-", "*", "/")
 NAN: Final = math.nan
+#: The points of each `lookup`.
+TABLE: Final = ((-2.0, 0.5), (-0.25, 3.0), (0.25, -1.0), (3.0, 2.0))
 
 
 @dataclass
@@ -37,6 +39,15 @@ class Part:
                 return f"dev_{self.kind}.x"
             case "+" | "-" | "*" | "/" | "<" | "<=" | "and" | "or":
                 return f"({inside[0]} {self.kind} {inside[1]})"
+            case "**":
+                return f"({inside[0]} ** {self.number:.0f})"
+            case "sin" | "cos" | "tan":
+                return f"{self.kind}({inside[0]} * 1 rad)"
+            case "atan2":
+                return f"(atan2({inside[0]}, {inside[1]}) / 1 rad)"
+            case "lookup":
+                xs, ys = zip(*TABLE, strict=True)
+                return f"lookup({inside[0]}, {[*xs]}, {[*ys]})"
             case "not":
                 return f"(not {inside[0]})"
             case "negative":
@@ -148,6 +159,15 @@ def _now(part: Part, x: float, y: float, z: float, inputs: dict[str, float]) -> 
             return math.sqrt(x) if x >= 0 else NAN
         case "min" | "max":
             return NAN if unknown else (min if part.kind == "min" else max)(x, y)
+        case "sin" | "cos" | "tan":
+            return {"sin": math.sin, "cos": math.cos, "tan": math.tan}[part.kind](x)
+        case "**":
+            return math.prod([x] * int(part.number))
+        case "lookup":
+            for (left, low), (right, high) in itertools.pairwise(TABLE):
+                if left <= x <= right:
+                    return low + (high - low) * (x - left) / (right - left)
+            return NAN
         case "atan2":
             return NAN if unknown else math.atan2(x, y)
         case "<":
