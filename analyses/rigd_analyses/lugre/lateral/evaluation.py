@@ -33,6 +33,7 @@ class LateralEvaluation(ParameterEvaluation):
             self.provenance,
             self.title,
             TEMPLATES,
+            self.opening,
         )
 
     def terminal_report(self) -> TerminalReport:

@@ -70,6 +70,7 @@ def test_report_json_and_table_agree(case: Case, tmp_path: Path) -> None:
     assert errors["together"]["all"]["ratio"] > 10.0
     page = evaluation.report()
     assert page.count("<svg") > 8
+    assert 0 < page.index("<strong>Not usable:</strong>") < page.index('<section id="speeds">')
     assert found["coupling"].split(";")[0] in page
     tables = [item for item in evaluation.terminal_report() if isinstance(item, TerminalTable)]
     _, each, together = tables
