@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence, Set
+from hashlib import blake2b
 from itertools import combinations
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from rigd.analysis.result import FloatArray
 from rigd.analysis.source import RecordedSweep
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
@@ -18,6 +20,15 @@ from rigd.record import Recording, TrialInfo
 #: Trials that share so much of the shorter one, and differ nowhere, are one. A copy that lost a
 #: part to a power cut shares the rest; two simulations with one seed rest alike and then differ.
 SHARED: Final = 0.5
+#: A channel shows noise if in so many of its steps, and in this share of them, it turns back, and
+#: if it changes at this share of its samples: no sensor at rest, ramp or square wave does so.
+TURNS: Final = 64
+TURN_SHARE: Final = 1 / 3
+STEP_SHARE: Final = 1 / 4
+ROUNDING: Final = 1e-9  #: steps below this share of the largest value are no steps
+COPY_HINT: Final = (
+    "one is a copy of the other, or both were simulated with the same seed: give one of them"
+)
 
 
 def refuse_same_file(paths: Sequence[Path]) -> None:
@@ -62,9 +73,70 @@ def refuse_same_trials(recordings: Sequence[Recording], channels: Collection[str
                 raise DataError(
                     f"trial {second.number} of {other.path} is sample for sample trial "
                     f"{first.number} of {recording.path}",
-                    hint="one is a copy of the other, or both were simulated with the same seed: "
-                    "give one of them",
+                    hint=COPY_HINT,
                 )
+    seen: dict[bytes, tuple[Recording, TrialInfo]] = {}
+    for recording in recordings if len(recordings) > 1 else ():
+        for digest, trial in _noisy_trials(recording, channels):
+            other, first = seen.setdefault(digest, (recording, trial))
+            if other is not recording:
+                raise DataError(
+                    f"trial {trial.number} of {recording.path} has the samples of trial "
+                    f"{first.number} of {other.path}, at other times",
+                    hint=COPY_HINT,
+                )
+
+
+def refuse_repeats(sweeps: Sequence[RecordedSweep]) -> None:
+    """Refuse a recording that holds one trial twice, judged by the signals of its plan.
+
+    Raises:
+        DataError: it does.
+        RecordingError: a recording is damaged.
+    """
+    for sweep in sweeps:
+        seen: dict[bytes, TrialInfo] = {}
+        for digest, trial in _noisy_trials(sweep.recording, set(sweep.plan.signals.values())):
+            first = seen.setdefault(digest, trial)
+            if first is not trial:
+                raise DataError(
+                    f"trials {first.number} and {trial.number} of {sweep.path} have the same "
+                    "samples, with their noise",
+                    hint="one is a copy of the other: import or record it once",
+                )
+
+
+def _noisy_trials(
+    recording: Recording, channels: Collection[str]
+) -> Iterator[tuple[bytes, TrialInfo]]:
+    """Yield a digest of all samples of each complete trial in which a channel shows noise.
+
+    The times do not count: a table that is imported twice may begin at other ones. Trials without
+    noise may be alike and yet be two: at rest, or simulated without noise.
+    """
+    wanted: dict[str, list[str]] = {}
+    for stream, _, field in (channel.partition(".") for channel in sorted(channels)):
+        if stream in recording.streams:
+            wanted.setdefault(stream, []).append(field)
+    for trial in (item.info for item in recording.trials if item.info.complete):
+        digest, noisy = blake2b(digest_size=16), False
+        for stream, fields in wanted.items():
+            rows = recording.read(stream, trial.start_ns, trial.end_ns)
+            for field in (name for name in fields if name in (rows.dtype.names or ())):
+                noisy = noisy or _shows_noise(rows[field])
+                digest.update(f"{stream}.{field} {len(rows)} ".encode())
+                digest.update(rows[field].tobytes())
+        if noisy:
+            yield digest.digest(), trial
+
+
+def _shows_noise(values: FloatArray) -> bool:
+    """Return whether ``values`` (n,) go up and down so often as only noise makes them."""
+    finite = values[np.isfinite(values)]
+    steps = np.diff(finite)
+    steps = steps[np.abs(steps) > ROUNDING * np.max(np.abs(finite), initial=0.0)]
+    turns = int(np.count_nonzero(np.signbit(steps[1:]) != np.signbit(steps[:-1])))
+    return turns >= max(TURNS, TURN_SHARE * len(steps)) and len(steps) >= STEP_SHARE * len(values)
 
 
 def _at_the_same_time(
