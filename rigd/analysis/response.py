@@ -12,13 +12,14 @@ gives f with its derivatives by theta. The module does the rest in the same way 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from rigd.analysis import residuals as tests
+from rigd.analysis.agreement import agreement
 from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit
 from rigd.analysis.identifiability import Z_95
@@ -35,10 +36,11 @@ from rigd.analysis.result import (
     FloatArray,
     IdentificationResult,
     Preprocessing,
+    ResidualTest,
     Signal,
     TrialFit,
 )
-from rigd.analysis.uncertainty import Covariance, delta_sd
+from rigd.analysis.uncertainty import Covariance, autocorrelation_time, delta_sd
 from rigd.model.errors import DataError
 
 #: f(theta, x): values (n,) in the unit of the output and their derivatives (n, p).
@@ -168,6 +170,7 @@ def identify_response(
                 f"{_FEWEST} are needed",
                 hint="record longer trials, or leave this one out",
             )
+    period_s = min(float(np.median(np.diff(trial.t_s))) for trial in model.trials)
     reached = model.x[model.mask > 0.0]
     low, high = float(np.min(reached)), float(np.max(reached))
     subject = FittedSubject(
@@ -177,13 +180,39 @@ def identify_response(
         title=wording.title,
         words=wording.quantities,
         account=account,
-        period_s=min(float(np.median(np.diff(trial.t_s))) for trial in model.trials),
+        period_s=period_s,
         visited=f"{wording.x.name} from {low:.3g} to {high:.3g} {wording.x.unit}",
         curve=lambda best, cov, _: _curve(model, best, cov, wording, (low, high)),
         trials=lambda theta: _trial_fits(model, theta, wording),
         block_s=block_s,
     )
-    return identify_model(subject, options)
+    result = identify_model(subject, options)
+    common = _agreement(model, result, max(1, round(block_s / period_s)))
+    if common is None:
+        return result
+    return replace(
+        result,
+        residual_tests=(*result.residual_tests, common),
+        warnings=(*result.warnings, *([] if common.passed else [common.sentence])),
+    )
+
+
+def _agreement(
+    model: ResponseModel, result: IdentificationResult, block: int
+) -> ResidualTest | None:
+    """Return the test whether all recordings share their parameters; None for only one."""
+    trials: dict[str, list[ResponseTrial]] = {}
+    for trial in model.trials:
+        trials.setdefault(trial.recording, []).append(trial)
+    if len(trials) < 2:
+        return None
+    together = replace(model, trials=tuple(trial for part in trials.values() for trial in part))
+    apart = {name: replace(model, trials=tuple(part)) for name, part in trials.items()}
+    theta = np.array([item.estimate for item in result.parameters])
+    return agreement(
+        together, apart, theta,
+        lambda error: autocorrelation_time(error, together.mask, together.trial_slices, block),
+    )  # fmt: skip
 
 
 def _curve(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from rigd.analysis import DataError, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
 from rigd.analysis.parameters import ParameterEvaluation
-from rigd.analysis.source import open_sweep
+from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 from rigd_analyses.static.evaluation import friction, steady
 
@@ -72,6 +73,32 @@ def test_intervals_do_not_depend_on_order(tmp_path: Path) -> None:
         assert entry.high is not None
         found.append((entry.low, entry.high))
     assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def recordings(folder: Path, *forces: float) -> list[RecordedSweep]:
+    """One recording for each factor on the force, all of strokes at the same speeds."""
+    sweeps = []
+    for number, factor in enumerate(forces):
+        strokes = [stroke(v, v, 10 * number + k) for k, v in enumerate((0.001, 0.01, 0.1))]
+        scaled = [
+            replace(item, signals={**item.signals, "force": factor * item.signals["force"]})
+            for item in strokes
+        ]
+        path = folder / f"{number}.mcap"
+        case = Case(scaled, {}, TRUTH)
+        sweeps.append(open_sweep(write_case(path, StaticFrictionAnalysis, case)))
+    return sweeps
+
+
+@pytest.mark.parametrize(("factor", "agree"), [(1.0, True), (1.02, False)])
+def test_recordings_that_disagree_are_named(factor: float, agree: bool, tmp_path: Path) -> None:
+    sweeps = recordings(tmp_path, 1.0, factor)
+    found = StaticFrictionAnalysis().evaluate(sweeps, Options(starts=1), lambda _: None)
+    assert isinstance(found, ParameterEvaluation)
+    result = found.sections[0].result
+    (test,) = [item for item in result.residual_tests if item.name == "agreement of recordings"]
+    assert test.passed is agree, test
+    assert any("disagree" in warning for warning in result.warnings) is not agree
 
 
 def test_trials_without_steady_speed_are_refused(tmp_path: Path) -> None:
