@@ -14,7 +14,13 @@ import numpy as np
 
 from rigd.analysis import DataError, Options
 from rigd.analysis.model import FitParameter
-from rigd.analysis.parameters import Fitted, Group, ParameterEvaluation, complete_groups
+from rigd.analysis.parameters import (
+    Fitted,
+    Group,
+    ParameterEvaluation,
+    complete_groups,
+    each_group,
+)
 from rigd.analysis.response import (
     Axis,
     ResponseModel,
@@ -23,7 +29,7 @@ from rigd.analysis.response import (
     Wording,
     identify_response,
 )
-from rigd.analysis.result import BoolArray, FloatArray, Preprocessing
+from rigd.analysis.result import BoolArray, FloatArray, IdentificationResult, Preprocessing
 from rigd.analysis.source import RecordedSweep, TrialInfo
 
 #: Below this share of the highest speed of a trial the body may be at rest.
@@ -55,25 +61,36 @@ def evaluate(
     """Return the law of each group of trials.
 
     Raises:
-        DataError: a recording has no complete trial, a sample is not finite, or nothing moves.
+        DataError: a recording has no complete trial, or the data of no group can answer.
     """
-    fitted = []
-    for group in complete_groups(sweeps, options, notify):
-        trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
-        force = np.concatenate([trial.measured[trial.used] for trial in trials])
-        speed = np.concatenate([trial.x[trial.used] for trial in trials])
-        if not len(speed):
-            files = ", ".join(str(path) for path in group.recordings)
-            raise DataError(
-                f"{files}: in no trial the speed is steady: everywhere it changes by "
-                f"{100 * CHANGE_SHARE:g} % of its highest value within {CHANGE_S:g} s",
-                hint="hold each speed for 1 s or longer; `rigd report` draws the recording",
-            )
-        size = float(np.median(np.abs(force))) or 1.0
-        model = ResponseModel(parameters(size, speed, force), friction, trials, size)
-        result = identify_response(model, WORDING, options, account(group))
-        fitted.append(Fitted(group, result))
-    return ParameterEvaluation.of(sweeps, fitted, options)
+    found, refused = each_group(
+        complete_groups(sweeps, options, notify),
+        lambda group: identify(group, options),
+        options.processes,
+    )
+    fitted = [Fitted(group, result) for group, result in found]
+    return ParameterEvaluation.of(sweeps, fitted, options, refused=refused)
+
+
+def identify(group: Group, options: Options) -> IdentificationResult:
+    """Return the law of one group of trials.
+
+    Raises:
+        DataError: a sample is not finite, or nothing moves.
+    """
+    trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
+    force = np.concatenate([trial.measured[trial.used] for trial in trials])
+    speed = np.concatenate([trial.x[trial.used] for trial in trials])
+    if not len(speed):
+        files = ", ".join(str(path) for path in group.recordings)
+        raise DataError(
+            f"{files}: in no trial the speed is steady: everywhere it changes by "
+            f"{100 * CHANGE_SHARE:g} % of its highest value within {CHANGE_S:g} s",
+            hint="hold each speed for 1 s or longer; `rigd report` draws the recording",
+        )
+    size = float(np.median(np.abs(force))) or 1.0
+    model = ResponseModel(parameters(size, speed, force), friction, trials, size)
+    return identify_response(model, WORDING, options, account(group))
 
 
 def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -101,6 +101,19 @@ def test_recordings_that_disagree_are_named(factor: float, agree: bool, tmp_path
     assert any("disagree" in warning for warning in result.warnings) is not agree
 
 
+def test_group_that_cannot_answer_stops_no_other(tmp_path: Path) -> None:
+    (moves,) = recordings(tmp_path, 1.0)
+    still = stroke(0.0, 0.0, 5)
+    path = write_case(tmp_path / "still.mcap", StaticFrictionAnalysis, Case([still], {}, TRUTH))
+    rests = open_sweep(path)
+    options = Options(starts=1, by_recording=True)
+    found = StaticFrictionAnalysis().evaluate([rests, moves], options, lambda _: None)
+    assert isinstance(found, ParameterEvaluation)
+    assert list(found.recordings) == [(moves.path,)]
+    (refused,) = found.refused
+    assert "still.mcap: in trial 1 the body does not move" in refused.sentence
+
+
 def test_trials_without_steady_speed_are_refused(tmp_path: Path) -> None:
     speed = np.abs(np.interp(TIMES_S, [0.0, 0.2, 0.4], [0.0, 0.1, 0.0], period=0.4)) + 1e-3
     trial = SimulatedTrial(TIMES_S, {"force": 60.0 + 0.0 * speed, "speed": speed})

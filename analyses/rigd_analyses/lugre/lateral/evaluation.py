@@ -6,7 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rigd.analysis import Options
-from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
+from rigd.analysis.parameters import (
+    Fitted,
+    Group,
+    ParameterEvaluation,
+    complete_groups,
+    each_group,
+)
 from rigd.analysis.report import ReportSection
 from rigd.analysis.source import RecordedSweep
 from rigd.analysis.terminal import TerminalReport
@@ -59,11 +65,16 @@ def evaluate(
 
     Raises:
         ConfigError: the model that is to give the friction along the guide cannot do so.
-        DataError: a recording has no complete trial, or the data cannot answer.
+        DataError: a recording has no complete trial, or the data of no group can answer.
     """
     models = () if options.model is None else read_models(options.model)
-    fitted = []
-    for group in complete_groups(sweeps, options, notify):
+
+    def identified(group: Group) -> LateralResult:
         friction = carried(models, group.conditions, group.rigs) if models else None
-        fitted.append(Fitted(group, identify(group.trials, friction)))
-    return LateralEvaluation.of(sweeps, fitted, options)
+        return identify(group.trials, friction)
+
+    found, refused = each_group(
+        complete_groups(sweeps, options, notify), identified, options.processes
+    )
+    fitted = [Fitted(group, result) for group, result in found]
+    return LateralEvaluation.of(sweeps, fitted, options, refused=refused)
