@@ -39,7 +39,7 @@ from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.recorded import read_record
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
-from rigd.procedure.sweep import MAX_STEPS, play_order, read_points
+from rigd.procedure.sweep import MAX_SIZE, play_order, read_points
 
 
 def compile_procedure(
@@ -48,7 +48,7 @@ def compile_procedure(
     overrides: Mapping[str, str] | None = None,
     *,
     done: Collection[int] = (),
-    most_steps: int = MAX_STEPS,
+    most: int = MAX_SIZE,
 ) -> CompiledProcedure:
     """Return ``procedure`` for ``rig``, ready to play.
 
@@ -57,7 +57,7 @@ def compile_procedure(
     per value is shown again in the first trial that is still to play.
 
     Raises:
-        TooLong: all trials together have more than ``most_steps`` steps; nothing was compiled.
+        TooLong: all trials together have more than ``most`` steps and values; nothing was compiled.
         OtherRigError: the procedure needs devices that the rig lacks, and nothing else is wrong.
         ConfigError: the procedure does not fit the rig; names every problem with its place.
     """
@@ -67,7 +67,7 @@ def compile_procedure(
     reader = Reader(procedure.document, problems, swept=hidden)
     parameters = read_parameters(reader, source, swept, overrides or {}, _constants(rig))
     base = {**parameters.scope, **read_tables(reader, source, parameters.scope)}
-    points = read_points(reader, source, parameters, most_steps)
+    points = read_points(reader, source, parameters, most)
     scopes = [_scope(reader, source, parameters.scope, point) for point in points]
 
     units = _units(rig, parameters, [base, *scopes[:1]])

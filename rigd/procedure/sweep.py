@@ -10,32 +10,35 @@ from typing import Final
 
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
+from rigd.config.source import Source
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import dimension_text, parse_unit
-from rigd.procedure.expression import Number, Scope, Value
+from rigd.procedure.expression import NAME, Number, Scope, Value
 from rigd.procedure.parameters import Parameter, Parameters
 from rigd.procedure.reader import Reader
-from rigd.procedure.source import ProcedureSource, RangeSource
+from rigd.procedure.source import MoveSource, ProcedureSource, RangeSource
 
 #: Most trials of a run: a day and a night of trials of 5 s each.
 MAX_TRIALS: Final = 20_000
-#: Most steps of all trials of a run: ten for each of the most trials. To compile 200,000 steps
-#: takes 4 s of CPU and 140 MB.
-MAX_STEPS: Final = 200_000
+#: Most that is compiled for all trials of a run, as :func:`_trial_size` counts it: twenty for each
+#: of the most trials. To compile it takes 8 s of CPU.
+MAX_SIZE: Final = 400_000
+#: Letters of a text that count as one more value: a condition with its threshold has as many.
+_LETTERS: Final = 16
 #: Part of a step by which the end of a range may differ: decimal fractions are not exact in binary.
 _ROUNDING: Final = 1e-6
 
 
 class TooLong(ConfigError):
-    """All trials together have more ``steps`` than may be compiled."""
+    """All trials together have more steps and values, ``size``, than may be compiled."""
 
-    def __init__(self, message: str, steps: int, *, place: Place, hint: str) -> None:
+    def __init__(self, message: str, size: int, *, place: Place, hint: str) -> None:
         super().__init__(message, place=place, hint=hint)
-        self.steps = steps
+        self.size = size
 
 
 def read_points(
-    reader: Reader, source: ProcedureSource, parameters: Parameters, most_steps: int = MAX_STEPS
+    reader: Reader, source: ProcedureSource, parameters: Parameters, most: int = MAX_SIZE
 ) -> list[dict[str, Value]]:
     """Return the points of the sweep as written; one empty point without a sweep.
 
@@ -44,7 +47,7 @@ def read_points(
     ``zip`` leave that single row. Problems are noted.
 
     Raises:
-        TooLong: all trials together have more than ``most_steps`` steps.
+        TooLong: all trials together have more than ``most`` steps and values.
     """
     sweep = source.sweep
     grid = {
@@ -83,14 +86,14 @@ def read_points(
         reader.note_key(("sweep",), f"{total} trials are more than {MAX_TRIALS}",
                         "split the procedure")  # fmt: skip
         return []
-    steps = len(source.trial.steps) + len(source.trial.after)
-    if (all_steps := total * steps) > most_steps:
-        most = MAX_STEPS if all_steps > MAX_STEPS else most_steps
+    size = _trial_size(source, reader.swept)
+    if total * size > most:
+        most = MAX_SIZE if total * size > MAX_SIZE else most
         raise TooLong(
-            f"{total} trials of {steps} steps are {all_steps} steps, more than {most}",
-            all_steps,
+            f"{total} trials of {size} steps and values are {total * size}, more than {most}",
+            total * size,
             place=reader.document.key_place(("trial", "steps")),
-            hint="split the procedure",
+            hint="split the procedure, or shorten the steps that name a swept parameter",
         )
     zipped = [dict(zip(rows, row, strict=True)) for row in zip(*rows.values(), strict=True)]
     return [
@@ -106,6 +109,29 @@ def play_order(count: int, source: ProcedureSource) -> list[int]:
     if source.sweep.order == "random" and source.sweep.seed is not None:
         random.Random(source.sweep.seed).shuffle(order)
     return order
+
+
+def _trial_size(source: ProcedureSource, swept: frozenset[str]) -> int:
+    """Return how many steps and values are compiled for each trial.
+
+    A step that names no swept parameter is compiled once for all trials, and counts as one.
+    """
+    size = _values(source.tables) + _values(source.trial.limits)
+    for step in (*source.trial.steps, *source.trial.after):
+        once = isinstance(step, MoveSource) and swept.isdisjoint(NAME.findall(repr(step)))
+        size += 1 + _values(step.when) if once else _values(step)
+    return size
+
+
+def _values(item: object) -> int:
+    """Return how many names and values ``item`` has; a long text counts as several."""
+    if isinstance(item, str):
+        return 1 + len(item) // _LETTERS
+    if isinstance(item, Source):
+        return sum(_values(getattr(item, key)) for key in item.model_fields_set)
+    if isinstance(item, dict):
+        return len(item) + sum(map(_values, item.values()))
+    return sum(map(_values, item)) if isinstance(item, list) else 0
 
 
 def _check_order(reader: Reader, source: ProcedureSource) -> None:

@@ -14,7 +14,7 @@ from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
 from rigd.procedure.program import CompiledProcedure, Prompt
-from rigd.procedure.sweep import MAX_STEPS, TooLong
+from rigd.procedure.sweep import MAX_SIZE, TooLong
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import Checked, ProcedureFile
 from rigd.remote.protocol.results import (
@@ -27,8 +27,9 @@ from rigd.remote.protocol.results import (
 )
 from rigd.sdk.shipped import shipped_folder
 
-#: A procedure of no more steps, all trials together, is compiled in the daemon: within 0.1 s.
-SHORT_STEPS: Final = 4_000
+#: A procedure of no more steps and values, all trials together, is checked in the daemon: within
+#: 0.1 s.
+SHORT: Final = 4_000
 #: The form of the name of a procedure.
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,59}")
 
@@ -85,10 +86,10 @@ class Library:
     def check(self, args: Checked) -> CheckReport | None:
         """Return whether a procedure can run on this rig with these values.
 
-        None if it has too many steps for this process: other requests would wait.
+        None if it has too many steps and values for this process: other requests would wait.
         """
         try:
-            return check(args, self._rig, SHORT_STEPS)
+            return check(args, self._rig, SHORT)
         except TooLong:
             return None
 
@@ -98,7 +99,7 @@ class Library:
         Raises:
             ConfigError: it does not fit; names every problem with its place.
         """
-        return _compile(args, self._rig, MAX_STEPS)
+        return _compile(args, self._rig, MAX_SIZE)
 
     def _line(self, procedure: Procedure | _Wrong) -> ProcedureLine:
         if isinstance(procedure, _Wrong):
@@ -133,16 +134,16 @@ class Library:
                         yield _Wrong(path, error)
 
 
-def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> CheckReport:
+def check(args: Checked, rig: RigConfig, most: int = MAX_SIZE) -> CheckReport:
     """Return whether a procedure can run on ``rig`` with these values.
 
     Raises:
-        TooLong: it has more than ``most_steps``, and fewer than any may have.
+        TooLong: it has more steps and values than ``most``, and fewer than any may have.
     """
     try:
-        compiled = _compile(args, rig, most_steps)
+        compiled = _compile(args, rig, most)
     except ConfigError as error:
-        if isinstance(error, TooLong) and error.steps <= MAX_STEPS:
+        if isinstance(error, TooLong) and error.size <= MAX_SIZE:
             raise
         problems = tuple(_problem(item) for item in (error, *error.others))
         return CheckReport(ok=False, problems=problems)
@@ -150,10 +151,10 @@ def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> CheckRe
     return CheckReport(ok=True, trials=len(compiled.trials), prompts=len(asked))
 
 
-def _compile(args: Checked, rig: RigConfig, most_steps: int) -> CompiledProcedure:
+def _compile(args: Checked, rig: RigConfig, most: int) -> CompiledProcedure:
     # Errors name it before line and column; a client has no use for a path of this machine.
     source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
-    return compile_procedure(source, rig, args.set, most_steps=most_steps)
+    return compile_procedure(source, rig, args.set, most=most)
 
 
 def _view(procedure: Procedure) -> ProcedureView:

@@ -89,3 +89,43 @@ def test_pipe_among_procedures_delays_no_client(tmp_path: Path) -> None:
     own = library(tmp_path)
     os.mkfifo(tmp_path / "pipe.yaml")
     assert "pipe" not in [procedure.name for procedure in own.lines().procedures]
+
+
+#: 200 trials of one step or prompt.
+LONG = """\
+procedure: long
+title: Long
+doc: For tests.
+parameters: {speed: {doc: Speed, unit: m/s}}
+sweep: {grid: {speed: {from: 0.001 m/s, to: 0.2 m/s, step: 0.001 m/s}}}
+trial:
+  steps:
+"""
+ENDS = ", ".join(f"axis.position > {millimetres} mm" for millimetres in range(1, 101))
+MOVE = "    - {step: go, set: {axis.speed: '${speed}'}, for: 1 s}\n"
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        f"    - {{step: go, set: {{axis.speed: '${{speed}}'}}, until: [{ENDS}], timeout: 1 s}}\n",
+        f"    - {{step: go, set: {{axis.speed: '${{speed}}'}}, timeout: 1 s,"
+        f" until: '{ENDS.replace(', ', ' or ')}'}}\n",
+        f"{MOVE}    - {{prompt: near, text: Is it?, until: [{ENDS}], timeout: 1 s}}\n",
+        "    - {step: go, for: 1 s, set: {axis.speed: {table: {times: ["
+        + ", ".join(f"{second} s" for second in range(100))
+        + "], values: ["
+        + ", ".join(["'${speed}'"] * 100)
+        + "]}}}}\n",
+    ],
+    ids=["list", "joined", "prompt", "table"],
+)
+def test_check_of_long_steps_leaves_the_daemon(steps: str, tmp_path: Path) -> None:
+    args = Checked.model_validate({"procedure": travelling(LONG + steps)})
+    assert library(tmp_path).check(args) is None
+
+
+def test_long_step_compiled_once_is_checked_immediately(tmp_path: Path) -> None:
+    once = f"    - {{step: halt, set: {{axis.speed: 0 m/s}}, until: [{ENDS}], timeout: 1 s}}\n"
+    args = Checked.model_validate({"procedure": travelling(LONG + MOVE + once)})
+    assert library(tmp_path).check(args) == CheckReport(ok=True, trials=200, prompts=0)

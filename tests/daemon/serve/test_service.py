@@ -414,7 +414,7 @@ def sweep_of(steps: int, trials: int) -> str:
 def test_check_of_too_many_steps_is_refused_immediately(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         found = served.ask("check", procedure=travelling(sweep_of(500, 16_000)), set={})
-    told = "16000 trials of 500 steps are 8000000 steps, more than 200000"
+    told = "16000 trials of 2000 steps and values are 32000000, more than 400000"
     assert [item["message"] for item in found["problems"]] == [told]
     assert found["problems"][0]["line"] == 7
 
