@@ -19,7 +19,7 @@ EXAMPLES = """\
 examples:
   rigd serve --rig configs/sim_lugre.yaml         prints the panel's address
   rigd serve --rig wire-1 --no-panel --foxglove
-  rigd remote start procedures/quick.yaml --rig lugre-1 --watch       in another terminal
+  rigd remote start quick --rig lugre-1 --watch             in another terminal
 
 The daemon listens on this machine only, unless `remote:` in the rig file adds addresses. Ctrl-C and
 SIGTERM stop the run in progress, then `finish` plays, and the file is completed; a second signal

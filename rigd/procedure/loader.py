@@ -43,6 +43,21 @@ def load_procedure(given: str | Path) -> Procedure:
     return replace(_bind(read_document(found)), location=location(given, found, "procedures"))
 
 
+def load_own_procedure(path: str | Path) -> Procedure:
+    """Return the procedure of the file ``path``: no shipped file in its place moves another rig.
+
+    Raises:
+        ConfigError: the file is missing or wrong; the error names every problem with its place.
+    """
+    if not Path(path).is_file():
+        name = Path(path).stem
+        raise ConfigError(
+            f"file {str(path)!r} does not exist below {Path.cwd()}",
+            hint=f"to use the procedure that the daemon has, give its name: {name}",
+        )
+    return load_procedure(path)
+
+
 def parse_procedure(text: str, path: Path) -> Procedure:
     """Return the procedure in ``text``, such as the text attached to a recording.
 

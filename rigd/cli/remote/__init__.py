@@ -12,7 +12,7 @@ HELP = "send commands to a rig that `rigd serve` serves, here or on another mach
 EXAMPLES = """\
 examples:
   rigd remote list                                 known rigs, reachable or not
-  rigd remote start procedures/quick.yaml --rig lugre-1 --watch
+  rigd remote start quick --rig lugre-1 --watch
   rigd remote status
   rigd remote stop --reason "wrong floor"          every client may stop
   rigd remote fetch RUN                            continues a broken transfer

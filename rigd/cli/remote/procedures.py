@@ -120,7 +120,7 @@ COMMANDS = {
         _configure_dry_run,
         """\
 examples:
-  rigd remote dry-run procedures/quick.yaml --rig lugre-1
+  rigd remote dry-run procedures/mine.yaml --rig lugre-1
   rigd remote dry-run constant_current --set floor=pvc      a procedure of the daemon
 """,
     ),

@@ -23,12 +23,6 @@ def _configure_start(parser: argparse.ArgumentParser) -> None:
         "--yes", action="store_true", help="answer prompts with the procedure's own answers"
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the simulation (default 1)")
-    parser.add_argument(
-        "--on-client-loss",
-        choices=("continue", "finish_trial", "stop"),
-        help="what the run does if this command vanishes while it watches (default: as the "
-        "procedure specifies)",
-    )
     add_about(parser)
     _configure_watch(parser)
 
@@ -44,13 +38,19 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--watch", action="store_true", help="show progress to the end, and ask prompts here"
     )
+    parser.add_argument(
+        "--on-client-loss",
+        choices=("continue", "finish_trial", "stop"),
+        help="what the run does if this command vanishes while it watches (default: as the "
+        "procedure specifies)",
+    )
     add_quiet(parser)
     add_json(parser)
 
 
 def _start(args: argparse.Namespace) -> int:
     from rigd.config.shipped import is_path
-    from rigd.procedure.loader import load_procedure
+    from rigd.procedure.loader import load_own_procedure
 
     about = read_about(None, args.note, args.meta, args.specimen)
 
@@ -69,7 +69,7 @@ def _start(args: argparse.Namespace) -> int:
         )
 
     if is_path(args.procedure):
-        load_procedure(args.procedure)  # reports errors in the file before the daemon is asked
+        load_own_procedure(args.procedure)  # reports errors in the file before the daemon is asked
     return _begin(args, begin)
 
 
@@ -99,7 +99,7 @@ async def _warn_if_different(rig: AsyncClient, name: str) -> None:
 
 def _resume(args: argparse.Namespace) -> int:
     async def begin(rig: AsyncClient) -> Started:
-        return await rig.resume_run(args.run)
+        return await rig.resume_run(args.run, on_client_loss=args.on_client_loss)
 
     return _begin(args, begin)
 
@@ -157,9 +157,9 @@ COMMANDS = {
         _configure_start,
         """\
 examples:
-  rigd remote start procedures/quick.yaml --rig lugre-1 --watch
-  rigd remote start constant_current --set floor=pvc        one that the daemon has
-  rigd remote start procedures/quick.yaml --yes --watch --json
+  rigd remote start quick --rig lugre-1 --watch             a procedure that the daemon has
+  rigd remote start procedures/mine.yaml --set floor=pvc    a file of yours
+  rigd remote start quick --yes --watch --json
 
 With --watch this command has control to the end and exits with the run's exit code; if it vanishes,
 the run follows `on_client_loss` of the procedure. Ctrl-C asks whether to stop the run or only the

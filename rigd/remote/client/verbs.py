@@ -11,7 +11,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from rigd.config.shipped import is_path
 from rigd.model.pages import page_of
-from rigd.procedure.loader import load_procedure
+from rigd.procedure.loader import load_own_procedure
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.lease_keeper import LeaseKeeper
 from rigd.remote.client.transfer import Progress, fetch
@@ -307,7 +307,7 @@ class AsyncVerbs(ABC):
     ) -> dict[str, Any]:
         """Return the arguments for a procedure and its values."""
         if is_path(procedure):
-            loaded = load_procedure(procedure)
+            loaded = load_own_procedure(procedure)
             file = ProcedureFile.of(loaded.name, loaded.file.text)
         else:
             file = (await self.procedure(str(procedure))).procedure

@@ -96,6 +96,11 @@ def test_start_holds_control_only_as_long_as_needed(ask: Asking) -> None:
     assert rig.state == "running"
 
 
+def test_resumed_run_takes_action_on_client_loss(ask: Asking) -> None:
+    ask("resume-run", RUN, "--on-client-loss", "finish_trial")
+    assert ask.remote.rig.given("resume_run") == [{"run": RUN, "on_client_loss": "finish_trial"}]
+
+
 def test_start_by_name_warns_of_differing_local_file(
     ask: Asking,
 ) -> None:
@@ -115,6 +120,14 @@ def test_wrong_file_is_reported_with_place_before_sending(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT.replace("steps:", "stepz:"))
     told = ask("start", "mine.yaml", code=2).err
     assert re.search(r"mine\.yaml:\d+:\d+: unknown key 'stepz'", told)
+    assert ask.remote.rig.verbs() == []
+
+
+@pytest.mark.parametrize("verb", ["start", "dry-run"])
+def test_path_never_means_a_shipped_file(ask: Asking, verb: str) -> None:
+    told = ask(verb, "procedures/quick.yaml", code=2).err
+    assert "file 'procedures/quick.yaml' does not exist" in told
+    assert "give its name: quick" in told
     assert ask.remote.rig.verbs() == []
 
 
