@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_json, add_rig
@@ -54,12 +55,14 @@ def execute(args: argparse.Namespace) -> int:
     require_linux("`rigd read`")
     from rigd.cli.readings_view import view_for
     from rigd.config.loader import load_rig
+    from rigd.config.shipped import titled
     from rigd.daemon.manual import Newest, chosen_channels, only, open_unarmed
     from rigd.daemon.signals import handle_signals
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
     rig = load_rig(args.rig)
+    print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     seconds = None if args.duration is None else _seconds(args.duration)
     channels = chosen_channels(rig, args.channels)
     if args.channels:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import gc
 import signal
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -45,10 +46,12 @@ def execute(args: argparse.Namespace) -> int:
 
     require_linux("`rigd sim`")
     from rigd.config.loader import load_rig
+    from rigd.config.shipped import titled
     from rigd.engine.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit
 
     rig = load_rig(args.rig)
+    print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     if rig.simulation is None:
         raise ConfigError(
             f"rig {rig.name} has no simulation at the wire",

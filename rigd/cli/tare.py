@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 
 from rigd.cli.options import add_json, add_rig
 
@@ -34,12 +35,14 @@ def execute(args: argparse.Namespace) -> int:
     require_linux("`rigd tare`")
     from rigd.cli.readings_view import in_words
     from rigd.config.loader import load_rig
+    from rigd.config.shipped import titled
     from rigd.daemon.manual import Newest, check_action, only, open_unarmed
     from rigd.daemon.signals import handle_signals
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
     rig = load_rig(args.rig)
+    print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     name, action = args.device, args.action
     check_action(rig, name, action)
     rig = only(rig, {name})

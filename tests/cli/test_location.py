@@ -60,6 +60,20 @@ def test_check_names_files_that_name_means(capsys: pytest.CaptureFixture[str]) -
     assert "procedure quick (./rep.yaml, instead of the shipped procedure), 2 trials" in out
 
 
+@pytest.mark.parametrize(
+    "words", [["read", "--once", "--rig"], ["tare", "wheel", "--rig"], ["sim"]]
+)
+def test_commands_on_devices_name_their_rig_file(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A person reads it on stderr, also before an error; values alone stand on stdout."""
+    main([*words, "lugre-1"])
+    shown = capsys.readouterr()
+    first = shown.err.splitlines()[0]
+    assert first == "rig lugre-1 (./coated_rig.yaml, instead of the shipped rig)"
+    assert "coated_rig" not in shown.out
+
+
 def test_the_doctor_names_the_file_of_the_rig(capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = told(capsys, "doctor", "--rig", "lugre-1", "--seconds", "0.5")
     assert out.startswith("rig lugre-1 (./coated_rig.yaml, instead of the shipped rig) This takes")
