@@ -10,12 +10,13 @@ EXAMPLES = """\
 examples:
   rigd completion bash > ~/.local/share/bash-completion/completions/rigd
   rigd completion zsh > "${fpath[1]}/_rigd"
+  rigd completion fish > ~/.config/fish/completions/rigd.fish
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell you use")
+    parser.add_argument("shell", choices=("bash", "zsh", "tcsh", "fish"), help="the shell you use")
 
 
 def execute(args: argparse.Namespace) -> int:

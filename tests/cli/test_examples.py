@@ -271,15 +271,15 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "../docs/remote.md": (
         "rigd remote",
-        "rigd remote start procedures/quick.yaml --rig lugre-1 --watch",
-        "rigd remote start constant_current --set floor=pvc",
-        "rigd remote start procedures/quick.yaml --yes --watch --json",
+        "rigd remote start quick --rig lugre-1 --watch",
+        "rigd remote start procedures/mine.yaml --set floor=pvc",
+        "rigd remote start quick --yes --watch --json",
         "rigd remote status",
         "rigd remote status --rig lugre-1",
         "rigd remote status --watch",
         'rigd remote stop --reason "wrong floor"',
         "rigd remote lease",
-        "rigd remote dry-run procedures/quick.yaml --rig lugre-1",
+        "rigd remote dry-run procedures/mine.yaml --rig lugre-1",
         "rigd remote dry-run constant_current --set floor=pvc",
         "rigd remote runs --where 'specimen == W7 and started > 2026-09-01'",
         "rigd remote fetch RUN",
@@ -326,6 +326,9 @@ NEVER: dict[str, str] = {
         "changes this environment; tests/cli/test_new.py builds, installs and tests such a package"
     ),
     'rigd completion zsh > "${fpath[1]}/_rigd"': "there is no zsh; tests/cli/test_main.py reads it",
+    "rigd completion fish > ~/.config/fish/completions/rigd.fish": (
+        "there is no fish; tests/cli/test_main.py reads it"
+    ),
 }
 
 READERS = list(dict.fromkeys([*of_readme(), *of_help()]))

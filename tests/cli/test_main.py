@@ -84,7 +84,7 @@ def test_checking_a_file_imports_no_numerics(tmp_path: Path) -> None:
     assert done.stdout.strip().splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh", "fish"])
 def test_completion_scripts_know_every_command(shell: str, tmp_path: Path) -> None:
     script = rigd("completion", shell, cwd=tmp_path)
     assert script.code == 0
