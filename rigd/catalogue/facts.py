@@ -90,9 +90,9 @@ def line_of(info: RunInfo, file: str) -> Listing:
         planned=info.metadata.get("run", {}).get("trials", "?"),
         duration_s=info.duration_s,
         size=info.size,
-        set=_assigned(info.metadata.get("overrides", {})),
+        set=assigned(info.metadata.get("overrides", {})),
         specimen=info.specimen.get("name", ""),
-        meta=_assigned(info.metadata.get("meta", {})),
+        meta=assigned(info.metadata.get("meta", {})),
         verdict=info.verdict,
         note=" / ".join(notes_of(info)),
     )
@@ -147,5 +147,6 @@ def _facts(info: RunInfo, line: Listing) -> Iterator[Fact]:
                 yield Fact(f"{_MAPS.get(record, record)}.{key}", value_of(text))
 
 
-def _assigned(values: Mapping[str, str]) -> str:
+def assigned(values: Mapping[str, str]) -> str:
+    """Return values by name as a list shows them: ``floor=pvc, load=2 N``."""
     return ", ".join(f"{key}={text}" for key, text in values.items())

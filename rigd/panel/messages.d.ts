@@ -364,6 +364,8 @@ declare namespace Api {
     has_report: boolean;
     has_page: boolean;
     identifies: boolean;
+    set: string;
+    specimen: string;
     problem: string | null;
   }
   interface RunList {

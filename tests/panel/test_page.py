@@ -195,6 +195,13 @@ def test_past_run_is_drawn_without_control(panel: ServedPanel, watched: Watched)
     expect(report.get_by_role("heading")).to_have_text("What was recorded")
 
 
+def test_list_of_runs_shows_specimen_and_values(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["observer"])
+    turn_to(page, "Runs")
+    first = page.locator(".run-list tbody tr").first
+    expect(first.locator("td .quiet")).to_have_text("W7, floor=pvc, current=0.9 A")
+
+
 def test_runs_are_searched_by_a_condition(panel: ServedPanel, watched: Watched) -> None:
     page = watched.enter(panel.links["operator"])
     turn_to(page, "Runs")

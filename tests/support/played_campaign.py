@@ -183,7 +183,7 @@ def run_line(run: str, state: str = "complete", **more: Any) -> RunLine:
     known = {
         "procedure": "constant_current", "started_ns": time.time_ns(), "duration_s": 93.4,
         "trials_done": trials, "trials_total": 10, "size": len(RECORDING), "has_report": False,
-        "has_page": False, "identifies": True,
+        "has_page": False, "identifies": True, "set": "floor=pvc, current=0.9 A", "specimen": "W7",
     }  # fmt: skip
     return RunLine.model_validate({"run": run, "state": state, **known, **more})
 

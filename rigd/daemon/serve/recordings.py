@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.catalogue import parse_where, search
+from rigd.catalogue.facts import assigned
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.pages import page_of
@@ -273,6 +274,8 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         has_report=_is_regular(info.path.with_suffix(".html")),
         has_page=is_drawn(info.path),
         identifies="identify" in info.metadata,
+        set=assigned(info.metadata.get("overrides", {})),
+        specimen=info.specimen.get("name", ""),
     )
 
 

@@ -285,6 +285,9 @@ class RunLine(Message):
     """Whether the page of the run is there, and as new as the recording."""
     identifies: bool
     """Whether its procedure has an analysis."""
+    set: DaemonText = ""
+    """The values given at its start: `floor=pvc, load=2 N`."""
+    specimen: DaemonText = ""
     problem: DaemonText | None = None
     """Why it cannot be read."""
 

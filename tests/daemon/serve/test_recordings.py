@@ -32,7 +32,11 @@ def record(
     with RecordingWriter.create(
         path,
         streams=[AXIS],
-        metadata={"run": run},
+        metadata={
+            "run": run,
+            "overrides": {"floor": "pvc", "load": "2 N"},
+            "specimen": {"name": "W7"},
+        },
         attachments=(),
         start_ns=1_000,
         sync_interval_s=None,
@@ -57,6 +61,12 @@ def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
     assert not rest.more
     assert (rest.runs[0].trials_done, rest.runs[0].trials_total) == (1, 2)
     assert rest.runs[0].started_ns == 1_795_248_000_000_000_000
+
+
+def test_line_has_specimen_and_given_values(tmp_path: Path) -> None:
+    record(tmp_path / "20261121-080000-sweep.mcap")
+    (line,) = Recordings(tmp_path).lines(10, None, None).runs
+    assert (line.set, line.specimen) == ("floor=pvc, load=2 N", "W7")
 
 
 def test_run_in_virtual_time_began_with_its_file(tmp_path: Path) -> None:

@@ -98,6 +98,7 @@ export function mountRuns(root) {
   function line(item) {
     const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(item, row) },
       day(item.started_ns / 1e6));
+    const given = [item.specimen, item.set].filter(Boolean).join(", ");
     /** @type {HTMLInputElement} */
     const mark = el("input", {
       type: "checkbox", checked: marked.has(item.run), disabled: item.problem !== null || item.state === "running",
@@ -113,7 +114,7 @@ export function mountRuns(root) {
     const row = el("tr", { data: { chosen: String(open === item.run) }, onclick: (event) => event.target !== choose && pick(item, row) },
       el("td", {}, mark),
       el("th", { scope: "row" }, choose),
-      el("td", {}, words(item.procedure)),
+      el("td", {}, words(item.procedure), el("span", { class: "quiet", title: given }, given)),
       el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state))),
       el("td", { class: "value" }, `${item.trials_done}/${item.trials_total}`),
       el("td", { class: "value" }, duration(item.duration_s)));
