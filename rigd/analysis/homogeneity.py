@@ -139,3 +139,8 @@ def homogeneity(
             )
         )
     return tuple(found)
+
+
+def changes(tests: Sequence[ResidualTest]) -> tuple[str, ...]:
+    """Return the sentences of ``tests`` of :func:`homogeneity` that found a change, last first."""
+    return tuple(test.sentence for test in reversed(tests) if not test.passed)

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rigd.analysis.homogeneity import changes
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -49,7 +50,7 @@ def checked(result: IdentificationResult, begun: FirstFit) -> IdentificationResu
         parameters=tuple(_held(item, theta) for item in result.parameters),
         derived=tuple(_held(item, theta) for item in result.derived),
         curve=_widened(result.curve, theta),
-        warnings=(*named, *result.warnings),
+        warnings=(*named, *changes(begun.alike), *result.warnings),
         gate=gate,
     )
 

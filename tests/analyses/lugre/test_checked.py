@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from support.lugre_wrong import World, right
 
-from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
+from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
 from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
@@ -101,6 +101,16 @@ def test_correction_stands_above_other_warnings(
     first = "The zero is off. Slip-force does not correct for it. `--method output-error` gives"
     assert held.warnings[0].startswith(first)
     assert held.warnings[1:] == ("second", "other")
+    assert held.parameter("sigma_0").identifiable
+
+
+def test_change_of_friction_stands_above_other_warnings(
+    of_right_rig: tuple[IdentificationResult, FirstFit],
+) -> None:
+    alone, begun = of_right_rig
+    rises = ResidualTest("steady friction", 17.0, 4e-5, False, "The friction rises.")
+    held = checked(replace(alone, warnings=("other",)), replace(begun, alike=(rises,)))
+    assert held.warnings == ("The friction rises.", "other")
     assert held.parameter("sigma_0").identifiable
 
 

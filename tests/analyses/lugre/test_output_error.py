@@ -18,7 +18,7 @@ from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import to_natural
 from rigd.analysis.output_error import CONVERGED, by_cost, conclude, estimate
 from rigd.analysis.profile import ProfileScan
-from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, Verdict
+from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1
@@ -153,6 +153,14 @@ def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
     assert result.gate.outcome is FitOutcome.MISFIT
     assert "not converged: sigma_0 has 1 standard errors to go" in result.gate.sentence
     assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
+
+
+def test_change_too_small_to_refuse_is_warned_of(begun: FirstFit) -> None:
+    drift = ResidualTest("steady friction", 17.0, 4e-5, False, "The friction rises.")
+    apart = ResidualTest("agreement of recordings", 16.0, 6e-5, False, "a, b disagree.")
+    result = conclude_group(replace(begun, alike=(drift, apart)))
+    assert result.warnings == ("a, b disagree.", "The friction rises.")
+    assert result.parameter("sigma_0").identifiable
 
 
 def test_effect_within_doubt_leaves_stribeck_speed_open(begun: FirstFit) -> None:

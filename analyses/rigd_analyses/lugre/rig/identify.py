@@ -13,7 +13,7 @@ from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.extended import same_with, without_added
 from rigd.analysis.fit import Fit, fit, multi_start
 from rigd.analysis.gate import judge_fit
-from rigd.analysis.homogeneity import TrialParts, homogeneity
+from rigd.analysis.homogeneity import TrialParts, changes, homogeneity
 from rigd.analysis.left_out import without_each_trial
 from rigd.analysis.model import scaled_bounds
 from rigd.analysis.output_error import (
@@ -141,16 +141,14 @@ def fit_group(
         whole = retried(whole, along_ridge(whole), block)
     except Diverged as error:
         raise Diverged(error.trial, _described(used[error.trial])) from error
-    alike = homogeneity(whole, MU_C, "friction", _parts(used, rig))
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
     # Other things move friction from trial to trial too: a trend counts if friction explains most.
     varies = any(item.meaning is Meaning.VARIES for item in gate.explanations[:1])
-    if varies:
-        # A fit that is far off shows a change, and its sign, by chance; explained, it is close.
-        explained = without_added(diagnosis.fit, block)
-        alike = homogeneity(explained, MU_C, "friction", _parts(used, rig))
-    changed = [test.sentence for test in reversed(alike) if not test.passed]
+    # A fit that is far off shows a change, and its sign, by chance; explained, it is close.
+    explained = without_added(diagnosis.fit, block) if varies else diagnosis.fit
+    alike = homogeneity(explained, MU_C, "friction", _parts(used, rig))
+    changed = changes(alike)
     if varies and changed:
         sentence = f"The model does not fit these data: {changed[0]}"
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)

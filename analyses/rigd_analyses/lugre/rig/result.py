@@ -9,6 +9,7 @@ import numpy as np
 
 from rigd.analysis import residuals as tests
 from rigd.analysis.extended import moved_constants, own_parameters
+from rigd.analysis.homogeneity import changes
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import fitted_point
 from rigd.analysis.output_error import OutputErrorFit
@@ -103,6 +104,7 @@ def result(
         "beyond it every statement, V_s included, is extrapolation",
         warnings=(
             *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
+            *(changes(found.tests) if fits else ()),
             *(f"{item.label} was left out: {item.reason}" for item in rejected),
         ),
         gate=gate,
