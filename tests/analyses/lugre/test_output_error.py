@@ -18,7 +18,15 @@ from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import to_natural
 from rigd.analysis.output_error import CONVERGED, by_cost, conclude, estimate
 from rigd.analysis.profile import ProfileScan
-from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
+from rigd.analysis.result import (
+    Explanation,
+    FitOutcome,
+    Gate,
+    IdentificationResult,
+    Meaning,
+    ResidualTest,
+    Verdict,
+)
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1
@@ -279,6 +287,17 @@ def test_each_constant_is_in_the_budget(pvc: IdentificationResult) -> None:
     sources = [name for name in pvc.preprocessing.settings if name.startswith("u of sigma_0")]
     assert any("noise" in name for name in sources)
     assert len(sources) >= 3
+
+
+def test_budget_keeps_filters_and_unexplained_apart(begun: FirstFit) -> None:
+    whole = begun.whole
+    varies = Explanation("dirt", "1", 0.08, 0.01, 90.0, meaning=Meaning.VARIES)
+    gate = Gate(FitOutcome.CORRECTED, "It varies.", (), (varies,))
+    filtered = whole.fit.theta.copy()
+    filtered[SIGMA_1] *= 1.01
+    budget = Found(whole, (filtered,), {}, (0.0, 1.0), gate).budget(DAMPING)
+    assert budget["filter of the current"] == pytest.approx(math.log(1.01))
+    assert budget["what varies or is not explained"] == pytest.approx(0.08)
 
 
 def test_each_row_is_used_or_has_a_reason(pvc: IdentificationResult, bench: Bench) -> None:

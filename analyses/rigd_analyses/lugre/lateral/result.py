@@ -28,7 +28,7 @@ from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRow
 from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
 from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
-from rigd_analyses.lugre.rig.found import WINDOW_S
+from rigd_analyses.lugre.rig.found import UNEXPLAINED, WINDOW_S
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25
@@ -182,8 +182,7 @@ def _reaches(
     """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     value, gradient = quantity.value(theta, first), quantity.log_gradient(theta, first)
-    moved = (abs(float(gradient[: len(shift)] @ shift)) for shift in found.shifts)
-    besides = Z_95 * math.hypot(_method(found, quantity), max(moved, default=0.0))
+    besides = Z_95 * math.hypot(_method(found, quantity), _unexplained(found, gradient))
     trials = Z_95 * jackknife_sd(found.without @ gradient) if len(found.without) else 0.0
 
     def reach(ratio: float) -> float:
@@ -202,6 +201,12 @@ def _method(found: LateralFound, quantity: _Quantity) -> float:
     return float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
 
 
+def _unexplained(found: LateralFound, gradient: FloatArray) -> float:
+    """Return by how much what is not explained may move a logarithm with ``gradient`` (p,)."""
+    moved = (abs(float(gradient[: len(shift)] @ shift)) for shift in found.shifts)
+    return max(moved, default=0.0)
+
+
 def _budget(
     found: LateralFound, quantity: _Quantity, reach: float = 0.0
 ) -> list[tuple[str, float]]:
@@ -210,9 +215,10 @@ def _budget(
     What makes the interval reach further than they all is owed to kinks and laws.
     """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
-    parts = found.whole.budget(quantity.log_gradient(theta, first))
-    shares = {name: math.sqrt(share) for name, share in parts.items()}
+    gradient = quantity.log_gradient(theta, first)
+    shares = {name: math.sqrt(share) for name, share in found.whole.budget(gradient).items()}
     shares["filter of the current"] = _method(found, quantity)
+    shares[UNEXPLAINED] = _unexplained(found, gradient)
     beyond = (reach / Z_95) ** 2 - sum(share**2 for share in shares.values())
     shares[BEYOND] = math.sqrt(max(beyond, 0.0))
     return sorted(shares.items(), key=lambda item: -item[1])

@@ -39,6 +39,7 @@ from rigd_analyses.lugre.rig.system import (
 
 WINDOW_S = 0.021  #: least filter of the current
 FRICTION = len(PARAMETERS)
+UNEXPLAINED = "what varies or is not explained"  #: in a budget
 NO_DOUBT = Known(1.0, 0.0)
 HEIGHT = Quantity(
     "mu_s-mu_c", "μ_s - μ_c", "1", "height of the Stribeck effect", height, height_gradient
@@ -110,10 +111,14 @@ class Found:
         Of the filters it is the root mean square change of the logarithm, of what was not
         explained the largest, and of what varies in the recordings how much it does.
         """
+        by_natural = quantity.log_gradient(self.theta[:FRICTION])
+        return math.hypot(self.filters(quantity), self.unexplained(by_natural))
+
+    def filters(self, quantity: Quantity) -> float:
+        """Return the root mean square change of the logarithm with other filters of the current."""
         centre = quantity.log(self.theta[:FRICTION])[0]
         moved = [quantity.log(other[:FRICTION])[0] - centre for other in self.others]
-        filters = float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
-        return math.hypot(filters, self.unexplained(quantity.log_gradient(self.theta[:FRICTION])))
+        return float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
 
     def unexplained(self, by_natural: FloatArray) -> float:
         """Return by how much what is left may move a logarithm with this gradient (1, 6).
@@ -162,10 +167,14 @@ class Found:
 
     def budget(self, quantity: Quantity) -> dict[str, float]:
         """Return the standard uncertainty of the logarithm by its sources."""
-        gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
-        parts = {name: math.sqrt(share) for name, share in self.whole.budget(gradient).items()}
-        parts["filter of the current"] = self.method(quantity)
-        return {**parts, "gravity": self.weight(quantity)}
+        by_natural = quantity.log_gradient(self.theta[:FRICTION])
+        shares = self.whole.budget(self._padded(by_natural[0]))
+        return {
+            **{name: math.sqrt(share) for name, share in shares.items()},
+            "filter of the current": self.filters(quantity),
+            UNEXPLAINED: self.unexplained(by_natural),
+            "gravity": self.weight(quantity),
+        }
 
     def shares(self, quantity: Quantity) -> tuple[Share, ...]:
         """Return what stated constants add to the logarithm, each if it is 1 u larger."""
