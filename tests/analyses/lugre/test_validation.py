@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from support.lugre_bench import Floor, known_rig
 
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome, pooled
+from rigd.analysis.validation.saved import SavedModel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.trial import LugreTrial
 from rigd_analyses.lugre.validation.friction import Friction
@@ -25,6 +27,7 @@ from rigd_analyses.lugre.validation.paper import (
     MASSES_KG,
     published_speed_rms,
 )
+from rigd_analyses.lugre.validation.validate import shared_out
 
 Bench = Callable[..., Any]
 Spoil = Callable[[LugreTrial], LugreTrial]
@@ -237,3 +240,13 @@ def test_table_of_the_paper_has_72_cells() -> None:
     assert published_speed_rms("wood", 3.9593, 0.45) is None
     assert published_speed_rms("stone", 3.5, 0.45) is None
     assert published_speed_rms("stone", 3.9593, 0.5) is None
+
+
+def test_unusable_trial_is_left_out_of_its_model() -> None:
+    stone, pvc = (
+        SavedModel(Path("models.json"), "", "lugre", floor, {"floor": floor}, {}, ())
+        for floor in ("stone", "pvc")
+    )
+    lost, other = TrialRejection("0.6 A", "samples lost"), TrialRejection("0.9 A", "samples late")
+    conditions = [{"floor": "pvc"}, {"floor": "ice"}]
+    assert shared_out([stone, pvc], conditions, [lost, other]) == [[other], [lost, other]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rigd.analysis import DataError, format_quantity
@@ -38,11 +38,16 @@ def validate(
     """
     found: list[GroupValidation] = []
     for sweep in sweeps:
-        usable, unusable = sort_out([(sweep, trial) for trial in _complete(sweep)])
-        for saved, trials in _by_model(models, usable, group):
+        every = [(sweep, trial) for trial in _complete(sweep)]
+        usable, unusable = sort_out(every)
+        kept = {trial.number for _, trial in usable}
+        lacking = [conditions(*item) for item in every if item[1].number not in kept]
+        groups = _by_model(models, usable, group)
+        left_out = shared_out([saved for saved, _ in groups], lacking, unusable)
+        for (saved, trials), own in zip(groups, left_out, strict=True):
             label = _label(sweep, trials, several=len(sweeps) > 1)
             notify(f"{label} by the model {saved.name}: {len(trials)} trials")
-            found.append(_group(label, saved, trials, unusable))
+            found.append(_group(label, saved, trials, own))
     published = any(
         trial.deviation(SPEED).published is not None for item in found for trial in item.trials
     )
@@ -89,6 +94,23 @@ def _by_model(
         saved = chosen(models, conditions(sweep, trial), group)
         found.setdefault(id(saved), (saved, []))[1].append((sweep, trial))
     return list(found.values())
+
+
+def shared_out(
+    models: Sequence[SavedModel],
+    conditions: Sequence[Mapping[str, str]],
+    unusable: Sequence[TrialRejection],
+) -> list[list[TrialRejection]]:
+    """Return for each of ``models`` the ``unusable`` trials, with ``conditions``, that are its own.
+
+    A trial under conditions of none of them is with all: it is lost to no reader.
+    """
+    found: list[list[TrialRejection]] = [[] for _ in models]
+    for own, rejection in zip(conditions, unusable, strict=True):
+        fitting = [k for k, saved in enumerate(models) if not differing(saved, own)]
+        for k in fitting or range(len(models)):
+            found[k].append(rejection)
+    return found
 
 
 def _group(
