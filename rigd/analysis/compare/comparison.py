@@ -312,15 +312,16 @@ def level_of(item: Estimate, rigs: Hashable, *, log: bool) -> Level:
     if item.u is not None:
         return Level(value, item.u, item.u, shares, item.freedom)
     centre = math.log(value) if log else value
-    common = math.fsum(effect**2 for effect in shares.values())
+    common = math.hypot(*shares.values())
 
-    def own(end: float | None, side: float) -> float:
+    def own(end: float | None) -> float:
         if end is None:
             return math.inf
         there = math.log(end) if log else end
-        return math.sqrt(max((side * (there - centre) / Z_95) ** 2 - common, 0.0))
+        whole = max(abs(there - centre) / Z_95, common)
+        return math.sqrt(whole - common) * math.sqrt(whole + common)
 
-    return Level(centre, own(item.low, -1.0), own(item.high, 1.0), shares)
+    return Level(centre, own(item.low), own(item.high), shares)
 
 
 def _key(share: Share) -> tuple[str, float, float]:

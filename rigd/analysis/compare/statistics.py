@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2, f, t
@@ -38,7 +38,7 @@ class Level:
     @property
     def own(self) -> float:
         """Standard deviation of its own error, both sides together."""
-        return math.sqrt(0.5 * (self.below**2 + self.above**2))
+        return math.hypot(self.below, self.above) / math.sqrt(2.0)
 
     @property
     def total(self) -> float:
@@ -112,6 +112,7 @@ def homogeneity(levels: Sequence[Level]) -> Homogeneity:
         found = difference(*levels)
         sd = math.hypot(levels[0].own, levels[1].own, _common(*levels))
         return Homogeneity((found.value / sd) ** 2 if sd else 0.0, 1, found.p_value)
+    levels, _ = _scaled(levels)
     values = np.array([item.value for item in levels])
     contrasts = np.eye(freedom + 1)[1:] - np.eye(freedom + 1)[:1]
     among = contrasts @ covariance(levels) @ contrasts.T
@@ -150,6 +151,7 @@ def trend(levels: Sequence[Level], at: FloatArray) -> Slope | None:
     """
     if len(set(at.tolist())) < 3 or any(not math.isfinite(item.own) for item in levels):
         return None
+    levels, scale = _scaled(levels)
     together = covariance(levels)
     if not np.all(np.linalg.eigvalsh(together) > 0.0):
         return None
@@ -166,7 +168,21 @@ def trend(levels: Sequence[Level], at: FloatArray) -> Slope | None:
         sd, dof = sd * math.sqrt(birge), min(few, float(freedom))
     reach = float(t.ppf(TAIL, dof)) * sd
     value = float(line[1])
-    return Slope(value, value - reach, value + reach, float(2.0 * t.sf(abs(value) / sd, dof)))
+    p_value = float(2.0 * t.sf(abs(value) / sd, dof))
+    return Slope(value * scale, (value - reach) * scale, (value + reach) * scale, p_value)
+
+
+def _scaled(levels: Sequence[Level]) -> tuple[list[Level], float]:
+    """Return ``levels`` over their largest error, and that: the squares of others may overflow."""
+    scale = max(item.total for item in levels) or 1.0
+    found = [
+        replace(
+            item, value=item.value / scale, below=item.below / scale, above=item.above / scale,
+            shares={key: share / scale for key, share in item.shares.items()},
+        )
+        for item in levels
+    ]  # fmt: skip
+    return found, scale
 
 
 def covariance(levels: Sequence[Level]) -> FloatArray:

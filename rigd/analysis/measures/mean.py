@@ -43,9 +43,10 @@ def mean_of(values: NDArray[np.float64]) -> Mean:
     if n < LEAST_INDEPENDENT:
         return Mean(value, None, float(n), f"{n} samples are too few for an uncertainty")
     deviations = values - value
-    variance = float(np.mean(deviations**2))
-    if variance <= (1e-15 * abs(value)) ** 2:  # all are one number
+    scale = float(np.max(np.abs(deviations)))
+    if scale <= 1e-15 * abs(value):  # all are one number
         return Mean(value, None, 0.0, "its samples are all equal: a step of the sensor hides noise")
+    deviations /= scale  # the squares of extreme values are no numbers
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(deviations, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[:n] / (n - np.arange(n))
@@ -63,5 +64,5 @@ def mean_of(values: NDArray[np.float64]) -> Mean:
             "'during' has more"
         )
         return Mean(value, None, independent, reason)
-    u = float(np.sqrt(2 * used * inflation * covariance[0] * n / (n - 1) / n))
+    u = scale * float(np.sqrt(2 * used * inflation * covariance[0] * n / (n - 1) / n))
     return Mean(value, u, min(independent, float(n)))

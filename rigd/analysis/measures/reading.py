@@ -91,7 +91,13 @@ class TrialReader:
                 begin = self._event(measure.since, span, begin)
             return self._event(measure.when, span, begin) - begin
         times, values = self._values(measure, span)
-        return _STATISTICS[measure.kind](times, values)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = _STATISTICS[measure.kind](times, values)
+        if not np.isfinite(found):
+            raise Unread(
+                f"samples up to {np.max(np.abs(values)):.3g} are too large to compute with"
+            )
+        return found
 
     def _seconds(self, t_ns: int) -> float:
         return (t_ns - self.trial.start_ns) * 1e-9
@@ -243,13 +249,23 @@ def _slope(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     return float(np.dot(centred, values - values.mean()) / np.dot(centred, centred))
 
 
+def _rms(values: NDArray[np.float64]) -> float:
+    """Return the root mean square; the squares of extreme values would be no numbers."""
+    scale = float(np.max(np.abs(values)))
+    return scale * float(np.sqrt(np.mean((values / scale) ** 2))) if scale else 0.0
+
+
+def _std(values: NDArray[np.float64]) -> float:
+    return _rms(values - values.mean()) * float(np.sqrt(len(values) / (len(values) - 1)))
+
+
 _Statistic = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 _STATISTICS: dict[str, _Statistic] = {
     "max": lambda times, values: float(values.max()),
     "min": lambda times, values: float(values.min()),
     "peak_to_peak": lambda times, values: float(np.ptp(values)),
-    "rms": lambda times, values: float(np.sqrt(np.mean(values**2))),
-    "std": lambda times, values: float(np.std(values, ddof=1)),
+    "rms": lambda times, values: _rms(values),
+    "std": lambda times, values: _std(values),
     "slope": _slope,
     "final": lambda times, values: float(values[-1]),
 }

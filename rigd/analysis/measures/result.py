@@ -209,7 +209,8 @@ def _played(readings: Sequence[TrialReading]) -> list[TrialReading]:
 def _std(values: Sequence[float]) -> float:
     """Return the standard deviation of a sample of two values or more."""
     mean = math.fsum(values) / len(values)
-    return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+    # No square is made: those of values beyond 1e154 are no numbers.
+    return math.hypot(*(value - mean for value in values)) / math.sqrt(len(values) - 1)
 
 
 def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float, what: str) -> str:

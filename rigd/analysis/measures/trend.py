@@ -35,10 +35,10 @@ def trend_of(values: Sequence[float]) -> Trend | None:
     middle, mean = (n - 1) / 2, math.fsum(values) / n
     squares = n * (n * n - 1) / 12
     slope = math.fsum((at - middle) * value for at, value in enumerate(values)) / squares
-    left = math.fsum((v - mean - slope * (at - middle)) ** 2 for at, v in enumerate(values))
-    total = math.fsum((v - mean) ** 2 for v in values)
-    if total <= n * (1e-12 * abs(mean)) ** 2:  # all are one number
+    left = math.hypot(*(v - mean - slope * (at - middle) for at, v in enumerate(values)))
+    total = math.hypot(*(v - mean for v in values))
+    if total <= math.sqrt(n) * 1e-12 * abs(mean):  # all are one number
         return None
-    u = math.sqrt(left / (n - 2) / squares)
+    u = left / math.sqrt((n - 2) * squares)
     p = 0.0 if u == 0.0 else 2 * float(t.sf(abs(slope) / u, n - 2))
     return Trend(slope, p) if p < FALSE_ALARM else None

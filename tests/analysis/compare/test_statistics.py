@@ -261,3 +261,21 @@ def test_group_all_alike_is_tested_among_three() -> None:
     ]
     (row,) = compare(groups).compared
     assert row.verdict == "none found"
+
+
+@pytest.mark.parametrize("scale", [1e200, 1e-200])
+def test_extreme_levels_are_compared_as_plain_ones(scale: float) -> None:
+    rows = [(1.0, 0.2, 0.1), (1.5, 0.1, 0.1), (2.2, 0.3, 0.1)]
+    plain, extreme = (
+        [Level(value * k, own * k, own * k, {"u": share * k}, 5.0) for value, own, share in rows]
+        for k in (1.0, scale)
+    )
+    one, other = difference(*plain[:2]), difference(*extreme[:2])
+    assert other.high == pytest.approx(one.high * scale)
+    assert other.p_value == pytest.approx(one.p_value)
+    assert homogeneity(extreme).p_value == pytest.approx(homogeneity(plain).p_value)
+    at = np.array([0.0, 1.0, 2.0])
+    line, steep = trend(plain, at), trend(extreme, at)
+    assert line is not None and steep is not None
+    assert steep.high == pytest.approx(line.high * scale)
+    assert steep.p_value == pytest.approx(line.p_value)

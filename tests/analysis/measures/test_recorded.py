@@ -180,6 +180,26 @@ def test_measure_is_its_value_in_closed_form(tmp_path: Path, measure: str, expec
     assert value(tmp_path, measure) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+def of_heat(scale: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what has the heat alternate by ``scale``."""
+
+    def change(rows: np.ndarray) -> np.ndarray:
+        rows["heat"] = scale * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)
+        return rows
+
+    return change
+
+
+def test_spread_of_extreme_samples_is_right(tmp_path: Path) -> None:
+    measure, change = "{rms: axis.heat, during: pull}", {1: of_heat(1e200)}
+    assert value(tmp_path, measure, change=change) == pytest.approx(1e200)
+
+
+def test_statistic_beyond_all_numbers_is_not_read(tmp_path: Path) -> None:
+    measure, change = "{peak_to_peak: axis.heat, during: pull}", {1: of_heat(1.7e308)}
+    assert "too large to compute with" in reason(tmp_path, measure, change=change)
+
+
 def loaded(load: float, raw: float) -> Callable[[np.ndarray], np.ndarray]:
     """Return what sets the load sensor and its raw value from 0.9 s to 0.92 s."""
 

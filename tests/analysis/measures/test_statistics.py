@@ -268,3 +268,25 @@ def test_single_trial_runs_count_as_trials() -> None:
     found = summary_of(measure(), {}, runs_of([1.0], [2.0], [4.0]))
     assert found.runs is None
     assert found.low is not None
+
+
+@pytest.mark.parametrize("scale", [1e200, 1e-200])
+def test_extreme_values_have_their_scatter(scale: float) -> None:
+    values = [1.0, 1.1, 1.22, 1.3, 1.39, 1.52]
+    plain, extreme = (
+        summary_of(measure(), {}, readings(*[value * k for value in values])) for k in (1.0, scale)
+    )
+    assert plain.std is not None and plain.high is not None and plain.trend is not None
+    assert extreme.std == pytest.approx(plain.std * scale)
+    assert extreme.high == pytest.approx(plain.high * scale)
+    assert extreme.trend is not None
+    assert extreme.trend.per_trial == pytest.approx(plain.trend.per_trial * scale)
+    assert extreme.trend.p == pytest.approx(plain.trend.p)
+
+
+@pytest.mark.parametrize("scale", [1e200, 1e-200])
+def test_extreme_samples_have_uncertainty_of_mean(scale: float) -> None:
+    samples = 3.0 + correlated(np.random.default_rng(4), 2000, 0.5)
+    plain, extreme = mean_of(samples), mean_of(samples * scale)
+    assert plain.u is not None
+    assert extreme.u == pytest.approx(plain.u * scale)
