@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import interp1d
 
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
@@ -48,6 +49,8 @@ FREE: Final = {
     "scale_x": (-0.2, 0.2, 0.0), "scale_y": (-0.2, 0.2, 0.0),
     "latency": (-LATEST_S, LATEST_S, 0.01),
 }  # fmt: skip
+#: Rate of the fastest motion times a step of the simulation, at most: beyond 2.7 it is unstable.
+STABLE: Final = 1.3
 UNDISTURBED: Final = np.zeros((0, DISTURBED, LANES))
 
 
@@ -241,10 +244,12 @@ class RobotSystem:
         by = np.zeros((len(NAMES), LANES))
         if len(disturbed) == 0:
             by[:, : len(NAMES)] = np.eye(len(NAMES))
-        wheels = item.speeds / self.gear_ratio
-        rows = simulate(
-            parameters, by, wheels, item.grid, item.at, found["latency"], disturbed, moving
-        )
+        grid, at = finer(item.grid, item.at, STABLE / fastest(found))
+        columns = [np.interp(grid, item.grid, column) for column in item.speeds.T]
+        wheels = np.stack(columns, axis=1) / self.gear_ratio
+        if len(disturbed):
+            disturbed = interp1d(item.grid, disturbed, axis=0)(grid)
+        rows = simulate(parameters, by, wheels, grid, at, found["latency"], disturbed, moving)
         return Run(*rows)
 
     def outputs_of(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
@@ -313,3 +318,23 @@ class RobotSystem:
             out[:, k] = stretch[0] * (c * poses[:, k] - s * poses[:, k + 1])
             out[:, k + 1] = stretch[1] * (s * poses[:, k] + c * poses[:, k + 1])
         return out
+
+
+def fastest(found: Mapping[str, float]) -> float:
+    """Return the rate in 1/s of the fastest motion that contacts which grip give a module."""
+    mass = found["body_mass"] + 4.0 * found["wheel_mass"]
+    b, d = found["half_track"], found["half_wheelbase"]
+    inertia = found["body_inertia"] + 4.0 * found["wheel_mass"] * (b * b + d * d)
+    turning = (found["k_lon"] * b * b + found["k_lat"] * d * d) / inertia
+    return 4.0 * max(found["k_lon"] / mass, found["k_lat"] / mass, turning)
+
+
+def finer(
+    grid: FloatArray, at: NDArray[np.int64], longest_s: float
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return ``grid`` (n,) in s without steps above ``longest_s``, and where ``at`` is in it."""
+    each = np.ceil(np.diff(grid) / longest_s - 1e-6).astype(np.int64)
+    if np.all(each <= 1):
+        return grid, at
+    first = np.append(0, np.cumsum(each))
+    return np.interp(np.arange(first[-1] + 1), first, grid), first[at]

@@ -22,7 +22,7 @@ from rigd_analyses.articulated.found import RobotFound, check_way, find, fitted_
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.result import BY_LAW, error_of, mean_radius, result, value_of
-from rigd_analyses.articulated.system import CONTACTS, INERTIA, RATIO, SHARED, RobotSystem
+from rigd_analyses.articulated.system import CONTACTS, INERTIA, LOCAL, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
 LATENCY = 2  #: samples
@@ -121,6 +121,26 @@ def test_derivatives_are_those_of_differences(name: str, right: float) -> None:
         differences = (ends[0][part] - ends[1][part]) / (2.0 * step)
         tolerance = 2e-3 * max(float(np.max(np.abs(differences))), 1e-9)
         assert lane[:, :, index] == pytest.approx(differences, rel=1e-4, abs=tolerance)
+
+
+@pytest.mark.parametrize(("k_lon", "body_mass"), [(520.0, 3.6), (1000.0, 3.6), (120.0, 0.8)])
+def test_stiff_contacts_are_simulated_in_stable_steps(k_lon: float, body_mass: float) -> None:
+    constants = {**CONSTANTS, "body_mass": body_mass, "body_inertia": 0.0302 * body_mass / 3.6}
+    shared = {**PARAMETERS, RATIO: 1.5, "scale_x": 0.0, "scale_y": 0.0, "latency": 0.0}
+    shared |= {"k_lon": k_lon, **constants}
+    poses = []
+    for step_s in (0.004, 0.0002):
+        grid = np.linspace(0.0, 2.0, round(2.0 / step_s) + 1)
+        share = np.minimum(grid / 0.3, 1.0)[:, None]
+        seen, none = np.ones((51, 6), np.bool_), np.zeros((51, 6))
+        item = RobotTrial(
+            "circle", "", 1, 0.04, grid, np.arange(0, len(grid), round(0.04 / step_s)),
+            share * [200.0, 100.0], none[:, :2], none, seen, 1e-3, 1e-3,
+        )  # fmt: skip
+        system = RobotSystem((item,), {name: (x, 0.0) for name, x in constants.items()}, 25.0)
+        run = system.run(0, np.array([shared[name] for name in SHARED]), np.zeros(len(LOCAL)))
+        poses.append(run.pose)
+    np.testing.assert_allclose(poses[0], poses[1], atol=2e-5)
 
 
 def test_narrow_gradual_law_is_nearly_the_jump() -> None:
