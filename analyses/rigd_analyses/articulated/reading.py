@@ -97,10 +97,11 @@ def robot_trials(trials: Trials) -> list[RobotTrial]:
     Raises:
         DataError: a signal is missing, a sample is not finite, or a trial is too short.
     """
-    return [_trial(sweep, info) for sweep, info in trials]
+    several = len({sweep.path for sweep, _ in trials}) > 1
+    return [_trial(sweep, info, f" of {sweep.path}" if several else "") for sweep, info in trials]
 
 
-def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
+def _trial(sweep: RecordedSweep, info: TrialInfo, file: str) -> RobotTrial:
     where = f"{sweep.path}: trial {info.number}"
     read = {name: _signal(sweep, info, name) for name in (*MOTORS, *TORQUES, *POSES)}
     frames = np.unique(np.concatenate([read[name][0] for name in POSES]))
@@ -131,8 +132,8 @@ def _trial(sweep: RecordedSweep, info: TrialInfo) -> RobotTrial:
     )
     words = [f"{sweep.parameter(info, name)}" for name in info.parameters]
     return RobotTrial(
-        f"{sweep.info.procedure} {info.number} ({', '.join(words)})", str(sweep.path), info.number,
-        period, grid, at, speeds, np.ascontiguousarray(torques.T), poses, seen,
+        f"{sweep.info.procedure} {info.number} ({', '.join(words)}){file}", str(sweep.path),
+        info.number, period, grid, at, speeds, np.ascontiguousarray(torques.T), poses, seen,
         speed, torque,
     )  # fmt: skip
 

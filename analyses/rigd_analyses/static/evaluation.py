@@ -8,6 +8,7 @@ steady motion: samples at rest, and where the speed changes fast, do not count.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -79,6 +80,8 @@ def identify(group: Group, options: Options) -> IdentificationResult:
         DataError: a sample is not finite, or nothing moves.
     """
     trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
+    if len(group.recordings) > 1:  # each begins with trial 1
+        trials = tuple(replace(x, label=f"{x.label} of {x.recording}") for x in trials)
     force = np.concatenate([trial.measured[trial.used] for trial in trials])
     speed = np.concatenate([trial.x[trial.used] for trial in trials])
     if not len(speed):
@@ -90,7 +93,7 @@ def identify(group: Group, options: Options) -> IdentificationResult:
         )
     size = float(np.median(np.abs(force))) or 1.0
     model = ResponseModel(parameters(size, speed, force), friction, trials, size)
-    return identify_response(model, WORDING, options, account(group))
+    return identify_response(model, WORDING, options, account(trials))
 
 
 def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -165,7 +168,7 @@ def steady(t_s: FloatArray, speed: FloatArray, top: float) -> BoolArray:
     return both
 
 
-def account(group: Group) -> Preprocessing:
+def account(trials: Sequence[ResponseTrial]) -> Preprocessing:
     """Return the processing of the samples before the fit, for the report."""
     return Preprocessing(
         statements=(
@@ -178,5 +181,5 @@ def account(group: Group) -> Preprocessing:
             "change_share": CHANGE_SHARE,
             "change_s": CHANGE_S,
         },
-        per_trial={f"trial {trial.number}": {} for _, trial in group.trials},
+        per_trial={trial.label: {} for trial in trials},
     )

@@ -167,6 +167,18 @@ def test_marker_of_single_frames_is_refused(column: int, module: str, tmp_path: 
         check_markers([replace(trial, seen=seen)])
 
 
+def test_trials_of_two_recordings_have_labels_apart(tmp_path: Path) -> None:
+    trials = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        sweep = Robot(tmp_path / name).write()
+        trials.append((sweep, sweep.trials[0]))
+    first, second = (item.label for item in robot_trials(trials))
+    assert str(tmp_path / "first") in first
+    assert str(tmp_path / "second") in second
+    assert "of" not in robot_trials(trials[:1])[0].label
+
+
 def test_largest_uncertainty_of_all_recordings_counts(tmp_path: Path) -> None:
     sweep = Robot(tmp_path).write()
     trials = []

@@ -48,6 +48,20 @@ def at_rate(speed_m_s: float, rate_hz: float, seed: int) -> SimulatedTrial:
     return SimulatedTrial(t_s, {"force": force * np.sign(speed), "speed": speed})
 
 
+def test_trials_of_two_recordings_have_labels_apart(tmp_path: Path) -> None:
+    sweeps = []
+    for name, speeds in (("first", (0.0005, 0.001, 0.01)), ("second", (0.002, 0.004, 0.03))):
+        (tmp_path / name).mkdir()
+        case = Case([stroke(v, v, seed) for seed, v in enumerate(speeds)], {}, TRUTH)
+        path = write_case(tmp_path / name / "a.mcap", StaticFrictionAnalysis, case)
+        sweeps.append(open_sweep(path))
+    evaluation = StaticFrictionAnalysis().evaluate(sweeps, Options(), lambda _: None)
+    assert isinstance(evaluation, ParameterEvaluation)
+    (section,) = evaluation.sections
+    assert len(section.result.preprocessing.per_trial) == 6
+    assert len({item.label for item in section.result.trials}) == 6
+
+
 def test_intervals_do_not_depend_on_order(tmp_path: Path) -> None:
     trials = [
         at_rate(v, rate, seed)
