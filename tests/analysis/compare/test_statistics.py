@@ -270,9 +270,9 @@ def test_extreme_levels_are_compared_as_plain_ones(scale: float) -> None:
         [Level(value * k, own * k, own * k, {"u": share * k}, 5.0) for value, own, share in rows]
         for k in (1.0, scale)
     )
-    one, other = difference(*plain[:2]), difference(*extreme[:2])
-    assert other.high == pytest.approx(one.high * scale)
-    assert other.p_value == pytest.approx(one.p_value)
+    usual, other = difference(*plain[:2]), difference(*extreme[:2])
+    assert other.high == pytest.approx(usual.high * scale)
+    assert other.p_value == pytest.approx(usual.p_value)
     assert homogeneity(extreme).p_value == pytest.approx(homogeneity(plain).p_value)
     at = np.array([0.0, 1.0, 2.0])
     line, steep = trend(plain, at), trend(extreme, at)
