@@ -248,7 +248,8 @@ class RobotSystem:
         columns = [np.interp(grid, item.grid, column) for column in item.speeds.T]
         wheels = np.stack(columns, axis=1) / self.gear_ratio
         if len(disturbed):
-            disturbed = interp1d(item.grid, disturbed, axis=0)(grid)
+            moved = interp1d(item.grid, disturbed, axis=0)(grid)
+            disturbed = np.asarray(moved, dtype=np.float64)
         rows = simulate(parameters, by, wheels, grid, at, found["latency"], disturbed, moving)
         return Run(*rows)
 
