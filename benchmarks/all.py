@@ -1,14 +1,14 @@
 """Runs every benchmark, one after the other, and ends with one table of all figures.
 
-    make bench                      all of them, about 45 minutes
+    make bench                      all of them, about 50 minutes
     python benchmarks/all.py plant recording
 
 Wall time on a shared machine depends on its load: figures are ratios of runs interleaved with their
 baseline, in CPU time if the peer allows it.
 
 Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage,
-design_promise and fault_campaign, each of which continues its table; so are identify_posterior and
-slip_filter, of minutes.
+identify_misfit, design_promise and fault_campaign, each of which continues its table; so are, of
+minutes, identify_posterior, identify_fuzz, slip_filter and foreign_fmus.
 """
 
 from __future__ import annotations
@@ -53,6 +53,7 @@ BENCHES = (
     "panel_stop",
     "panel_fuzz",
     "identify",
+    "identify_speed",
     "validate_tables",
     "lateral_tables",
     "lateral_misfit",

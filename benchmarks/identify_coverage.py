@@ -50,6 +50,7 @@ from rigd_analyses.lugre.identify import identify_lugre
 from rigd_analyses.lugre.reading import OUTPUT_ERROR, arrays, rig_constants
 
 TARGET = 88.0  #: %, of the nominal 95
+WINDOW: Final = (92.0, 98.0)  #: %, that the coverage of each quoted interval is to be in
 PAGES: Final = 10  #: the report, a quarter of an experiment's time, is drawn for one rig in ten
 SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
 PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
@@ -190,6 +191,9 @@ def _report(floor: str, rows: list[Row]) -> None:
         worst = min(curve, key=lambda item: item.share)
         # Slip that a rig did not visit is none that it missed.
         _judge(f"{floor}: g, worst of 5 to 50 mm/s", replace(worst, experiments=worst.quoted))
+    for name, item in found.items():
+        if item.quoted:
+            _within(f"{floor}: {name}", item)
     quoted = [found[name] for name in OFTEN_OPEN]
     wrong = sum(item.quoted - item.covered for item in quoted)
     total = sum(item.quoted for item in quoted)
@@ -214,6 +218,13 @@ def _line(name: str, item: Coverage) -> str:
         f"{item.bias:>+11.2f}{item.sd:>10.2f}{item.worst:>10.2f}{item.half_width:>12.2f}"
         f"{item.ratio:>8.2f}{nothing}"
     )
+
+
+def _within(name: str, item: Coverage) -> None:
+    """Report whether the coverage of quoted intervals may be in the window: by its binomial."""
+    low, high = item.limits
+    at_least(f"{name} coverage, at most", high, WINDOW[0], "%")
+    at_most(f"{name} coverage, at least", low, WINDOW[1], "%")
 
 
 def _judge(name: str, item: Coverage) -> None:

@@ -23,6 +23,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from figures import at_least, at_most
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from support.lugre_kinds import GROUPS, KINDS, SIZES
@@ -38,6 +40,8 @@ Row = dict[str, Any]
 STRIDE = 5  #: between one kind and the next
 REFUSED = (FitOutcome.MISFIT.name, "refused")
 METHODS = {"slip": "slip-force behind the gate", "oe": "output error"}
+HELD = 95.0  #: %, of the cases in which method A alone gives a wrong interval
+ALARMS = 3.0  #: %, of right worlds
 CHANCE = 1.5  #: half widths beyond which chance puts one of eight intervals in 1 of 40 cases
 
 
@@ -125,6 +129,15 @@ def table(rows: Sequence[Row]) -> None:
             print(f"| {name} | {len(part)} | {counts} |")
     alarms = [row["case"] for row in controls if row["outcome"] != FitOutcome.FITS.name]
     print(f"\ncontrols: {len(controls)}, false alarms: {len(alarms)} {alarms}")
+    off = parts["method A alone is off"]
+    for column, method in METHODS.items() if off else ():
+        held = sum(not verdict(row, column).endswith("wrong") for row in off)
+        name = f"{method}: right, named or refused of {len(off)} in which method A is off"
+        at_least(name, 100.0 * held / len(off), HELD, "%")
+    if controls:
+        at_most(
+            f"false alarms of {len(controls)}", 100.0 * len(alarms) / len(controls), ALARMS, "%"
+        )
 
 
 def main() -> None:
