@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import to_scaled
+from rigd.analysis.model import Scaling, to_scaled
 from rigd.analysis.output_error import OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
 from rigd.analysis.score import Columns
@@ -113,7 +113,14 @@ def moved_constants(stated: Sequence[Unknown], found: OutputErrorFit) -> tuple[s
             left = "" if math.isfinite(fitted.u) else "; left to the data"
             sentences.append(
                 f"{parameter.name} ({unknown.wording}): stated {parameter.start:.5g} "
-                f"{parameter.unit}, fitted {value:.5g}, moved by "
+                f"{parameter.unit} with u = {_uncertainty(unknown)}, fitted {value:.5g}, moved by "
                 f"{unknown.pull(float(value)):+.2f} of its uncertainty{left}"
             )
     return tuple(sentences)
+
+
+def _uncertainty(unknown: Unknown) -> str:
+    """Return the standard uncertainty of a constant: of a positive one as a share of it."""
+    if unknown.parameter.scaling is Scaling.LINEAR:
+        return f"{unknown.u:.3g} {unknown.parameter.unit}"
+    return f"{100.0 * unknown.u:.3g} %"

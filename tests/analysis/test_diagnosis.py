@@ -76,7 +76,7 @@ def test_constant_left_to_data_states_its_move() -> None:
     (found,) = diagnosis.explanations
     gain, offset = moved_constants(lines.shared, diagnosis.fit)
     assert gain == (
-        f"gain (the gain): stated 0 1, fitted {found.size:.5g}, "
+        f"gain (the gain): stated 0 1 with u = {lines.shared[1].u:.3g} 1, fitted {found.size:.5g}, "
         f"moved by {found.pull:+.2f} of its uncertainty; left to the data"
     )
     assert offset.endswith("of its uncertainty")

@@ -224,6 +224,15 @@ def test_interval_reaches_around_an_accepted_point(begun: FirstFit) -> None:
     assert above + below == pytest.approx(2.0 * 3.0 * usual[0])
 
 
+def test_unexplained_rest_is_no_lack_of_data(begun: FirstFit) -> None:
+    moved = np.zeros(6)
+    moved[SIGMA_1] = 0.8  # of its logarithm
+    entry = conclude_group(replace(begun, shifts=(moved,))).parameter("sigma_1")
+    assert entry.quoted is None
+    assert entry.verdict is Verdict.UNRESOLVED
+    assert "what is left unexplained" in entry.sentence
+
+
 def test_point_beside_the_optimum_has_steps_left(begun: FirstFit) -> None:
     model, best = begun.whole.model, begun.whole.fit
     half = 0.5 * np.sqrt(begun.whole.covariance[3, 3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from rigd.analysis.identifiability import Z_95, Evidence, judge
+from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import (
     ParameterEstimate,
@@ -26,6 +26,11 @@ from rigd_analyses.lugre.quantities import (
     height,
 )
 from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, Found
+
+BY_METHOD = (
+    "These data alone close the interval; another filter of the current, single trials or what is "
+    "left unexplained widen it."
+)
 
 
 def estimates(found: Found) -> list[ParameterEstimate]:
@@ -136,9 +141,17 @@ def _profiled(found: Found, quantity: Quantity, line: ProfileScan) -> ParameterE
             None if high is None else math.exp(high),
             quantity.unit,
             allowed=(box.low, box.high),
+            data_log_sd=_by_line(found, quantity, line, centre),
         ),
         error, "profile",
     )  # fmt: skip
+
+
+def _by_line(found: Found, quantity: Quantity, line: ProfileScan, centre: float) -> float:
+    """Return the standard error of the logarithm that the profile alone stands for."""
+    if line.low is None or line.high is None:
+        return math.inf
+    return math.hypot(max(centre - line.low, line.high - centre) / Z_95, found.weight(quantity))
 
 
 def _joined(found: Found, quantity: Quantity, reach: float) -> float:
@@ -152,8 +165,9 @@ def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
     below, above = (math.exp(math.hypot(part, others)) for part in found.ridge(quantity))
     on_bound = quantity.index is not None and found.whole.on_bound[quantity.index]
     evidence = Evidence(
-        value, value / below, value * above, quantity.unit, value if on_bound else None
-    )
+        value, value / below, value * above, quantity.unit, value if on_bound else None,
+        data_log_sd=found.by_data(quantity),
+    )  # fmt: skip
     return _entry(found, quantity, value, evidence, error, "covariance")
 
 
@@ -161,6 +175,8 @@ def _entry(
     found: Found, quantity: Quantity, value: float, evidence: Evidence, error: float, source: str
 ) -> ParameterEstimate:
     evidence = replace(evidence, owed=found.owed(quantity, evidence.log_sd))
+    if evidence.data_log_sd <= UNIDENTIFIABLE_LOG_SD < evidence.log_sd:
+        evidence = replace(evidence, wider=BY_METHOD)
     verdict, sentence = judge(evidence)
     known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
     low, high = evidence.ends

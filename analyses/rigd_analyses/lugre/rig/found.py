@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -100,6 +100,11 @@ class Found:
         gradient = self._padded(by_natural[0])
         chance = math.sqrt(max(float(gradient @ self.whole.covariance @ gradient), 0.0))
         return max(chance, jackknife_sd(self.without[:, :FRICTION] @ gradient[:FRICTION]))
+
+    def by_data(self, quantity: Quantity) -> float:
+        """Return the standard error of the logarithm that data and constants alone leave."""
+        alone = replace(self, without=self.without[:0])
+        return math.hypot(max(alone.ridge(quantity)) / Z_95, self.weight(quantity))
 
     def weight(self, quantity: Quantity) -> float:
         """Return what gravity adds: all but V_s are forces over the weight."""

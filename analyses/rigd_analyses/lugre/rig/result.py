@@ -237,7 +237,7 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
 def _budget_rows(found: Found) -> dict[str, float]:
     """Return the largest sources of each parameter's uncertainty, relative."""
     rows: dict[str, float] = {}
-    for quantity in (*BY_COVARIANCE, COULOMB, STATIC):
+    for quantity in (*BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED):
         parts = sorted(found.budget(quantity).items(), key=lambda item: -item[1])
         rows |= {
             f"u of {quantity.name} from {name}": part for name, part in parts[:4] if part > 0.0
