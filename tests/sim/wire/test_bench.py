@@ -357,7 +357,7 @@ def test_the_command_serves_and_ends_with_a_signal(tmp_path: Path) -> None:
     assert any(line.startswith("traction: Modbus TCP at") for line in said)
     running.signal(signal.SIGTERM)
     ended = running.end()
-    assert (ended.code, ended.err) == (0, "")
+    assert (ended.code, ended.err) == (0, f"rig sim-ends ({rig.rig})\n")
     assert [path.name for path in rig.folder.iterdir()] == ["lock"]
 
 
