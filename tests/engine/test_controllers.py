@@ -357,7 +357,9 @@ def test_dry_run_refuses_what_a_hold_does() -> None:
     assert dry_run(compiled(rig, text), rig, seed=1).refusals == ()
     held = compiled(rig, text.replace("for: 1 s\n", f"for: 1 s\n{hold}"))
     (refusal,) = dry_run(held, rig, seed=1).refusals
-    assert refusal.startswith("with each step held once: trial 1 would end early: rim.speed = 0.13")
+    assert refusal.startswith(
+        "with each step held once: trial 1 would end early: rim.speed is 0.13"
+    )
     mild = text.replace("for: 1 s\n", f"for: 1 s\n{hold.replace('1.1', '0.4')}")
     found = dry_run(compiled(rig, mild), rig, seed=1)
     assert found.refusals == ()

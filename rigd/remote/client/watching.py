@@ -17,6 +17,8 @@ from rigd.remote.protocol.status import LastRun
 
 #: A status that is so much younger than the first received one is from after the run began, in ns.
 _SETTLED_NS: Final = 1_000_000_000
+#: They hold all events that a daemon keeps. New ones may come as fast as a client asks.
+_MOST_ANSWERS: Final = 100
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
@@ -51,10 +53,13 @@ async def each(
 async def all_events(ask: Callable[[int], Awaitable[Events]], since: int) -> Events:
     """Return the events from number ``since``; one answer has as many as it can contain."""
     found: list[RigEvent] = []
-    while (answer := await ask(since)).events:
+    for _ in range(_MOST_ANSWERS):
+        answer = await ask(since)
         found += answer.events
         since = answer.next
-    return Events(events=tuple(found), next=answer.next)
+        if not answer.events:
+            break
+    return Events(events=tuple(found), next=since)
 
 
 async def without_gaps(

@@ -142,12 +142,12 @@ def test_late_reply_never_becomes_a_value(transmitter: TransmitterBench) -> None
 @RTU
 def test_no_request_follows_failure_before_longest_reply(transmitter: TransmitterBench) -> None:
     driver = opened(transmitter, longest_reply="0.4 s")
+    began = time.monotonic()  # the request comes later: a stall does not shorten what is measured
     transmitter.fault("silent", count=1)
     before = driver.client.counts[Trouble.TIMEOUT]
     cycle(driver, lambda rows: driver.client.counts[Trouble.TIMEOUT] > before)
-    began = time.monotonic()
     rows_of(driver, 1)
-    assert time.monotonic() - began > 0.3  # 0.4 s from the request, of which 0.05 s had passed
+    assert time.monotonic() - began >= 0.4
 
 
 def test_refusal_ends_run_with_what_it_means(transmitter: TransmitterBench) -> None:

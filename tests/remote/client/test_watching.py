@@ -8,7 +8,7 @@ from collections.abc import AsyncGenerator, Sequence
 import pytest
 
 from rigd.model.errors import LinkError
-from rigd.remote.client.watching import RunWatch, without_gaps
+from rigd.remote.client.watching import RunWatch, all_events, without_gaps
 from rigd.remote.protocol import VERSION, Refusal, RigEvent, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import Daemon, Interrupted, LastRun
@@ -53,6 +53,14 @@ def test_forgotten_events_stay_a_gap() -> None:
 def test_known_events_of_unordered_times_come_once() -> None:
     told = [event(0, 1), event(1, 5), event(2, 3), event(3, 6)]
     assert read(told[1:], told[:3], 0) == told
+
+
+def test_events_that_never_end_are_returned() -> None:
+    async def ask(seq: int) -> Events:
+        return Events(events=(event(seq),), next=seq + 1)
+
+    found = asyncio.run(all_events(ask, 7))
+    assert [item.seq for item in found.events] == list(range(7, found.next))
 
 
 def test_restarted_daemon_counts_from_zero() -> None:
