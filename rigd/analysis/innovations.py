@@ -93,6 +93,29 @@ class Whitener:
 
 
 @kernel
+def spread(
+    forward: FloatArray, driven: FloatArray, n: int, p: FloatArray, moved: FloatArray
+) -> None:
+    """Take the covariance ``p`` (s, s) of the state from sample ``n`` to the next, in place.
+
+    ``moved`` (s, s) is room for it.
+    """
+    states = p.shape[0]
+    for a in range(states):
+        for b in range(states):
+            total = 0.0
+            for c in range(states):
+                total += forward[n, a, c] * p[c, b]
+            moved[a, b] = total
+    for a in range(states):
+        for b in range(states):
+            total = driven[n, a] * driven[n, b]
+            for c in range(states):
+                total += moved[a, c] * forward[n, b, c]
+            p[a, b] = total
+
+
+@kernel
 def _gains(
     forward: FloatArray, driven: FloatArray, seen: FloatArray, variance: FloatArray,
     first: FloatArray,
@@ -117,18 +140,7 @@ def _gains(
             for a in range(states):
                 for b in range(states):
                     p[a, b] -= pc[a] * pc[b] / s
-        for a in range(states):
-            for b in range(states):
-                total = 0.0
-                for c in range(states):
-                    total += forward[n, a, c] * p[c, b]
-                moved[a, b] = total
-        for a in range(states):
-            for b in range(states):
-                total = driven[n, a] * driven[n, b]
-                for c in range(states):
-                    total += moved[a, c] * forward[n, b, c]
-                p[a, b] = total
+        spread(forward, driven, n, p, moved)
     return gain, scale
 
 

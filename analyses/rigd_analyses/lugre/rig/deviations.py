@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.innovations import Deviations
+from rigd.analysis.innovations import Deviations, spread
 from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.rig import kernel as rig
@@ -184,16 +184,7 @@ def _drift(forward: FloatArray, driven: FloatArray, first: FloatArray) -> FloatA
     p, moved = np.diag(first), np.zeros((states, states))
     for n in range(count):
         out[n] = max(p[V, V], 0.0)
-        for a in range(states):
-            for b in range(states):
-                moved[a, b] = 0.0
-                for c in range(states):
-                    moved[a, b] += forward[n, a, c] * p[c, b]
-        for a in range(states):
-            for b in range(states):
-                p[a, b] = driven[n, a] * driven[n, b]
-                for c in range(states):
-                    p[a, b] += moved[a, c] * forward[n, b, c]
+        spread(forward, driven, n, p, moved)
     return out
 
 
