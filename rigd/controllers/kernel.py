@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined, kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -111,7 +111,7 @@ def control(
     return fault
 
 
-@kernel
+@inlined
 def _track(c: int, parameters: Floats, inputs: Floats, memory: Floats, results: Floats) -> None:
     """Let the setpoint of a controller that is off follow the measured value, within its limits."""
     y = inputs[c, MEASURED]
@@ -126,7 +126,7 @@ def _track(c: int, parameters: Floats, inputs: Floats, memory: Floats, results: 
     results[c, R_TARGET] = memory[c, _TARGET]
 
 
-@kernel
+@inlined
 def _engage(
     c: int, t_ns: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats,
     taken: Times,
@@ -146,7 +146,7 @@ def _engage(
     taken[c, _CHANGED], taken[c, _PROGRESS] = t_ns, t_ns
 
 
-@kernel
+@inlined
 def _check(
     c: int, t_ns: int, parameters: Floats, inputs: Floats, stamps: Times, results: Floats
 ) -> None:
@@ -161,7 +161,7 @@ def _check(
             return
 
 
-@kernel
+@inlined
 def _limit(c: int, parameters: Floats, inputs: Floats, memory: Floats) -> None:
     """Bring the setpoint nearer to what is wanted, within its limits in value and rate."""
     wanted, last = inputs[c, WANTED], memory[c, _TARGET]
@@ -176,7 +176,7 @@ def _limit(c: int, parameters: Floats, inputs: Floats, memory: Floats) -> None:
     memory[c, _TARGET] = value
 
 
-@kernel
+@inlined
 def _step(
     c: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats, taken: Times,
     results: Floats,
@@ -228,7 +228,7 @@ def _step(
     taken[c, _TAKEN] = stamps[c, ARRIVAL]
 
 
-@kernel
+@inlined
 def _switch(
     c: int, parameters: Floats, inputs: Floats, stamps: Times, memory: Floats, taken: Times
 ) -> None:
@@ -261,7 +261,7 @@ def _switch(
     taken[c, _TAKEN] = stamps[c, ARRIVAL]
 
 
-@kernel
+@inlined
 def _watch(
     c: int, t_ns: int, parameters: Floats, inputs: Floats, memory: Floats, taken: Times,
     results: Floats,
@@ -285,7 +285,7 @@ def _watch(
         results[c, R_FAULT] = NO_PROGRESS
 
 
-@kernel
+@inlined
 def _report(c: int, inputs: Floats, memory: Floats, results: Floats) -> None:
     """Write the results of a controller that acts."""
     results[c, R_MEASURED] = inputs[c, MEASURED]

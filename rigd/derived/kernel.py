@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.derived.graph import Op
-from rigd.model.kernel import kernel
+from rigd.model.kernel import inlined, kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -75,7 +75,7 @@ def compute(
     )  # fmt: skip
 
 
-@kernel
+@inlined
 def evaluate(
     inputs: Floats,
     stamps: Times,
@@ -127,7 +127,7 @@ def evaluate(
             values[row] = math.nan
 
 
-@kernel
+@inlined
 def gather(
     t_ns: int,
     begun_ns: int,
@@ -173,7 +173,7 @@ def gather(
         word += 1
 
 
-@kernel
+@inlined
 def _plain(
     op: int, x: float, y: float, z: float, parameters: Floats, p: int, size: int,
     state: Floats, s: int,
@@ -230,7 +230,7 @@ def _plain(
     return x if x > y else y  # OR
 
 
-@kernel
+@inlined
 def _interpolated(x: float, parameters: Floats, p: int, size: int) -> float:
     """Return the value at ``x`` of a table of ``size`` points; NaN outside of it."""
     if not parameters[p] <= x <= parameters[p + size - 1]:
@@ -248,7 +248,7 @@ def _interpolated(x: float, parameters: Floats, p: int, size: int) -> float:
     return value
 
 
-@kernel
+@inlined
 def _block(
     op: int, x: float, t_ns: int, passed_s: float, parameters: Floats, p: int,
     state: Floats, s: int, size: int,
@@ -280,7 +280,7 @@ def _block(
     return _windowed(op, x, t_ns, parameters[p], state, s, size)
 
 
-@kernel
+@inlined
 def _total(op: int, x: float, passed_s: float, state: Floats, s: int) -> float:
     """Take a step of an integral (by trapezoids), or of a count from false to true.
 
@@ -301,7 +301,7 @@ def _total(op: int, x: float, passed_s: float, state: Floats, s: int) -> float:
     return value
 
 
-@kernel
+@inlined
 def _lowpass(x: float, passed_s: float, omega: float, state: Floats, s: int) -> float:
     """Take a step of a Butterworth filter of second order, exact for a value held since then.
 
@@ -325,7 +325,7 @@ def _lowpass(x: float, passed_s: float, omega: float, state: Floats, s: int) -> 
     return value
 
 
-@kernel
+@inlined
 def _windowed(
     op: int, x: float, t_ns: int, window_s: float, state: Floats, s: int, size: int
 ) -> float:
@@ -375,7 +375,7 @@ def _windowed(
     return found
 
 
-@kernel
+@inlined
 def _take(state: Floats, s: int, x: float, op: int, sign: float) -> None:
     """Add ``sign * x`` (or its square) to the sum of a window, compensated after Neumaier."""
     term = sign * (x * x if op == _RMS else x)
@@ -388,7 +388,7 @@ def _take(state: Floats, s: int, x: float, op: int, sign: float) -> None:
     state[s + 2] = added
 
 
-@kernel
+@inlined
 def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> float:
     """Return the newest sample not later than ``then_s``, or the first; older ones are dropped."""
     begin, count = int(state[s]), int(state[s + 1])
