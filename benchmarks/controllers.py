@@ -7,12 +7,12 @@ the same gains on the same errors, and limits that neither reaches: they treat l
 from __future__ import annotations
 
 import math
-import statistics
 import time
+from functools import partial
 
 import numpy as np
 from derived import ROUNDS, SECONDS, Nowhere
-from figures import at_most, noted
+from figures import at_most, in_turn, noted
 from simple_pid import PID
 
 from rigd.config.loader import parse_rig
@@ -130,11 +130,10 @@ def main() -> None:
     rigs = [rig_with(text) for text in ("", FOUR)]
     for rig in rigs:
         play(rig)
-    rows = [[play(rig) for rig in rigs] for _ in range(ROUNDS)]
-    bare, four = (statistics.median(column) for column in zip(*rows, strict=True))
+    (bare, _, _), (four, added, ratio) = in_turn([partial(play, rig) for rig in rigs], ROUNDS)
     print(f"a cycle in virtual time, in us: {bare:.1f}, with four controllers {four:.1f}")
-    at_most("4 controllers, added to a cycle", four - bare, 40, "us")
-    at_most("4 controllers, virtual time longer by", 100 * (four / bare - 1), 20, "%")
+    at_most("4 controllers, added to a cycle", added, 40, "us")
+    at_most("4 controllers, virtual time longer by", 100 * (ratio - 1), 20, "%")
     peer, own, apart = beside_simple_pid(5000)
     noted("4 controllers by simple-pid, arithmetic alone", peer, "us per cycle")
     noted("4 controllers by rigd, limits, checks and terms included", own, "us per cycle")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Callable, Sequence
+
 PREFIX = "figure:"
 
 
@@ -23,3 +26,24 @@ def noted(name: str, value: float, unit: str) -> None:
 def _line(name: str, value: float, target: str, unit: str, met: bool | None) -> None:
     verdict = "" if met is None else "ok" if met else "MISSED"
     print(f"{PREFIX} {name} | {value:.4g} {unit} | {target} | {verdict}", flush=True)
+
+
+def in_turn(plays: Sequence[Callable[[], float]], rounds: int) -> list[tuple[float, float, float]]:
+    """Return for each of ``plays`` its median, and how much it adds to the first, and its ratio.
+
+    All are played in every round, in alternating order, and compared within the round: the speed of
+    a machine that others use changes within seconds.
+    """
+    found = []
+    for number in range(rounds):
+        order = plays if number % 2 == 0 else plays[::-1]
+        once = [play() for play in order]
+        found.append(once if number % 2 == 0 else once[::-1])
+    return [
+        (
+            statistics.median(row[n] for row in found),
+            statistics.median(row[n] - row[0] for row in found),
+            statistics.median(row[n] / row[0] for row in found),
+        )
+        for n in range(len(plays))
+    ]

@@ -22,10 +22,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
-from derived import play
-from figures import at_least, at_most, noted
+from derived import ROUNDS, play
+from figures import at_least, at_most, in_turn, noted
 from ruamel.yaml import YAML
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
@@ -37,8 +38,6 @@ from rigd.analysis.filtering import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.record import Recording
 from rigd_analyses.lugre.rig.constants import CONSTANTS
-
-ROUNDS = 7
 
 
 def offline(recording: Path, rig: RandomRig, observers: str) -> Score:
@@ -100,11 +99,10 @@ def cost() -> None:
     rigs = [parse_rig(item, path) for item in (text, with_filter(text, observer()))]
     for rig in rigs:
         play(rig)
-    rows = [[play(rig) for rig in rigs] for _ in range(ROUNDS)]
-    bare, full = (statistics.median(column) for column in zip(*rows, strict=True))
+    (bare, _, _), (_, added, ratio) = in_turn([partial(play, rig) for rig in rigs], ROUNDS)
     noted("a cycle in virtual time without the filter", bare, "us")
-    at_most("the filter of slip, added to a cycle", full - bare, 40, "us")
-    noted("the filter of slip, virtual time longer by", 100 * (full / bare - 1), "%")
+    at_most("the filter of slip, added to a cycle", added, 40, "us")
+    noted("the filter of slip, virtual time longer by", 100 * (ratio - 1), "%")
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, MutableSequence, Sequence
+from struct import Struct
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from rigd.controllers import kernel
 from rigd.controllers.chain import sequence
 from rigd.controllers.driver import ControllerConfig
-from rigd.model.gather import Copy, copies
+from rigd.model.gather import Copy, copies, getter
 from rigd.model.limits import SetpointLimit
 from rigd.model.units import format_quantity
 
@@ -42,7 +43,7 @@ class Bank:
             raise ValueError("controllers command one another in a circle")
         self.loops = {name: self.loops[name] for name in ordered}
         self.configs = [by_setpoint[name] for name in ordered]
-        #: The index of each controller in :attr:`spans` and :attr:`packed`, by its name.
+        #: The index of each controller in :attr:`packed`, by its name.
         self.places = {config.name: index for index, config in enumerate(self.configs)}
         count = len(ordered)
         own = [limits[name] for name in ordered]
@@ -62,40 +63,34 @@ class Bank:
         self._inputs[kernel.SCHEDULE] = 1.0
         self._stamps = np.full((kernel.STAMPS, count), _FUTURE)
         self._results = np.zeros((count, kernel.RESULTS))
+        given = {config.name: place for place, config in enumerate(configs)}
+        self._shown = np.full((count, kernel.CHANNELS), math.nan)
+        self._goals = np.zeros((2, count))
         self._tables = (
             self._parameters, self._inputs.T, self._stamps.T, np.zeros((count, kernel.MEMORY)),
             np.zeros((count, kernel.TIMES), dtype=np.int64), self._results,
+            np.array([given[config.name] for config in self.configs], dtype=np.int64), self._shown,
+            self._goals,
         )  # fmt: skip
-        self._flat = self._results.reshape(-1)
-        rows = self._flat.data.cast("B")
-        size = 8 * kernel.RESULTS
+        rows, size = self._results.reshape(-1).data.cast("B"), 8 * kernel.RESULTS
         #: The newest row of each controller as a ring has it; the memory stays the same.
         self.packed: Sequence[memoryview] = [
             rows[c * size : c * size + 8 * kernel.R_FAULT] for c in range(count)
         ]
-        #: What the controllers did in the last cycle, one after the other; see :attr:`spans`.
-        self.results: list[float] = [math.nan] * (kernel.RESULTS * count)
-        #: The place of the channels of each controller in :attr:`results`.
-        self.spans = [
-            slice(at + kernel.R_MEASURED, at + kernel.R_TARGET)
-            for at in range(0, kernel.RESULTS * count, kernel.RESULTS)
-        ]
-        self._readings: list[Copy] = []
+        #: Where the channels of each controller begin in :attr:`results`, by its name.
+        self.begins = {name: place * kernel.CHANNELS for name, place in given.items()}
+        #: The channels of all controllers in the last cycle, in the order in which they were given.
+        self.results: list[float] = self._shown.ravel().tolist()
+        self._others: list[Copy] = []
         self._times: list[Copy] = []
-        self._wanted: list[Copy] = []
-        self._applied: list[Copy] = []
-        self._places: list[tuple[int, int, str]] = []
+        self._pack = Struct(f"={3 * count}d").pack_into
         self._active: Collection[str] = ()
-        self._outcomes: list[tuple[int, int, int, int]] = []
+        self._sets: list[int] = []
         for place, limit in enumerate(own):  # a setpoint begins at rest
             self._tables[3][place, 0] = limit.rest
         # Loads the compiled form, or compiles it: no cycle has time for that. What numba compiles
         # depends on the layout of these tables, and that on their number.
-        parameters, inputs, stamps, memory, times, results = self._tables
-        kernel.control(
-            0, parameters.copy(), inputs.copy(order="K"), stamps.copy(order="K"), memory.copy(),
-            times.copy(), results.copy(),
-        )  # fmt: skip
+        kernel.control(0, *(table.copy(order="K") for table in self._tables))
 
     def bind(
         self,
@@ -113,30 +108,26 @@ class Bank:
         for c, config in enumerate(self.configs):
             for source, name in enumerate((config.measured, config.forward, config.schedule)):
                 if name is not None:
-                    values[source * count + c] = readings[name]
+                    values[(kernel.MEASURED + source) * count + c] = readings[name]
                     times[(kernel.MEASURED_AGE + source) * count + c] = stamp_of[readings[name]]
             times[kernel.ARRIVAL * count + c] = arrival_of[readings[config.measured]]
-        self._readings = copies("d", values, self._inputs)
+        # The first columns of the kernel at once: what is wanted, what is applied, the readings.
+        first = [values.pop(kernel.MEASURED * count + c) for c in range(count)]
+        self._measured = getter(first)
+        self._others = copies("d", values, self._inputs)
         self._times = copies("q", times, self._stamps)
-        self._places = [
-            (setpoints[config.setpoint], setpoints[config.output], config.setpoint)
-            for config in self.configs
-        ]
-        targets = {kernel.WANTED * count + c: at for c, (at, _, _) in enumerate(self._places)}
-        outputs = {kernel.APPLIED * count + c: at for c, (_, at, _) in enumerate(self._places)}
-        self._wanted = copies("d", targets, self._inputs)
-        self._applied = copies("d", outputs, self._inputs)
+        self._targets = [setpoints[config.setpoint] for config in self.configs]
+        self._outputs = [setpoints[config.output] for config in self.configs]
+        self._wanted, self._applied = getter(self._targets), getter(self._outputs)
         self._activate(())
 
     def _activate(self, active: Collection[str]) -> None:
-        """Note which controllers act, and for each where its setpoint and what it wants go."""
+        """Note which controllers act, and where what each sets goes."""
         self._active = active
-        self._outcomes = []
-        for c, (target, output, name) in enumerate(self._places):
-            acts, at = name in active, c * kernel.RESULTS
-            self._inputs[kernel.ACTIVE, c] = acts
-            wants = (output, at + kernel.R_OUTPUT) if acts else (target, at + kernel.R_TARGET)
-            self._outcomes.append((target, at + kernel.R_TARGET, *wants))
+        acts = [config.setpoint in active for config in self.configs]
+        self._inputs[kernel.ACTIVE] = acts
+        places = zip(acts, self._outputs, self._targets, strict=True)
+        self._sets = [output if on else target for on, output, target in places]
 
     def step(
         self,
@@ -155,25 +146,26 @@ class Bank:
         """
         if active is not self._active:
             self._activate(active)
-        for copy in self._readings:
+        self._pack(
+            self._inputs, 0, *self._wanted(wanted), *self._applied(applied), *self._measured(values)
+        )
+        for copy in self._others:
             copy(values)
         for copy in self._times:
             copy(stamps)
-        for copy in self._wanted:
-            copy(wanted)
-        for copy in self._applied:
-            copy(applied)
         fault = kernel.control(t_ns, *self._tables)
-        results: list[float] = self._flat.tolist()
-        self.results = results
-        for target, goal, place, wants in self._outcomes:
-            applied[target] = results[goal]
-            wanted[place] = results[wants]
+        self.results = self._shown.ravel().tolist()
+        targets, sets = self._goals.tolist()
+        for target, goal, place, value in zip(
+            self._targets, targets, self._sets, sets, strict=True
+        ):
+            applied[target], wanted[place] = goal, value
         return "" if fault < 0 else self._why(fault)
 
     def row(self, name: str) -> Sequence[float]:
         """Return what the controller ``name`` did in the last cycle: the values of its channels."""
-        return self.results[self.spans[self.places[name]]]
+        begin = self.begins[name]
+        return self.results[begin : begin + kernel.CHANNELS]
 
     def _why(self, c: int) -> str:
         config, row = self.configs[c], self._results[c]

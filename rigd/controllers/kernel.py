@@ -39,9 +39,9 @@ INNER: Final = 13  # the controller that it commands; -1: a device
 RELAY, HYSTERESIS = 14, 15  # 0: a PID
 MOVED: Final = 16  # a value without change is frozen once the output has moved by more
 PARAMETERS: Final = 17
-# Columns of what goes in: values; when the newest reading in the measured one came, and for the
-# first three values the time of the oldest reading in each.
-MEASURED, FORWARD, SCHEDULE, WANTED, APPLIED, ACTIVE = 0, 1, 2, 3, 4, 5
+# Columns of what goes in: values; when the newest reading in the measured one came, and for three
+# values from the measured one on the time of the oldest reading in each.
+WANTED, APPLIED, MEASURED, FORWARD, SCHEDULE, ACTIVE = 0, 1, 2, 3, 4, 5
 INPUTS: Final = 6
 ARRIVAL, MEASURED_AGE = 0, 1
 STAMPS: Final = 4
@@ -58,6 +58,7 @@ TIMES: Final = 3
 # limits, which together are the row as a ring has it (:func:`rigd.model.rows.row_dtype`);
 R_TIME, R_MEASURED, R_ERROR, R_P, R_I, R_D, R_F, R_OUTPUT, R_SATURATED, R_ACTIVE = range(10)
 R_TARGET: Final = 10
+CHANNELS: Final = R_TARGET - R_MEASURED
 # then why it gives up, and for which input.
 R_FAULT, R_SOURCE = 11, 12
 RESULTS: Final = 13
@@ -78,12 +79,16 @@ def control(
     memory: Floats,
     taken: Times,
     results: Floats,
+    places: Times,
+    shown: Floats,
+    goals: Floats,
 ) -> int:
     """Take a step of each of the n controllers for the cycle at ``t_ns``.
 
     A controller stands before the one that it commands. The columns of the arrays (a row for each
-    controller) are above. The output of one that gives up stays. Returns the first that gives up,
-    or -1.
+    controller) are above. The output of one that gives up stays. ``shown`` (n, channels) gets the
+    channels of each in row ``places`` (n,); ``goals`` (2, n) its setpoint, then what it sets: its
+    output if it acts, else its setpoint. Returns the first that gives up, or -1.
     """
     fault = -1
     clock = results.view(np.int64)
@@ -94,6 +99,7 @@ def control(
         if inputs[c, ACTIVE] == 0.0:
             _track(c, parameters, inputs, memory, results)
             clock[c, R_TIME] = t_ns
+            _show(c, R_TARGET, results, places, shown, goals)
             continue
         results[c, R_FAULT], results[c, R_SOURCE] = FINE, 0.0
         _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
@@ -104,11 +110,22 @@ def control(
             _watch(c, t_ns, parameters, inputs, memory, taken, results)
         _report(c, inputs, memory, results)
         clock[c, R_TIME] = t_ns
+        _show(c, R_OUTPUT, results, places, shown, goals)
         if results[c, R_FAULT] != FINE:
             fault = c if fault < 0 else fault
         elif inner >= 0:
             inputs[inner, WANTED] = memory[c, _U]
     return fault
+
+
+@inlined
+def _show(
+    c: int, wanted: int, results: Floats, places: Times, shown: Floats, goals: Floats
+) -> None:
+    """Write what the cycle takes of a controller; it sets what stands in column ``wanted``."""
+    for channel in range(CHANNELS):
+        shown[places[c], channel] = results[c, R_MEASURED + channel]
+    goals[0, c], goals[1, c] = results[c, R_TARGET], results[c, wanted]
 
 
 @inlined
@@ -152,8 +169,8 @@ def _check(
 ) -> None:
     """Note an input that is not a number or too old."""
     for source in range(3):
-        value = inputs[c, source]
-        if not math.isfinite(value) or (source == SCHEDULE and value < 0.0):
+        value = inputs[c, MEASURED + source]
+        if not math.isfinite(value) or (MEASURED + source == SCHEDULE and value < 0.0):
             results[c, R_FAULT], results[c, R_SOURCE] = NAN, source
             return
         if t_ns - stamps[c, MEASURED_AGE + source] > parameters[c, STALE]:

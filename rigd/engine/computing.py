@@ -81,11 +81,12 @@ class Computing:
         binds += [] if evaluator is None else [evaluator.bind]
         for bind in binds:
             bind(rig.readings, rig.stamp_of, late_ns, rig.setpoints, values, stamps, applied)
-        self._controllers = [
-            (n, mount.values, bank.spans[bank.places[mount.name]])
+        controllers = [
+            (n, mount.values, bank.begins[mount.name])
             for n, mount, driver in drivers
             if bank is not None and isinstance(driver, Controller)
         ]
+        self._controllers = list(runs(controllers))
         if bank is not None:
             bank.bind(rig.readings, rig.stamp_of, rig.arrival_of, rig.setpoints)
 
@@ -122,7 +123,7 @@ class Computing:
             return ""
         reason = bank.step(t_ns, acting, values, stamps, wanted, self._applied)
         results = bank.results
-        for index, places, span in self._controllers:
-            values[places] = results[span]
-            stamps[index] = t_ns
+        for mounts, places, rows in self._controllers:
+            values[places] = results[rows]
+            stamps[mounts] = [t_ns] * (mounts.stop - mounts.start)
         return reason

@@ -25,7 +25,9 @@ class DevicePlaces(NamedTuple):
 
 
 def runs(groups: Sequence[tuple[int, slice, int]]) -> Iterator[tuple[slice, slice, slice]]:
-    """Yield groups of derived channels that follow one another, to be taken at once.
+    """Yield what is computed and follows one another, to be taken at once.
+
+    A group of derived channels, or a controller, is a mount.
 
     ``groups`` have the number of their mount, their places in the table of values, and where their
     results begin. The slices are those of mounts, values and results.

@@ -35,12 +35,15 @@ class Limiter:
 
         For a setpoint that is not finite, the last finite value holds.
         """
-        applied = self.applied
+        applied, cut = self.applied, self.cut
         for index, low, high, step in self._bounds:
             target = wanted[index]
             last = applied[index]
-            if target == last:
-                self.cut.discard(index)
+            # The usual case; NaN fails every comparison.
+            if target == last or (low <= target <= high and -step <= target - last <= step):
+                applied[index] = target
+                if cut:
+                    cut.discard(index)
                 continue
             if not math.isfinite(target):
                 self.cut.add(index)

@@ -29,12 +29,17 @@ def copies(kind: Literal["d", "q"], places: Mapping[int, int], memory: Any) -> l
 
 def _copy(kind: str, first: int, sources: Sequence[int], memory: Any) -> Copy:
     pack = Struct(f"={len(sources)}{kind}").pack_into
-    # With one place only, itemgetter gives the number itself; of a slice it gives a sequence.
-    single = len(sources) == 1
-    get = itemgetter(slice(sources[0], sources[0] + 1)) if single else itemgetter(*sources)
-    begin = 8 * first
+    get, begin = getter(sources), 8 * first
 
     def copy(table: Sequence[float]) -> None:
         pack(memory, begin, *get(table))
 
     return copy
+
+
+def getter(places: Sequence[int]) -> Callable[[Sequence[float]], Sequence[float]]:
+    """Return what takes the numbers at ``places``, at least one, from a table."""
+    # With one place only, itemgetter gives the number itself; of a slice it gives a sequence.
+    if len(places) == 1:
+        return itemgetter(slice(places[0], places[0] + 1))
+    return itemgetter(*places)
