@@ -31,6 +31,7 @@ BENCHES = (
     "derived",
     "controllers",
     "held_speed",
+    "held_load",
     "computing_wire",
     "model_in_loop",
     "simulated_bus",

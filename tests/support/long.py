@@ -67,6 +67,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_unknown_parameter_names_those_there_are",
         ),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),
+        "sim/mechanism/test_press.py": (),
         "cli/test_measure.py": ("test_page_of_run_shows_measures",),
         "cli/test_new_rig.py": (
             "test_accepted_range_is_around_friction_asked_for[0.8]",
