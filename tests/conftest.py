@@ -146,7 +146,11 @@ def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
 
 
 def pytest_sessionstart() -> None:
-    """Refuse lists that name what is not there."""
+    """Refuse lists that name what is not there.
+
+    No search for garbage while tests are collected: what is made then stays.
+    """
+    gc.disable()
     listed = {
         place
         for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, FIRST, places(*long.FILES))
@@ -160,6 +164,7 @@ def pytest_collection_finish() -> None:
     """Leave what is there out of later searches for garbage."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def pytest_sessionfinish() -> None:
