@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, MutableSequence, Sequence
+from functools import partial
 from struct import Struct
 from typing import Final
 
@@ -83,14 +84,18 @@ class Bank:
         self.results: list[float] = self._shown.ravel().tolist()
         self._others: list[Copy] = []
         self._times: list[Copy] = []
-        self._pack = Struct(f"={3 * count}d").pack_into
+        self._pack = partial(Struct(f"={3 * count}d").pack_into, self._inputs.data)
         self._active: Collection[str] = ()
         self._sets: list[int] = []
         for place, limit in enumerate(own):  # a setpoint begins at rest
             self._tables[3][place, 0] = limit.rest
         # Loads the compiled form, or compiles it: no cycle has time for that. What numba compiles
         # depends on the layout of these tables, and that on their number.
-        kernel.control(0, *(table.copy(order="K") for table in self._tables))
+        parameters, inputs, stamps, memory, times, results, places, shown, goals = self._tables
+        kernel.control(
+            0, parameters, inputs.copy(order="K"), stamps.copy(order="K"), memory.copy(),
+            times.copy(), results.copy(), places, shown.copy(), goals.copy(),
+        )  # fmt: skip
 
     def bind(
         self,
@@ -146,9 +151,7 @@ class Bank:
         """
         if active is not self._active:
             self._activate(active)
-        self._pack(
-            self._inputs, 0, *self._wanted(wanted), *self._applied(applied), *self._measured(values)
-        )
+        self._pack(0, *self._wanted(wanted), *self._applied(applied), *self._measured(values))
         for copy in self._others:
             copy(values)
         for copy in self._times:
