@@ -165,6 +165,11 @@ class Bank:
             applied[target], wanted[place] = goal, value
         return "" if fault < 0 else self._why(fault)
 
+    def turn_gains(self, name: str) -> None:
+        """Change the sign of the gains, or of the relay, of the controller ``name``."""
+        gains = [kernel.KP, kernel.KI, kernel.KD, kernel.RELAY]
+        self._parameters[self.places[name], gains] *= -1.0
+
     def row(self, name: str) -> Sequence[float]:
         """Return what the controller ``name`` did in the last cycle: the values of its channels."""
         begin = self.begins[name]

@@ -12,6 +12,7 @@ import numpy as np
 
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.swings import Swings
+from rigd.dry_run.wrong_sign import Departures
 from rigd.engine.sink import Rows
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -21,8 +22,8 @@ from rigd.model.rows import TIME_FIELD
 class PeakSink:
     """Keeps extremes of a run; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
 
-    ``steps`` has (time in ns, trial number, step name) in order of play. ``swings`` and
-    ``at_limit`` have the streams of the controllers.
+    ``steps`` has (time in ns, trial number, step name) in order of play. ``swings``,
+    ``at_limit`` and ``departures`` have the streams of the controllers.
     """
 
     peaks: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -31,6 +32,7 @@ class PeakSink:
     cut: set[str] = field(default_factory=set)
     swings: Mapping[str, Swings] = field(default_factory=dict)
     at_limit: Mapping[str, AtLimit] = field(default_factory=dict)
+    departures: Mapping[str, Departures] = field(default_factory=dict)
     last_ns: int = 0
 
     def write(self, stream: str, rows: Rows) -> None:
@@ -40,6 +42,8 @@ class PeakSink:
             self.swings[stream].take(rows)
         if stream in self.at_limit:
             self.at_limit[stream].take(rows)
+        if stream in self.departures:
+            self.departures[stream].take(rows)
         for name in rows.dtype.names or ():
             if name in (TIME_FIELD, STATUS_FIELD):
                 continue

@@ -19,6 +19,7 @@ from rigd.config.differences import Difference
 from rigd.config.following import unseen_levels
 from rigd.config.rig import RigConfig
 from rigd.config.sibling import read_sibling
+from rigd.controllers.chain import sequence
 from rigd.controllers.driver import ControllerConfig
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
@@ -26,6 +27,7 @@ from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings
+from rigd.dry_run.wrong_sign import Departures, Turn, TurnedHost
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
@@ -189,7 +191,7 @@ def _saturated(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
 
 def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     sink, clock, result = _play(procedure, rig, seed)
-    refusals = _refusals(sink, result, rig)
+    refusals = _refusals(sink, result, rig) or [*_wrong_signs(procedure, rig, seed, sink)]
     if not refusals and can_be_held(procedure):
         spans_ns = spans_of(sink.steps, clock.now())
         held, _, ending = _play(with_holds(procedure), rig, seed, spans_ns)
@@ -207,20 +209,32 @@ def _play(
     rig: RigConfig,
     seed: int,
     spans_ns: Mapping[tuple[int, str], int] | None = None,
+    turn: Turn | None = None,
 ) -> tuple[PeakSink, VirtualClock, RunResult]:
-    """Play ``procedure``; with ``spans_ns``, how long its steps take, hold those that can be."""
+    """Play ``procedure``; with ``spans_ns``, how long its steps take, hold those that can be.
+
+    With ``turn``, the gains of a controller are turned around in a part of it.
+    """
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)
     held = [name.partition(".") for name in rig.loops]
     swings = {name: Swings(f"{channel}_setpoint") for name, _, channel in held}
-    configs = (device.config for device in rig.devices.values())
-    loops = {item.name: AtLimit(item) for item in configs if isinstance(item, ControllerConfig)}
-    sink = PeakSink(swings=swings, at_limit=loops)
+    configs = [device.config for device in rig.devices.values()]
+    loops = [item for item in configs if isinstance(item, ControllerConfig)]
+    sink = PeakSink(
+        swings=swings,
+        at_limit={item.name: AtLimit(item) for item in loops},
+        departures={item.name: Departures(item) for item in loops},
+    )
     record = {s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name}
     host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=record)
     if spans_ns is not None:
         host = HoldingHost(wiring.cycle, clock, sink=sink, record=record, spans_ns=spans_ns)
+    if turn is not None and wiring.bank is not None:
+        host = TurnedHost(
+            wiring.cycle, clock, sink=sink, record=record, bank=wiring.bank, turn=turn
+        )
     answering = replace(procedure, record=record)
     run = Run(answering, host, control, OwnAnswers())
     plant = wiring.plant
@@ -228,6 +242,24 @@ def _play(
         seeds = trial_seeds(seed, rig.name, procedure.name, procedure.trials)
         run = replace(run, change=plant.change, draw=plant.begin_trial, seeds=seeds)
     return sink, clock, run.execute()
+
+
+def _wrong_signs(
+    procedure: CompiledProcedure, rig: RigConfig, seed: int, sink: PeakSink
+) -> Iterator[str]:
+    """Yield why the gains of a controller have the wrong sign; of what it commands first.
+
+    An outer controller goes the wrong way too if one that it commands does: the first is named.
+    """
+    for setpoint in reversed(sequence(rig.loops) or ()):
+        found = sink.departures[setpoint.partition(".")[0]]
+        departure = found.end()
+        if departure is not None:
+            turn = Turn(found.config, departure)
+            _play(procedure, rig, seed, turn=turn)
+            if turn.reason:
+                yield turn.reason
+                return
 
 
 def _refusals(sink: PeakSink, result: RunResult, rig: RigConfig) -> list[str]:

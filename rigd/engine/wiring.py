@@ -33,10 +33,14 @@ StandIn = Callable[[DeviceConfig], Driver]
 
 @dataclass(frozen=True)
 class Wiring:
-    """The cycle of a rig; ``plant`` is None if the devices are reached by links."""
+    """The cycle of a rig; ``plant`` is None if the devices are reached by links.
+
+    ``bank`` computes its controllers; None without.
+    """
 
     cycle: Cycle
     plant: Plant | None
+    bank: Bank | None
 
 
 def in_cycle(device: DeviceConfig) -> bool:
@@ -88,7 +92,8 @@ def wire(
     )
     targets = [] if bank is None else [mounted.setpoints[name] for name in bank.loops]
     limiter = Limiter(limits, rig.period_ns * 1e-9, targets)
-    return Wiring(Cycle(mounted, limiter, interlocks, clock, control, evaluator, bank), plant)
+    cycle = Cycle(mounted, limiter, interlocks, clock, control, evaluator, bank)
+    return Wiring(cycle, plant, bank)
 
 
 def evaluator_of(rig: RigConfig) -> Evaluator | None:

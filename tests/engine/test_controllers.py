@@ -250,6 +250,54 @@ def test_dry_run_refuses_wrong_sign_with_defaults(step: str) -> None:
     assert "the gains have the wrong sign" in refusal
 
 
+#: The wheel slips, so that a small change of its current shows in its speed.
+SLIPPING = PROCEDURE.replace("current: 0.2 A", "current: 0.8 A").replace("0.12 m/s", "0.15 m/s")
+BELT_STOPS = "{rim_hold: 0.15 m/s, longitudinal_belt.speed: {ramp: {to: 0 m/s, over: 0.5 s}}}"
+STEPS = {
+    "constant": "{rim_hold: 0.15 m/s}",
+    "ramp": "{rim_hold: {ramp: {to: 0.3 m/s, over: 1 s}}}",
+    "load that changes": BELT_STOPS,
+}
+
+
+def low_gains(sign: int, kp: float, ki: float) -> RigConfig:
+    changes = [("kp: 5 ", f"kp: {sign * kp} "), ("ki: 300", f"ki: {sign * ki}")]
+    return rig_with(*(changes if kp else [("    kp: 5 A s/m\n", ""), changes[1]]))
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize(("kp", "ki"), [(0.5, 3.0), (0.0, 1.0)])
+def test_dry_run_refuses_low_gains_by_sign(step: str, kp: float, ki: float) -> None:
+    text = SLIPPING.replace(STEPS["constant"], STEPS[step])
+    wrong, right = low_gains(-1, kp, ki), low_gains(1, kp, ki)
+    assert dry_run(compiled(right, text), right, seed=1).refusals == ()
+    found = dry_run(compiled(wrong, text), wrong, seed=1)
+    (refusal,) = found.refusals
+    assert found.peaks[0].lowest > -1.0  # the output is at no limit
+    assert re.search(r"rim_hold: rim.speed goes .* m/s away from its setpoint in 0.99\d s", refusal)
+    assert "the gains have the wrong sign" in refusal
+
+
+def test_dry_run_refuses_wrong_sign_in_second_attempt() -> None:
+    still = "    - step: stay\n      set: {rim_hold: 0.1246 m/s}\n      for: 20 ms\n"
+    text = SLIPPING.replace("    - step: hold\n", f"{still}    - step: hold\n")
+    wrong = low_gains(-1, 0.5, 3.0)
+    (refusal,) = dry_run(compiled(wrong, text), wrong, seed=1).refusals
+    assert "the gains have the wrong sign" in refusal
+
+
+def test_wrong_sign_is_said_of_commanded_controller() -> None:
+    outer = (
+        "controllers:\n",
+        "controllers:\n  turn:\n    measured: wheel_encoder.angle\n    output: rim_hold\n"
+        "    kp: 0.05 m/(s rad)\n    limits: {low: -100 rad, high: 100 rad}\n",
+    )
+    text = SLIPPING.replace("{rim_hold: 0.15 m/s}", "{turn: 4 rad}")
+    rig = rig_with(outer, ("kp: 5 ", "kp: -0.5 "), ("ki: 300", "ki: -3"))
+    (refusal,) = dry_run(compiled(rig, text), rig, seed=1).refusals
+    assert refusal.startswith("controller rim_hold: rim.speed goes")
+
+
 def test_dry_run_accepts_output_limited_while_approaching() -> None:
     near = ("output_limits: [-1 A, 1.2 A]", "output_limits: [-1 A, 1 A]")
     rig = rig_with(near, ("0.5 m/s, rate", "2 m/s, rate"), ("1 m/s^2", "50 m/s^2"))
