@@ -47,10 +47,10 @@ ARRIVAL, MEASURED_AGE = 0, 1
 STAMPS: Final = 4
 # Columns of the memory.
 _TARGET, _R, _Y, _P, _I, _D, _F, _U, _ENGAGED = 0, 1, 2, 3, 4, 5, 6, 7, 8
-_FROZEN_U, _BEST, _SIDE = 9, 10, 11
+_FROZEN_U, _BEST, _NEAREST, _SIDE = 9, 10, 11, 12
 # Of the relay: its sides times their durations, the durations, and whether since a swing began.
-_SUM, _SPAN, _WHOLE = 12, 13, 14
-MEMORY: Final = 15
+_SUM, _SPAN, _WHOLE = 13, 14, 15
+MEMORY: Final = 16
 # Columns of the memory of times.
 _TAKEN, _CHANGED, _PROGRESS = 0, 1, 2
 TIMES: Final = 3
@@ -66,7 +66,8 @@ RESULTS: Final = 13
 # Why a controller gives up, as numbers.
 FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW, NO_SWING = 0, 1, 2, 3, 4, 5, 6
 
-#: Part of the error by which it must shrink at a limit to count as progress.
+#: Part of the error by which it must shrink at a limit, or the measured value come nearer to the
+#: setpoint, to count as progress: a setpoint may go away faster than the rig can follow.
 _PROGRESS_PART: Final = 0.01
 
 
@@ -294,9 +295,16 @@ def _watch(
         if t_ns - taken[c, _PROGRESS] > parameters[c, STUCK]:
             results[c, R_FAULT] = NO_SWING
         return
-    error = abs(memory[c, _TARGET] - inputs[c, MEASURED])
-    if memory[c, _SIDE] == 0.0 or error < (1.0 - _PROGRESS_PART) * memory[c, _BEST]:
+    y = inputs[c, MEASURED]
+    error = abs(memory[c, _TARGET] - y)
+    nearer = math.copysign(1.0, memory[c, _TARGET] - y) * (y - memory[c, _NEAREST])
+    if memory[c, _SIDE] == 0.0 or memory[c, _BEST] == math.inf:
         memory[c, _BEST] = error if memory[c, _SIDE] != 0.0 else math.inf
+        memory[c, _NEAREST] = y
+        taken[c, _PROGRESS] = t_ns
+    elif max(memory[c, _BEST] - error, nearer) > _PROGRESS_PART * error:
+        memory[c, _BEST] = min(error, memory[c, _BEST])
+        memory[c, _NEAREST] = y
         taken[c, _PROGRESS] = t_ns
     elif t_ns - taken[c, _PROGRESS] > parameters[c, STUCK]:
         results[c, R_FAULT] = NO_PROGRESS

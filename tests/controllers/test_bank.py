@@ -237,6 +237,19 @@ def test_slow_approach_at_limit_goes_on() -> None:
     assert force == pytest.approx(15.0, abs=1.0)
 
 
+@pytest.mark.parametrize(("fastest", "ends"), [(20.0, False), (0.0, True), (-20.0, True)])
+def test_setpoint_that_goes_away_needs_approach(fastest: float, ends: bool) -> None:
+    """The force follows by ``fastest`` N/s at the limit of the current, the setpoint by 50 N/s."""
+    ramp = SetpointLimit(-500.0, 500.0, 50.0)
+    held = Held(config(kp=1.0, ki=1.0, stuck_s=0.2), limits=(OUTPUT, ramp))
+    reasons = []
+    for cycle in range(3000):
+        held.values[0] += 1e-3 * (fastest * held.current / 2.0) + 1e-6 * (cycle % 2)
+        reasons.append(held.step(hold=150.0))
+    assert abs(held.bank.row("hold")[1]) > 50.0 or ends
+    assert any("comes no nearer to its setpoint" in item for item in reasons) is ends
+
+
 def test_controller_that_is_off_holds_nothing() -> None:
     held = Held(config(kp=1.0, ki=1.0))
     held.step(hold=5.0)
