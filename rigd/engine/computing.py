@@ -64,8 +64,9 @@ class Computing:
         applied: MutableSequence[float],
         evaluator: Evaluator | None,
         bank: Bank | None,
+        period_ns: int,
     ) -> None:
-        self._bank = bank
+        self._bank, self._period_ns = bank, period_ns
         #: What each controller commands, by their setpoints.
         self.loops = _NONE if bank is None else bank.loops
         self.controllers = frozenset(() if bank is None else bank.places)  #: their names
@@ -100,6 +101,9 @@ class Computing:
     def estimate(self, t_ns: int) -> None:
         """Compute observers and derived channels from the readings of the cycle at ``t_ns``."""
         values, stamps, evaluator = self._values, self._stamps, self._evaluator
+        if t_ns - self.t_ns > self._period_ns:  # slots were missed: nothing newer is missing
+            for mounts, _, _ in self._controllers:
+                stamps[mounts] = [t_ns - self._period_ns] * (mounts.stop - mounts.start)
         for index, places, observer in self._observers:
             values[places] = observer.read(t_ns)
             stamps[index] = t_ns

@@ -127,7 +127,14 @@ class Cycle:
         late_ns = late_after(rig, clock.period_ns)
         self._inputs = inputs_of(rig, late_ns)
         self._computing = Computing(
-            rig, self._values, self._stamps, late_ns, limiter.applied, evaluator, controllers
+            rig,
+            self._values,
+            self._stamps,
+            late_ns,
+            limiter.applied,
+            evaluator,
+            controllers,
+            clock.period_ns,
         )
         self._acting: frozenset[str] = frozenset()  #: setpoints of the controllers that act
         self._hold_until_ns = 0

@@ -424,6 +424,26 @@ def test_channel_of_a_controller_is_not_stale() -> None:
     assert not np.any(own[STATUS_FIELD] & STALE)
 
 
+def test_channel_of_controller_outlives_missed_slots() -> None:
+    """No cycle ran in them: what the controller did last is still the newest there is."""
+    base = rig_with()
+    derived = "derived:\n  own.off: {is: abs(rim_hold.error)}\ntrial:\n"
+    played = Played(compiled(base, PROCEDURE.replace("trial:\n", derived)).on(base))
+    clock = played.cycle.clock
+    following = clock.next_slot
+
+    def skipping() -> int:
+        slot = following()
+        return following() if slot in (400, 600, 602) else slot
+
+    clock.next_slot = skipping  # type: ignore[method-assign]
+    assert played.play() == (Severity.DONE, "")
+    assert played.cycle.counters.missed == 3
+    own, error = played.sink.of("own"), played.sink.of("rim_hold")["error"]
+    assert np.array_equal(own["off"][1:], np.abs(error[:-1]))
+    assert not np.any(own[STATUS_FIELD] & STALE)
+
+
 #: The accelerometer gives a row in every 40th cycle only.
 EVERY = 40
 
