@@ -321,9 +321,10 @@ class _Reader:
         for index, text in enumerate(source.output_limits):
             path = ("controllers", name, "output_limits", index)
             value = read_quantity(self.document, path, text, unit, self.problems)
-            check_inside(self.document, path, value, (limit.low, limit.high), unit,
-                         f"{output} in this file", self.problems)  # fmt: skip
-            values.append(value)
+            values.append(
+                check_inside(self.document, path, value, (limit.low, limit.high), unit,
+                             f"{output} in this file", self.problems)
+            )  # fmt: skip
         low, high = values
         if low >= high:
             self.note((name, "output_limits"), f"low {source.output_limits[0]} is not below high "
@@ -341,11 +342,13 @@ class _Reader:
             path: KeyPath = ("controllers", name, "limits")
             low = read_quantity(self.document, (*path, "low"), given.low, unit, self.problems)
             high = read_quantity(self.document, (*path, "high"), given.high, unit, self.problems)
-            for key, value in (("low", low), ("high", high)):
+            low, high = (
                 check_inside(
                     self.document, (*path, key), value, (measured.low, measured.high), unit,
                     f"what {source.measured} measures", self.problems,
-                )  # fmt: skip
+                )
+                for key, value in (("low", low), ("high", high))
+            )  # fmt: skip
             if low >= high:
                 self.note((name, "limits", "low"), f"low {given.low} is not below high "
                           f"{given.high}", "swap the two")  # fmt: skip
@@ -359,7 +362,7 @@ class _Reader:
                 rest = read_quantity(
                     self.document, (*path, "rest"), given.rest, unit, self.problems
                 )
-                check_inside(
+                rest = check_inside(
                     self.document, (*path, "rest"), rest, (low, high), unit,
                     f"the setpoint of {name} in this file", self.problems,
                 )  # fmt: skip

@@ -6,6 +6,7 @@ is started from. A specimen is found by its name: ``W7`` is ``specimens/W7.yaml`
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from rigd.config.publication import PublicationSource, check_publication
 from rigd.config.source import FileName, FilePath, QuantityText, Source
 from rigd.model.about import About, check_text
 from rigd.model.errors import ConfigError, Place
+from rigd.model.limits import rounded_to
 from rigd.model.units import parse_quantity, parse_unit
 
 #: Where specimens stand if no lab states another folder.
@@ -279,9 +281,12 @@ def _mistake(demand: FieldSource, text: str) -> str:
         return f"is not a {'number' if demand.unit is None else 'quantity'}: {error}"
     if not quantity.unit.same_kind(unit):
         return f"is not in {unit}" if demand.unit else "is not a number without a unit"
-    if demand.min is not None and quantity.value < parse_quantity(demand.min).value:
+    low = -math.inf if demand.min is None else parse_quantity(demand.min).value
+    high = math.inf if demand.max is None else parse_quantity(demand.max).value
+    value = rounded_to(low, quantity.value, high)
+    if value < low:
         return f"is less than {demand.min}"
-    if demand.max is not None and quantity.value > parse_quantity(demand.max).value:
+    if value > high:
         return f"is more than {demand.max}"
     return ""
 

@@ -324,10 +324,9 @@ def _limit(
     values = {}
     for key in ("low", "high"):
         value = read_quantity(document, (*path, key), getattr(source, key), unit, problems)
-        check_inside(
+        values[key] = check_inside(
             document, (*path, key), value, (setpoint.low, setpoint.high), unit, owner, problems
         )
-        values[key] = value
     low, high = values["low"], values["high"]
     if low > high:
         message = f"low {source.low} is above high {source.high}"
@@ -340,7 +339,7 @@ def _limit(
         rest = read_quantity(document, (*path, "rest"), source.rest, unit, problems)
     if low <= high:
         bounds, owner = (low, high), f"{setpoint.name} in this file"
-        check_inside(document, (*path, "rest"), rest, bounds, unit, owner, problems)
+        rest = check_inside(document, (*path, "rest"), rest, bounds, unit, owner, problems)
     return SetpointLimit(low, high, rate, rest, source.at_stop == "hold")
 
 
@@ -528,9 +527,8 @@ def _bound(
         return text
     unit = channel.shown_in
     value = read_quantity(document, path, text, unit, problems)
-    check_inside(document, path, value, (channel.low, channel.high), unit,
-                 "what the channel can measure", problems)  # fmt: skip
-    return value
+    return check_inside(document, path, value, (channel.low, channel.high), unit,
+                        "what the channel can measure", problems)  # fmt: skip
 
 
 def channel_names(rig: RigConfig) -> list[str]:

@@ -7,6 +7,7 @@ import math
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
 from rigd.model.constants import Uncertainty, parse_uncertainty
+from rigd.model.limits import rounded_to
 from rigd.model.units import Unit, format_quantity, parse_unit
 from rigd.sdk import In
 
@@ -67,9 +68,13 @@ def check_inside(
     unit: str,
     owner: str,
     problems: Problems,
-) -> None:
-    """Note a ``value`` outside ``bounds`` (all in SI); NaN was noted when the value was read."""
+) -> float:
+    """Return ``value``, at a bound if rounding has brought it beyond (all in SI).
+
+    One that is outside ``bounds`` is noted; NaN was noted when the value was read.
+    """
     low, high = bounds
+    value = rounded_to(low, value, high)
     if value < low or value > high:
         side, bound = ("below", low) if value < low else ("above", high)
         problems.add(
@@ -78,3 +83,4 @@ def check_inside(
             f"the limit of {owner}",
             f"stay within {format_quantity(low, unit)} and {format_quantity(high, unit)}",
         )
+    return value

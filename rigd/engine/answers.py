@@ -5,11 +5,13 @@ The operator or the procedure file gives an answer.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
 
 from rigd.model.errors import ProcedureError
+from rigd.model.limits import rounded_to
 from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 
@@ -141,7 +143,7 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
                 raise AnswerRefused(
                     f"prompt {prompt.name!r} expects a number in {prompt.unit}, got {answer!r}"
                 )
-            _check_bounds(prompt, float(answer))
+            return _inside(prompt, float(answer))
         case AnswerKind.CHOICE:
             if answer not in prompt.choices:
                 raise AnswerRefused(
@@ -153,12 +155,13 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
     return answer
 
 
-def _check_bounds(prompt: Prompt, value: float) -> None:
-    # Written so that NaN is also out of bounds.
-    low_ok = prompt.low is None or value >= prompt.low
-    high_ok = prompt.high is None or value <= prompt.high
-    if low_ok and high_ok and value == value:
-        return
+def _inside(prompt: Prompt, value: float) -> float:
+    """Return ``value``, at a bound of ``prompt`` if rounding has brought it beyond."""
+    low = -math.inf if prompt.low is None else prompt.low
+    high = math.inf if prompt.high is None else prompt.high
+    value = rounded_to(low, value, high)
+    if low <= value <= high:  # NaN is not
+        return value
     bounds = [
         "" if item is None else format_quantity(item, prompt.unit)
         for item in (prompt.low, prompt.high)

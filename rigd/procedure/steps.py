@@ -123,9 +123,8 @@ class StepCompiler:
         """Return a bound of a trial limit in SI; one that is never reached is noted."""
         value = self.reader.number(path, text, channel.shown_in, scope)
         ends, unit = (channel.low, channel.high), channel.shown_in
-        check_inside(self.reader.document, path, value, ends, unit,
-                     "what the channel can measure", self.reader.problems)  # fmt: skip
-        return value
+        return check_inside(self.reader.document, path, value, ends, unit,
+                            "what the channel can measure", self.reader.problems)  # fmt: skip
 
     def _plays(self, path: KeyPath, when: Mapping[str, Sequence[str]], scope: Scope) -> bool:
         plays = True

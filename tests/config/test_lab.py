@@ -87,6 +87,12 @@ def test_a_value_of_another_kind_is_refused(lab: Path, meta: dict[str, str], mes
     assert message in str(raised.value)
 
 
+def test_value_rounded_beyond_bound_is_taken(lab: Path) -> None:
+    lab.write_text(LAB.replace("max: 50 mm", "max: 0.57 m"))
+    (lab.parent / "specimens" / "W7.yaml").write_text(W7.replace("2 cm", "570 mm"))
+    assert stated_specimen(About("A", "", META, "W7"), lab).fields["size.diameter"] == "570 mm"
+
+
 def test_values_of_a_specimen_are_checked(lab: Path) -> None:
     file = lab.parent / "specimens" / "W7.yaml"
     file.write_text(W7.replace("PTFE", "none").replace("2 cm", "2 m"))

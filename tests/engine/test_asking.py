@@ -10,7 +10,7 @@ from functools import partial
 import pytest
 from support.bench import Axis, AxisRow, Bench, move, procedure
 
-from rigd.engine.answers import Answers, OwnAnswers
+from rigd.engine.answers import AnswerRefused, Answers, OwnAnswers, check_answer, read_answer
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.model.errors import Exit
@@ -220,6 +220,14 @@ def test_answer_out_of_bounds_is_asked_again() -> None:
     assert "20 N is outside 1 N .. 9 N" in person.objections[1]
     assert "holds 6 N at most" in person.objections[2]
     assert "drive" in bench.sink.steps()
+
+
+def test_answer_rounded_beyond_bound_is_bound() -> None:
+    prompt = Prompt("way", "How far?", AnswerKind.NUMBER, unit="m", low=0.3, high=0.57)
+    assert check_answer(prompt, read_answer(prompt, "570 mm")) == 0.57
+    assert check_answer(prompt, 0.3 * (1 - 1e-15)) == 0.3
+    with pytest.raises(AnswerRefused, match=r"0.571 m is outside 0.3 m .. 0.57 m"):
+        check_answer(prompt, read_answer(prompt, "571 mm"))
 
 
 def test_no_ends_the_run_without_a_second_question() -> None:

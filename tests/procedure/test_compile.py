@@ -133,6 +133,13 @@ def test_setpoint_rounded_beyond_limit_is_limit(
     assert 1.5 - 1e-12 < max(peaks) <= 1.5
 
 
+def test_trial_limit_rounded_beyond_range_is_its_end(compile_text: Compile, small: str) -> None:
+    sum_ = "0.1 m + 1.1 m + 0.6 m"  # 1.8000000000000003 m in binary
+    compiled = compile_text(small.replace("high: 1.5 m", f"high: {sum_}"))
+    (limit,) = only_program(compiled.trials[0].steps).limits
+    assert limit.high == 1.8
+
+
 def test_repeats_are_trials_of_their_own(compile_text: Compile, small: str) -> None:
     compiled = compile_text(small.replace("prepare:", "repeats: 2\n\nprepare:", 1))
     shown = [(trial.number, trial.repeat, trial.parameters["current"]) for trial in compiled.trials]
