@@ -60,6 +60,7 @@ declare namespace Api {
   }
   interface InterlockName {
     interlock: string;
+    since_ns?: number | null;
   }
   interface InterlockView {
     name: string;

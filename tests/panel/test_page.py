@@ -146,6 +146,7 @@ def test_choosing_the_open_procedure_keeps_typed_values(
 def test_a_trip_is_acknowledged(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     panel.rig.trip()
+    since_ns = panel.rig.trips[0].since_ns
     state(page, "Tripped")
     card = page.locator(".trip")
     expect(card).to_contain_text("Interlock overrun far aborted the run")
@@ -154,7 +155,9 @@ def test_a_trip_is_acknowledged(panel: ServedPanel, watched: Watched) -> None:
     press(page, "Acknowledge")
     expect(card).to_have_count(0)
     state(page, "Idle")
-    assert given(panel, "acknowledge") == [{"interlock": TRIP.interlock}]
+    (sent,) = given(panel, "acknowledge")
+    assert sent["interlock"] == TRIP.interlock
+    assert abs(sent["since_ns"] - since_ns) < 1000
 
 
 def test_report_is_made_and_read_without_its_scripts(panel: ServedPanel, watched: Watched) -> None:

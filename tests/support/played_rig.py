@@ -422,6 +422,10 @@ class PlayedRig:
         self.emit("answer", name=prompt.name, answer=value)
 
     def _acknowledge(self, _: Requester, named: InterlockName) -> None:
+        found = [trip for trip in self.trips if trip.interlock == named.interlock]
+        newest_ns = max((trip.since_ns for trip in found), default=0)
+        if named.since_ns is not None and newest_ns - named.since_ns > 1000:
+            raise Refusal(Code.CONFLICT, f"{named.interlock} has tripped again since: {found}")
         self.trips = [trip for trip in self.trips if trip.interlock != named.interlock]
 
     def _stop(self, by: Requester, _: ReasonArguments) -> Stopped:

@@ -98,7 +98,8 @@ def _print(status: Status, target_options: str) -> None:
     for trip in status.trips:
         ack = f"rigd remote ack {trip.interlock}{target_options}"
         done = "acknowledged" if trip.acknowledged else ack
-        write(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
+        at = f"  {clock(trip.since_ns)} {trip.interlock} acted ({trip.action})"
+        write(f"{at}: {trip.message}; {done}", "red")
     for item in status.interrupted:
         write(f"  interrupted: {item.run}, {item.trials_done} of {item.trials_total} trials")
         write(f"    rigd remote resume-run {item.run}{target_options}")
@@ -113,7 +114,7 @@ def _print(status: Status, target_options: str) -> None:
             "yellow",
         )
     for notice in status.notices[-5:]:
-        write(f"  {_clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
+        write(f"  {clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
 
 
 def _configure_events(parser: argparse.ArgumentParser) -> None:
@@ -141,7 +142,7 @@ def _events(args: argparse.Namespace) -> int:
 def _line(event: RigEvent) -> str:
     trial = "" if event.trial < 0 else f"trial {event.trial}"
     details = _details(event.data)
-    line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {details}".rstrip()
+    line = f"{event.seq:6d}  {clock(event.t_ns)}  {event.kind:12s} {trial:9s} {details}".rstrip()
     # An event contains text of a client: it must not begin a line or control the terminal.
     return "".join(item if item.isprintable() else " " for item in line)
 
@@ -188,7 +189,8 @@ def _plain(value: JsonValue) -> str:
     return str(value)
 
 
-def _clock(t_ns: int) -> str:
+def clock(t_ns: int) -> str:
+    """Return the time of day here."""
     return datetime.fromtimestamp(t_ns * 1e-9).strftime("%H:%M:%S")
 
 

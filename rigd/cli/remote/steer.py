@@ -66,8 +66,14 @@ def _resume(rig: Client, args: argparse.Namespace) -> str:
 
 
 def _acknowledge(rig: Client, args: argparse.Namespace) -> str:
-    rig.acknowledge(args.interlock)
-    return f"{args.interlock} is acknowledged"
+    from rigd.cli.remote.look import clock
+
+    trips = {trip.interlock: trip for trip in rig.status().trips}
+    trip = trips.get(args.interlock)
+    rig.acknowledge(args.interlock, None if trip is None else trip.since_ns)
+    if trip is None:  # it tripped in between
+        return f"{args.interlock} is acknowledged"
+    return f"{args.interlock} is acknowledged: at {clock(trip.since_ns)}, {trip.message}"
 
 
 def _act(rig: Client, args: argparse.Namespace) -> str:

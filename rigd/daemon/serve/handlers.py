@@ -98,7 +98,9 @@ def bind_handlers(parts: Parts) -> Handlers:
         pause=lambda *_: steering.pause(),
         resume=lambda *_: steering.resume(),
         answer=lambda requester, args: steering.answer(requester, args.prompt_id, args.value),
-        acknowledge=lambda requester, args: steering.acknowledge(requester, args.interlock),
+        acknowledge=lambda requester, args: steering.acknowledge(
+            requester, args.interlock, args.since_ns
+        ),
         act=lambda requester, args: ActionReply(said=steering.act(requester, args)),
         identify=lambda _, args: parts.aside.identify(_finished(parts, args.run)),
         draw=lambda _, args: _draw(parts, _finished(parts, args.run)),

@@ -225,13 +225,17 @@ class Steering:
             raise Refusal(Code.CONFLICT, "this run takes the procedure's own answers")
         answers.give(prompt_id, value, str(requester))
 
-    def acknowledge(self, requester: Requester, interlock: str) -> None:
+    def acknowledge(
+        self, requester: Requester, interlock: str, since_ns: int | None = None
+    ) -> None:
         """Acknowledge an interlock that has tripped, so that it no longer blocks a start.
 
+        ``since_ns`` is the time of the trip that the client has seen; None: any.
+
         Raises:
-            Refusal: it has nothing to acknowledge.
+            Refusal: it has nothing to acknowledge, or has tripped again since.
         """
-        self._trips.acknowledge(interlock, str(requester))
+        self._trips.acknowledge(interlock, str(requester), since_ns)
         running = self._running
         if running is not None:
             running.control.acknowledged.append(interlock)

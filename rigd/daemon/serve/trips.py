@@ -25,6 +25,9 @@ from rigd.remote.protocol.status import ActionName, TripView
 
 _LOG: Final = logging.getLogger(__name__)
 
+#: Times of one trip differ by less: a number of a browser is exact to 256 ns.
+_SAME_NS: Final = 1_000
+
 
 @dataclass(frozen=True)
 class RememberedTrip:
@@ -116,16 +119,24 @@ class TripMemory:
                 self.known_ns = max(self.known_ns, trip.since_ns)
                 self._changed = True
 
-    def acknowledge(self, interlock: str, who: str) -> None:
+    def acknowledge(self, interlock: str, who: str, since_ns: int | None = None) -> None:
         """Acknowledge the interlock, so that it no longer blocks a start.
 
+        ``since_ns`` is the time of the trip that the client has seen; None: any.
+
         Raises:
-            Refusal: it has not tripped, or is acknowledged already.
+            Refusal: it has not tripped, is acknowledged already, or has tripped again since.
         """
         with self._lock:
             known = self._acted.get(interlock)
             if known is None or known.by:
                 raise Refusal(Code.CONFLICT, f"{interlock} has nothing to acknowledge")
+            if since_ns is not None and known.since_ns - since_ns > _SAME_NS:
+                raise Refusal(
+                    Code.CONFLICT,
+                    f"{interlock} has tripped again since: {known.message}",
+                    hint="look at the rig once more, then acknowledge this trip",
+                )
             self._acted[interlock] = replace(known, by=who)
             self._changed = True
         self.save()

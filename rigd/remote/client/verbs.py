@@ -192,9 +192,12 @@ class AsyncVerbs(ABC):
         """Answer the prompt of that id (``status().prompt``): in SI, a word, or yes by True."""
         await self._command("answer", Nothing, prompt_id=prompt_id, value=value)
 
-    async def acknowledge(self, interlock: str) -> None:
-        """Confirm that a person has looked at the trip of an interlock."""
-        await self._command("acknowledge", Nothing, interlock=interlock)
+    async def acknowledge(self, interlock: str, since_ns: int | None = None) -> None:
+        """Confirm that a person has looked at the trip of an interlock.
+
+        ``since_ns`` is the time of that trip (``status().trips``): refused if there is a newer one.
+        """
+        await self._command("acknowledge", Nothing, interlock=interlock, since_ns=since_ns)
 
     async def act(self, device: str, action: str) -> str:
         """Perform an action of a device, such as a tare; return its reply."""

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, SPECIMEN_NAME, About
 from rigd.remote.protocol.limits import MAX_COMPARED, MAX_PIECE_BYTES, MAX_REASON
 from rigd.remote.protocol.message import Message, Name, Text, User, one_line
+from rigd.remote.protocol.status import Nanoseconds
 
 #: File name of a recording: never a path.
 RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
@@ -96,6 +97,10 @@ class InterlockName(Message):
     """The interlock that a person has looked at."""
 
     interlock: FileWord
+    since_ns: Nanoseconds | None = None
+    """The `since_ns` of the trip that was looked at, to 1 us: refused if there is a newer one.
+    Without it, the newest counts as looked at.
+    """
 
 
 class RunArguments(Message):

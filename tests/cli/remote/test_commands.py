@@ -232,6 +232,10 @@ def test_trip_is_shown_with_its_remedy(ask: Asking) -> None:
     )  # fmt: skip
     ask.remote.rig.trips.append(trip)
     assert "overrun acted (abort): beyond the end; rigd remote ack overrun" in ask("status").out
+    assert ask("ack", "overrun").out.startswith("overrun is acknowledged: at ")
+    assert ask.remote.rig.given("acknowledge") == [{"interlock": "overrun", "since_ns": 1}]
+    ask.remote.rig.trips.append(trip)
+    assert ask("ack", "overrun").out.endswith(", beyond the end\n")
 
 
 def test_list_shows_reachable_rigs_and_errors(ask: Asking, tmp_path: Path) -> None:

@@ -300,7 +300,10 @@ def test_after_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -> 
     with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
         with pytest.raises(Refusal, match="far tripped"):
             served.start(SWEEP)
-        served.command("acknowledge", interlock="far")
+        since_ns = served.status.trips[0].since_ns
+        with pytest.raises(Refusal, match="tripped again since"):
+            served.command("acknowledge", interlock="far", since_ns=since_ns - 1_000_000)
+        served.command("acknowledge", interlock="far", since_ns=since_ns)
         assert served.status.trips[0].acknowledged
         with pytest.raises(Refusal, match="nothing to acknowledge"):
             served.command("acknowledge", interlock="far")

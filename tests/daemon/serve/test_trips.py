@@ -59,6 +59,18 @@ def test_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path) -
         memory.begin_run()
 
 
+@pytest.mark.parametrize("rounding_ns", [-128, 0, 128])  # of a number in a browser
+def test_acknowledgement_of_older_trip_is_refused(tmp_path: Path, rounding_ns: int) -> None:
+    seen_ns = 1_790_000_000_000_000_000
+    memory = TripMemory(tmp_path / "trips.json")
+    memory.note([trip("far", Severity.STOP, t_ns=seen_ns + 5_000_000)])
+    with pytest.raises(Refusal, match=r"far has tripped again since: axis\.position 2 m is above"):
+        memory.acknowledge("far", "alice", seen_ns + rounding_ns)
+    assert not memory.views()[0].acknowledged
+    memory.acknowledge("far", "alice", seen_ns + 5_000_000 + rounding_ns)
+    assert memory.views()[0].acknowledged
+
+
 def test_untripped_interlock_cannot_be_acknowledged(tmp_path: Path) -> None:
     with pytest.raises(Refusal, match="nothing to acknowledge"):
         TripMemory(tmp_path / "trips.json").acknowledge("far", "alice")

@@ -87,11 +87,14 @@ def test_client_steers_run_from_start_to_end(remote: Served, client: Client) -> 
         with pytest.raises(Refusal) as refused:
             client.answer(1.5, WEIGH.id)
         assert refused.value.code is Code.CONFLICT
+        remote.rig.trips.append(TRIP.model_copy(update={"since_ns": 5000}))
+        with pytest.raises(Refusal, match="tripped again since"):
+            client.acknowledge(TRIP.interlock, since_ns=2000)
         client.acknowledge(TRIP.interlock)
         remote.rig.end()
         assert client.wait(run).ending == "complete"
     assert remote.rig.verbs() == [
-        "lease_take", "start", "pause", "resume", "answer", "answer", "acknowledge",
+        "lease_take", "start", "pause", "resume", "answer", "answer", "acknowledge", "acknowledge",
         "lease_release",
     ]  # fmt: skip
     assert [args["value"] for args in remote.rig.given("answer")] == [1.5, 1.5]

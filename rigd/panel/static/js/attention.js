@@ -98,7 +98,9 @@ function tripCard(trip, mine) {
   /** @type {HTMLButtonElement} */
   const acknowledge = el("button", {
     type: "button", class: "primary", disabled: !mine,
-    onclick: () => attempt(acknowledge, () => command("acknowledge", { interlock: trip.interlock })),
+    onclick: () => attempt(acknowledge, () => command("acknowledge", {
+      interlock: trip.interlock, since_ns: trip.since_ns,
+    })),
   }, icon("check"), "Acknowledge");
   return el("section", { class: "card trip", data: { mood: trip.action === "warn" ? "warn" : "bad" } },
     icon("warn"),
