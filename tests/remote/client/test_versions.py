@@ -30,6 +30,11 @@ def endpoint() -> Iterator[str]:
         query.reply(query.key_expr, json.dumps(STATUS).encode())
 
     def stop(query: zenoh.Query) -> None:
+        if str(query.key_expr).endswith("/abort"):  # as a newer daemon before the first release
+            request = json.loads(bytes(query.payload or b"{}"))
+            reply = {"v": 1, "id": request["id"], "result": {"acted": True, "added": 1}}
+            query.reply(query.key_expr, json.dumps(reply).encode())
+            return
         query.reply_err(encode_refusal("", refused))
 
     with zenoh.open(settings) as session:
@@ -44,3 +49,10 @@ def test_rig_of_another_version_can_only_be_stopped(endpoint: str) -> None:
             rig.stop()
         with pytest.raises(ProtocolError, match="version 2 of the protocol, here it is 1"):
             rig.status()
+
+
+def test_reply_with_unknown_key_names_key_and_remedy(endpoint: str) -> None:
+    with Client("lugre-1", endpoint=endpoint, identity="eve") as rig:
+        with pytest.raises(ProtocolError, match=r"result\.added: .*not permitted") as caught:
+            rig.abort()
+        assert caught.value.hint == "install the same rigd at both ends"
