@@ -155,8 +155,9 @@ class AsyncClient(AsyncVerbs):
 
         After an exception the lease is not released but expires, so that the daemon follows
         `on_client_loss` of the procedure. It is released after a refusal, and with ``brief`` after
-        any exception: for single commands to a run that needs no client. A lease that was held
-        before does not change.
+        any exception: for single commands to a run that needs no client. A lease that this client
+        held before does not change, nor does that of another process of its name; if that process
+        does not renew it any more, since it was killed, the lease is given back too.
         """
         held = self._holding.holds
         was_ours = (await self.lease()).is_held_by(self.identity)
@@ -166,3 +167,5 @@ class AsyncClient(AsyncVerbs):
             return
         async with self._holding.until_left(brief=brief, give_back=not was_ours):
             yield
+        if was_ours and not brief:
+            await self._holding.give_back_unless_renewed(self.lease)

@@ -6,12 +6,20 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from typing import Final
 
 from rigd.model.errors import RigdError
-from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol import Code, LeaseView, Refusal
 from rigd.remote.protocol.limits import RENEW_S
 
 _log = logging.getLogger(__name__)
+
+#: Another process of this name renews the lease within so many times the interval, if it lives.
+_WAIT_PART: Final = 1.5
+#: How often is looked meanwhile.
+_LOOKS: Final = 12
+#: The end of a lease moves by less without a renewal: by what a clock of the daemon is set.
+_RENEWED_NS: Final = 20_000_000
 
 
 class LeaseKeeper:
@@ -45,6 +53,21 @@ class LeaseKeeper:
             with suppress(asyncio.CancelledError):
                 await task
 
+    async def give_back_unless_renewed(self, look: Callable[[], Awaitable[LeaseView]]) -> None:
+        """Release a lease that had this client's name before, unless another process renews it.
+
+        It may be of a process that was killed: then the lease would run out, and the daemon would
+        take it that the client of a run has vanished. ``look`` returns the lease.
+        """
+        first = await look()
+        for _ in range(_LOOKS):
+            await asyncio.sleep(RENEW_S * _WAIT_PART / _LOOKS)
+            view = await look()
+            if view.holder != first.holder or view.until_ns - first.until_ns > _RENEWED_NS:
+                return
+        _log.warning("no other process renews control any more: it is given back")
+        await self._release_if_held()
+
     @asynccontextmanager
     async def until_left(self, *, brief: bool, give_back: bool) -> AsyncIterator[None]:
         """End with a block, in order or not; see :meth:`AsyncClient.control`.
@@ -70,8 +93,10 @@ class LeaseKeeper:
     async def _give_back(self) -> None:
         holds = self.holds
         await self.end()
-        if not holds:
-            return
+        if holds:
+            await self._release_if_held()
+
+    async def _release_if_held(self) -> None:
         try:
             await self._release()
         except Refusal as refusal:

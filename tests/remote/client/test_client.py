@@ -17,6 +17,7 @@ from support.served_rig import Served
 
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote import AsyncClient, Client
+from rigd.remote.client import lease_keeper
 from rigd.remote.protocol import VERBS, ClientUser, Code, Kind, LeaseView, Refusal, Role, as_json
 from rigd.remote.protocol.results import Stopped
 
@@ -165,6 +166,24 @@ def test_control_leaves_a_lease_that_was_held_before(client: Client) -> None:
     with client.control():
         client.pause()
     client.pause()
+
+
+@pytest.mark.parametrize("lives", [True, False])
+def test_control_over_lease_of_killed_process_ends(
+    remote: Served, client: Client, monkeypatch: pytest.MonkeyPatch, lives: bool
+) -> None:
+    """A process of the same name took the lease before, and renews it only if it lives."""
+    monkeypatch.setattr(lease_keeper, "RENEW_S", 0.1)
+    with Client(endpoint=remote.endpoint, identity="alice") as other:
+        if lives:
+            monkeypatch.setattr(lease_keeper, "_WAIT_PART", 50.0)  # it may be slow to renew
+            other.lease_take()
+        else:
+            remote.rig.lease.take(ClientUser.of("alice"))
+        with client.control():
+            client.pause()
+        assert client.lease().is_held_by("alice") is lives
+    assert not client.asynchronous._holding.holds
 
 
 def test_control_left_by_error_is_not_given_back(client: Client) -> None:
