@@ -359,7 +359,7 @@ def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSe
     try:
         settings = config.settings()
     except ConfigError as error:  # places in the plant's own file
-        problems.found += [error, *error.others]
+        problems.take([error, *error.others])
         return None
     for name, value in config.at_start().items():
         try:

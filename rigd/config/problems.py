@@ -14,20 +14,27 @@ class Problems:
     """The problems of a file found so far."""
 
     found: list[ConfigError] = field(default_factory=list)
+    _known: set[tuple[Place | None, str]] = field(default_factory=set)
 
     def add(
         self, place: Place | None, message: str, hint: str | None = None, *, lacks: str = ""
     ) -> None:
         """Note a problem; the same problem twice (in two trials of a sweep) counts once."""
-        if not self._has(place, message):
-            self.found.append(ConfigError(message, place=place, hint=hint, lacks=lacks))
+        self.take([ConfigError(message, place=place, hint=hint, lacks=lacks)])
+
+    def take(self, errors: Iterable[ConfigError]) -> None:
+        """Note problems that another check has found, each once."""
+        for error in errors:
+            if (error.place, error.message) not in self._known:
+                self._known.add((error.place, error.message))
+                self.found.append(error)
 
     def add_lacking(
         self, place: Place, rig: str, kind: str, name: str, known: Iterable[str]
     ) -> None:
         """Note that the rig lacks a channel, setpoint, device or stream."""
         message = f"the rig {rig} has no {kind} {name!r}"
-        if not self._has(place, message):  # each search for a near name takes long
+        if (place, message) not in self._known:  # each search for a near name takes long
             self.add(place, message, suggest(name, known), lacks=name)
 
     def raise_any(self) -> None:
@@ -39,9 +46,6 @@ class Problems:
         if self.found:
             self.found.sort(key=_position)
             raise ConfigError.several(self.found)
-
-    def _has(self, place: Place | None, message: str) -> bool:
-        return any((old.place, old.message) == (place, message) for old in self.found)
 
 
 def _position(error: ConfigError) -> tuple[str, int, int]:
