@@ -20,7 +20,7 @@ EXAMPLES = """\
 examples:
   rigd export runs/20261121-080000-quick.mcap --to parquet
   rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/
-  rigd export FILE --to mat
+  rigd export FILE --to mat --trials 7,12-15          only the rows of these trials
   rigd export FILE --to hdf5                          all tables in FILE.h5
   rigd export FILE --to mdf4 --output quick.mf4       for ASAM tools, such as asammdf
   rigd export FILE --to csv --rate "100 Hz"           all streams in one table
@@ -32,6 +32,7 @@ examples:
   the trial began), step and a column per channel, the numbers as recorded, in SI; one of the
   events; one of the trials with their parameters and what the procedure measures (measure_NAME);
   one of the steps as they were played. hdf5 and mdf4 have all tables in one file.
+  --trials takes the rows of these trials alone, none between them.
   --rate or --on puts all streams into one table. A gap stays one, and nothing is extrapolated.
   rocrate makes one RO-Crate of all FILEs, a zip file or a folder, to be published with a DOI:
   recordings, procedures, rigs, calibrations, tables, and who made them with what. It needs a
@@ -59,6 +60,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--stream", action="append", metavar="NAME", help="only this stream (default: all streams)"
+    )
+    parser.add_argument(
+        "--trials", metavar="LIST", help="only these trials, such as 1,4,7-9 (default: all rows)"
     )
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
@@ -119,6 +123,7 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd export")
     if args.to in ("hdf5", "mdf4"):
         require("export", f"rigd export --to {args.to}")
+    from rigd.analysis.run_page import Selection, parse_selection
     from rigd.model.errors import ConfigError
     from rigd.record import Recording, run_info
     from rigd.record.export import export
@@ -135,20 +140,23 @@ def execute(args: argparse.Namespace) -> int:
         if getattr(args, name) is not None:
             raise ConfigError(f"--{name} is for --to rocrate")
     targets = _targets(files, args.output, args.to)
+    selection = Selection() if args.trials is None else parse_selection(args.trials)
     for file, target in zip(files, targets, strict=True):
         recording = Recording.open(file, partial=True)
+        info = run_info(recording)
+        selection.check(info)
         written = export(
             recording,
             target,
             args.to,
             streams=args.stream,
             base=_base(recording, args),
+            trials=selection.numbers,
             overwrite=args.overwrite,
             measures=_measures(recording),
         )
         for path in written:
             print(path)
-        info = run_info(recording)
         for loss in info.losses:
             print(f"warning: {loss}", file=sys.stderr)
         if info.other_topics and args.stream is None:
@@ -171,7 +179,7 @@ def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:
     from rigd.record import Recording
     from rigd.record.export.rocrate import Published, export_rocrate
 
-    for name in ("stream", "rate", "on", "between"):
+    for name in ("stream", "trials", "rate", "on", "between"):
         if getattr(args, name) is not None:
             raise ConfigError(f"--{name} is not for --to rocrate, which has all that was recorded")
     recordings = [Recording.open(file, partial=True) for file in files]

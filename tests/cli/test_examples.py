@@ -135,7 +135,9 @@ SHOWN: dict[str, Shows] = {
     "rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/": Shows(
         "carriage.csv", {"FILE": QUICK}
     ),
-    "rigd export FILE --to mat": Shows(".mat", {"FILE": QUICK}),
+    "rigd export FILE --to mat --trials 7,12-15": Shows(
+        ".mat", {"FILE": QUICK, "7,12-15": "1"}
+    ),
     "rigd export FILE --to hdf5": Shows("quick.h5", {"FILE": QUICK}),
     "rigd export FILE --to mdf4 --output quick.mf4": Shows("quick.mf4", {"FILE": QUICK}),
     'rigd export FILE --to csv --rate "100 Hz"': Shows("joined.csv", {"FILE": QUICK}),

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import asammdf
+import h5py
 import numpy as np
 import pandas as pd
 import pyarrow.csv
@@ -253,6 +255,74 @@ def test_other_programs_read_trials_and_joined_table(
     assert np.atleast_1d(trials["complete"]).astype(bool).tolist() == [True]
     assert np.atleast_1d(trials["start"]).tolist() == [0.5]
     assert np.atleast_1d(trials["end"]).tolist() == [1.5]
+
+
+@pytest.fixture
+def three_trials(
+    create: Create, rows: MakeRows, servo: Stream, force: Stream, start_ns: int, tmp_path: Path
+) -> Recording:
+    """A recording of trials 1 to 3, each of 0.2 s with 0.1 s before it."""
+    with create() as writer:
+        writer.write("wheel_servo", rows(servo, 1_000))
+        writer.write("force", rows(force, 10))
+        for number in (1, 2, 3):
+            begin_ns = start_ns + number * 300_000_000 - 200_000_000
+            writer.event(begin_ns, "trial_start", number, {"parameters": {"load": number}})
+            writer.event(begin_ns, "step", number, {"name": "drive"})
+            writer.event(begin_ns + 200_000_000, "trial_end", number, {"complete": True})
+    return Recording.open(tmp_path / "run.mcap")
+
+
+@pytest.mark.parametrize("format", ["parquet", "csv", "mat", "hdf5", "mdf4"])
+@pytest.mark.parametrize("base", [None, TimeBase(50.0)])
+def test_chosen_trials_alone_are_exported(
+    three_trials: Recording, tmp_path: Path, format: Format, base: TimeBase | None
+) -> None:
+    target = tmp_path / ("out.h5" if format == "hdf5" else "out.mf4" if format == "mdf4" else "out")
+    paths = export(three_trials, target, format, base=base, trials=(1, 3))
+    if format in ("mat", "hdf5", "mdf4"):
+        assert _numbers(paths) == [1, 3]
+        return
+    read = pd.read_csv if format == "csv" else pd.read_parquet
+    tables = {path.stem: read(path) for path in paths if path.suffix != ".json"}
+    joined = ["joined"] if base else ["wheel_servo", "force"]
+    assert [*tables] == [*joined, "events", "trials", "steps"]
+    for name, table in tables.items():
+        column = "number" if name == "trials" else "trial"
+        assert set(table[column]) <= {1, 3}
+        assert {1, 3} <= set(table[column]) or name == "force"
+    assert len(tables["trials"]) == 2
+    if not base:
+        all_rows = three_trials.read("wheel_servo")["t_ns"]
+        assert len(tables["wheel_servo"]) == 400 < len(all_rows)
+
+
+def _numbers(paths: list[Path]) -> list[int]:
+    """Return the numbers in the table of the trials."""
+    if paths[0].suffix == ".h5":
+        with h5py.File(paths[0]) as file:
+            return [int(number) for number in file["trials/number"]]
+    if paths[0].suffix == ".mf4":
+        with asammdf.MDF(paths[0]) as mdf:
+            return [int(number) for number in mdf.get("trials.number").samples]
+    held: Any = scipy.io.loadmat(next(path for path in paths if path.stem == "trials"))
+    return [int(number) for number in held["number"].ravel()]
+
+
+def test_trials_to_export_are_named_as_in_reports(
+    three_trials: Recording, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["export", str(three_trials.path), "--to", "csv", "--trials"]
+    assert main([*command, "2-4"]) == 7
+    assert "has no trial 4" in capsys.readouterr().err
+    assert main([*command, "two"]) == 2
+    assert "write --trials 1,4,7-9" in capsys.readouterr().err
+    assert main([*command, "2-3"]) == 0
+    folder = three_trials.path.with_suffix("")
+    assert pd.read_csv(folder / "trials.csv")["number"].tolist() == [2, 3]
+    assert (
+        json.loads((folder / "metadata.json").read_text())["metadata"]["export"]["trials"] == "2, 3"
+    )
 
 
 def test_several_files_get_a_folder_each(

@@ -62,6 +62,7 @@ def export(
     *,
     streams: Iterable[str] | None = None,
     base: TimeBase | None = None,
+    trials: Collection[int] | None = None,
     overwrite: bool = False,
     measures: Measures = MappingProxyType({}),
 ) -> list[Path]:
@@ -70,9 +71,10 @@ def export(
     ``target`` is the folder of the tables, or the file of ``hdf5`` and ``mdf4``. The columns are
     those of :mod:`rigd.record.tables`, bit for bit as recorded. ``streams`` None: all, with
     events. ``base``: the streams in one table instead, at these times
-    (:mod:`rigd.record.joined`). The tables of trials and steps are always written; ``measures`` are
-    further columns of the trials: see :func:`rigd.record.tables.with_measures`. Rows are
-    written in batches: memory does not grow with the recording, but for ``mat``.
+    (:mod:`rigd.record.joined`). ``trials``: only the rows of these, by number; None: all rows. The
+    tables of trials and steps are always written; ``measures`` are further columns of the trials:
+    see :func:`rigd.record.tables.with_measures`. Rows are written in batches: memory does not grow
+    with the recording, but for ``mat``.
 
     Raises:
         RecordingError: no such stream, two of one file name, a file exists (unless ``overwrite``),
@@ -80,7 +82,7 @@ def export(
     """
     kind = FORMATS[format]
     chosen = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
-    tables = parts(recording, chosen, base, measures)
+    tables = parts(recording, chosen, base, measures, trials)
     files: dict[Path, tuple[Write, list[Part]]] = {}
     if kind.together:
         files[target] = kind.write, tables
@@ -105,7 +107,7 @@ def export(
     existing = [path for path in files if path.exists() and path not in repeated]
     if existing and not overwrite:
         raise _exists(*existing)
-    _write(files, origin(recording, base), repeated, target, overwrite=overwrite)
+    _write(files, origin(recording, base, trials), repeated, target, overwrite=overwrite)
     return list(files)
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ Measures = Mapping[str, tuple[str, Mapping[int, float]]]
 class Part:
     """One table to export: ``head`` is the table without rows, ``batches`` gives the rows.
 
-    ``time`` names its column of s since the recording began.
+    ``time`` names its column of s since the recording began, ``trial`` that of the trial's number.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Part:
     time: str
     doc: str = ""
     source: str = ""  #: driver of the samples
+    trial: str = "trial"
 
     def whole(self) -> Table:
         """Return all rows, in memory."""
@@ -68,9 +69,13 @@ class Origin:
         return {name: json.dumps(values) for name, values in self.metadata.items()}
 
 
-def origin(recording: Recording, base: TimeBase | None) -> Origin:
-    """Return what the exported files state."""
+def origin(
+    recording: Recording, base: TimeBase | None, trials: Collection[int] | None = None
+) -> Origin:
+    """Return what the exported files state; ``trials``: those that alone were exported."""
     own = {"recording": recording.path.name, "rigd": __version__, "values": "SI units"}
+    if trials is not None:
+        own["trials"] = ", ".join(map(str, sorted(trials)))
     if recording.problem:
         own["damage"] = recording.problem
     return Origin(
@@ -85,9 +90,15 @@ def origin(recording: Recording, base: TimeBase | None) -> Origin:
 
 
 def parts(
-    recording: Recording, chosen: Sequence[str], base: TimeBase | None, measures: Measures
+    recording: Recording,
+    chosen: Sequence[str],
+    base: TimeBase | None,
+    measures: Measures,
+    of_trials: Collection[int] | None = None,
 ) -> list[Part]:
     """Return the tables: of each stream, or one of all on a time base, of events, trials, steps.
+
+    ``of_trials``: only the rows of these; None: all rows, those outside of trials too.
 
     Raises:
         RecordingError: no such stream, or a rate that fits nothing.
@@ -116,6 +127,8 @@ def parts(
     steps = steps_table(recording.steps, recording.start_ns)
     for name, table in ((TRIALS_TABLE, trials), (STEPS_TABLE, steps)):
         found.append(_held(table, "start", free_name(name, recording)))
+    if of_trials is not None:
+        found = [_chosen(part, of_trials) for part in found]
     return found
 
 
@@ -142,14 +155,28 @@ def _stream(recording: Recording, name: str) -> Part:
     empty = recording.read(name, 0, 0)
     head = rows_table(stream, empty, recording.start_ns, (), ())
     time = "time" if head.units.get("rigd_time") is None else "rigd_time"
-    return Part(name, head, batches, time, stream.doc, stream.source)
+    trial = "rigd_trial" if "rigd_trial" in head.columns else "trial"
+    return Part(name, head, batches, time, stream.doc, stream.source, trial)
+
+
+def _chosen(part: Part, trials: Collection[int]) -> Part:
+    """Return the part with the rows of ``trials`` alone."""
+
+    def batches() -> Iterator[Table]:
+        for table in part.batches():
+            rows = np.isin(table[part.trial], list(trials))
+            columns = {name: values[rows] for name, values in table.columns.items()}
+            yield replace(table, columns=columns)
+
+    return replace(part, batches=batches)
 
 
 def _held(table: Table, time: str, name: str = "") -> Part:
     """Return a table that is in memory."""
     none = {column: values[:0] for column, values in table.columns.items()}
     head = Table(table.name, none, table.units, table.docs)
-    return Part(name or table.name, head, lambda: iter((table,)), time)
+    trial = "number" if table.name == TRIALS_TABLE else "trial"
+    return Part(name or table.name, head, lambda: iter((table,)), time, trial=trial)
 
 
 def step_column(table: Table) -> str:
