@@ -203,6 +203,25 @@ def test_tcp_port_is_a_port_of_bytes() -> None:
         port.open()
 
 
+def test_line_port_tries_each_address_of_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(host: str, port: str, *_: object, **__: object) -> list[tuple[object, ...]]:
+        refused, there = ("127.0.0.2", int(port)), ("127.0.0.1", int(port))
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", at) for at in (refused, there)]
+
+    monkeypatch.setattr(socket, "getaddrinfo", found)
+
+    async def ask() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            port = LinePort(PortConfig(port=f"tcp://scale:{server.getsockname()[1]}"))
+            await port.open()
+            server.accept()[0].close()
+            port.close()
+        with pytest.raises(LinkError, match="nothing answers at tcp://scale"):
+            await port.open()
+
+    asyncio.run(ask())
+
+
 @pytest.mark.parametrize("port", ["tcp://scale", "tcp://:4001", "tcp://scale:0", "tcp://scale:x"])
 def test_incomplete_tcp_address_is_refused(port: str) -> None:
     with pytest.raises(ValidationError, match="not of the form tcp://HOST:PORT"):

@@ -8,8 +8,9 @@ import errno
 import os
 import select
 import socket
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import serial
 
@@ -89,19 +90,12 @@ class BytePort:
         loop = asyncio.get_running_loop()
         host, port = self._config.address
         where = last_address(host, int(port)) if again else host
-        own = None
         try:
             async with asyncio.timeout(CONNECT_S):
-                family, *_, address = (await loop.getaddrinfo(where, port, type=_STREAM))[0]
-                own = socket.socket(family, _STREAM)
-                own.setblocking(False)
-                await loop.sock_connect(own, address)
+                found = await loop.getaddrinfo(where, port, type=_STREAM)
+                own = await _connect_first(found)
             note(host, int(port), own)
-        except BaseException as error:
-            if own is not None:
-                own.close()
-            if not isinstance(error, OSError):  # TimeoutError is one
-                raise
+        except OSError as error:  # TimeoutError is one
             raise self._unanswered(error) from error
         self._set_up(own)
         self._port = own
@@ -214,6 +208,32 @@ class BytePort:
             else "plug the adapter in again and start again; it may come back under another "
             "number: name the port by its path below /dev/serial/by-id",
         )
+
+
+async def _connect_first(found: Sequence[tuple[Any, ...]]) -> socket.socket:
+    """Return a connection to the first of the addresses of a name that accepts.
+
+    Each has its share of :data:`CONNECT_S`: one that does not answer must leave time for the next.
+
+    Raises:
+        OSError: none accepts; that of the last.
+    """
+    loop, refused = asyncio.get_running_loop(), OSError("the name has no address")
+    for family, *_, address in found:
+        own = socket.socket(family, _STREAM)
+        own.setblocking(False)
+        try:
+            async with asyncio.timeout(CONNECT_S / len(found)):
+                await loop.sock_connect(own, address)
+        except OSError as error:
+            own.close()
+            refused = error
+        except BaseException:
+            own.close()
+            raise
+        else:
+            return own
+    raise refused
 
 
 def _hung_up(fd: int) -> bool:
