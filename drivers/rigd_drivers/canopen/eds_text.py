@@ -25,11 +25,15 @@ _OBJECT: Final = re.compile(r"([0-9A-F]{4})(?:sub([0-9A-F]{1,4}))?", re.IGNORECA
 _NAMES: Final = re.compile(r"([0-9A-F]{4})name", re.IGNORECASE)
 #: No text has these; the second begins commands to a terminal (ECMA-48).
 _CONTROL: Final = re.compile(rb"[\x00\x1b]")
+#: A number with a leading 0, also behind a sign or `$NODEID+`; no part of a hexadecimal one.
+_OCTAL: Final = re.compile(r"(?<!\w)0[0-7]+(?!\w)")
 _COMMENT: Final = re.compile(r"\s;.*$")
 #: Objects that hold nothing: null, and definitions of types.
 _TYPES: Final = (0, 5, 6)
 _VARIABLES: Final = (2, 7)
 _ARRAY: Final = 8
+#: Data types of whole numbers (CiA 301, 7.4.7): their values are numbers, those of others text.
+_INTEGERS: Final = (*range(0x01, 0x08), 0x10, *range(0x12, 0x17), *range(0x18, 0x1C))
 ACCESSES: Final = ("ro", "wo", "rw", "rwr", "rww", "const")
 _RATES: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 _SPELLINGS: Final = {
@@ -62,6 +66,12 @@ class Section:
     def number(self, key: str, default: int = 0) -> int:
         """Return the whole number at ``key``; ``default`` if it is missing or wrong."""
         return parse_number(self.values.get(key, "")) or default
+
+    def uniform(self, key: str) -> str:
+        """Return a value as the library reads it: a number without the octal notation."""
+        of_number = key in _VALUES and self.number("DataType") in _INTEGERS
+        value = self.values[key]
+        return _as_decimal(value) if key in _NUMBERS or of_number else value
 
 
 class EdsText:
@@ -109,7 +119,7 @@ class EdsText:
             if section.name.lower() not in (*_BESIDE, *_LISTS) and not self._is_type(section)
             for line in (
                 f"[{section.name}]",
-                *(f"{key}={value}" for key, value in section.values.items()),
+                *(f"{key}={section.uniform(key)}" for key in section.values),
             )
         )
 
@@ -125,11 +135,19 @@ def object_name(index: int, sub: int | None = None) -> str:
 
 
 def parse_number(text: str) -> int | None:
-    """Return a number in the notation of CiA 306, None if it is not a number."""
+    """Return a number in the notation of CiA 306, None if it is not a number.
+
+    Numbers are decimal, hexadecimal after `0x`, or octal after a leading `0`.
+    """
     try:
-        return int(text, 0)
+        return int(_as_decimal(text), 0)
     except ValueError:
         return None
+
+
+def _as_decimal(text: str) -> str:
+    """Return ``text`` with decimal numbers in place of octal ones, which Python does not read."""
+    return _OCTAL.sub(lambda found: str(int(found[0], 8)), text)
 
 
 def read_text(path: Path) -> EdsText:

@@ -185,6 +185,7 @@ def test_indented_lines_and_spellings_of_keys_are_read(tmp_path: Path) -> None:
         ("AccessType=rw", "AccessType=r/w", 12, "AccessType of [6071] is 'r/w', expected ro, wo"),
         ("PDOMapping=1", "PDOMapping=yes", 13, "PDOMapping of [6071] is 'yes'"),
         ("HighLimit=1000", "HighLimit=1e3", 15, "HighLimit of [6071] is '1e3'"),
+        ("HighLimit=1000", "HighLimit=0189", 15, "HighLimit of [6071] is '0189', expected a num"),
         ("HighLimit=1000", "HighLimit=-2000", 14, "LowLimit of [6071] is -1000, above its High"),
         ("HighLimit=1000", "ParameterValue=-1001", 15, "is -1001, expected -1000 to 32767"),
         ("HighLimit=1000", "ParameterValue=70000", 15, "is 70000, expected -1000 to 32767"),
@@ -252,6 +253,20 @@ def test_dcf_has_node_bit_rate_and_values(tmp_path: Path) -> None:
     assert (sheet.node, sheet.bit_rate) == (5, 500_000)
     facts = CanBus.read_sheet(path).facts
     assert facts["values"].startswith("1 as configured")
+
+
+def test_numbers_with_leading_zero_are_octal(tmp_path: Path) -> None:
+    """CiA 306-1: an integer is decimal, hexadecimal after 0x, or octal after 0."""
+    text = SMALL.replace("DataType=0x0003", "DataType=003").replace("=1000", "=01750")
+    text = text.replace("BaudRate_500=1", "BaudRate_500=01\nVendorNumber=0373")
+    node = "ParameterValue=-0750\n[DeviceComissioning]\nNodeID=012\nBaudrate=0764\n"
+    name = "[1008]\nParameterName=0123\nDataType=0x0009\nAccessType=const\nDefaultValue=0123\n"
+    sheet = read_sheet(written(tmp_path / "x.dcf", text + node + name))
+    assert (sheet.identity[0], sheet.node, sheet.bit_rate) == (0xFB, 10, 500_000)
+    torque, called = sheet.find(0x6071), sheet.find(0x1008)
+    assert torque is not None and called is not None
+    assert (torque.data_type, torque.min, torque.max, torque.value) == (3, -1000, 1000, -488)
+    assert called.name == str(called.default) == "0123"  # texts are no numbers
 
 
 def test_eds_object_without_section_gives_a_remark(tmp_path: Path) -> None:
