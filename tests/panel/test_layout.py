@@ -135,6 +135,17 @@ def test_a_dialog_leaves_state_and_stops_uncovered(panel: ServedPanel, watched: 
         assert page.evaluate(COVERED) == [], f"at {width} x {height}"
 
 
+def test_list_of_runs_beside_run_is_whole(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["operator"])
+    turn_to(page, "Runs")
+    page.locator(".row-button").first.wait_for()
+    for width in (1201, 1280, 1440):
+        page.set_viewport_size({"width": width, "height": 800})
+        listed = page.locator(".run-list .scroll")
+        assert listed.evaluate("one => one.scrollWidth - one.clientWidth") == 0
+        assert box_of(page.locator("#page-runs .sheet"))["x"] > box_of(listed)["x"] + 400
+
+
 def test_page_head_keeps_its_height(panel: ServedPanel, browser: Browser) -> None:
     watched = Watched(browser, 390, 844)
     page = running(panel, watched)
