@@ -115,13 +115,10 @@ def _panel_of(rig: RigConfig, runs: Path, page_port: int | None) -> Sequence[str
     from rigd.engine.child import module
     from rigd.engine.shared.folder import folder_name
     from rigd.model.errors import ConfigError
-    from rigd.remote.tls import HERE, files_of
+    from rigd.remote.tls import files_of
 
-    protocol, _, address = rig.remote.listen[0].partition("/")
-    host, _, port = address.rpartition(":")
-    host = HERE if host in ("0.0.0.0", "[::]") else host
     command = module("rigd", "panel", "--rig", rig.name)
-    command += ["--endpoint", f"{protocol}/{host}:{port}"]
+    command += ["--endpoint", rig.remote.endpoint]
     command += ["--sessions", str(runs / f"{folder_name(rig.name)}.panel.json")]
     if page_port is not None:
         command += ["--port", str(page_port)]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:  # the processes of a run, and clients, read no rig file
 
 #: The address of a daemon without an entry in its rig file: zenoh's own port, this machine only.
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+#: The name by which a program on the same machine reaches a daemon that listens everywhere.
+HERE: Final = "localhost"
 
 _ENDPOINT: Final = re.compile(
     r"(?P<protocol>tcp|tls)/(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):"
@@ -65,6 +67,13 @@ class RemoteSetup:
     listen: tuple[str, ...] = (DEFAULT_ENDPOINT,)
     tls: TlsFiles | None = None
     roles: Mapping[str, Literal["observer", "operator", "maintainer"]] = field(default_factory=dict)
+
+    @property
+    def endpoint(self) -> str:
+        """The address at which a program on the same machine reaches the daemon."""
+        protocol, _, address = self.listen[0].partition("/")
+        host, _, port = address.rpartition(":")
+        return f"{protocol}/{HERE if host in ('0.0.0.0', '[::]') else host}:{port}"
 
 
 def read_remote(document: Document, source: RemoteSource | None, problems: Problems) -> RemoteSetup:

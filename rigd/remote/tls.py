@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from rigd.config.remote import TlsFiles
+from rigd.config.remote import HERE, TlsFiles
 from rigd.model.errors import ConfigError
 from rigd.model.system import BINARY
 from rigd.remote.protocol import check_name
@@ -39,8 +39,6 @@ _HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?:\.[A-Za-z0-9-]{1,63})*")
 #: Names of the files of an authority and of a rig's server.
 CA: Final = "ca"
 SERVER: Final = "rigd"
-#: The name by which the panel on the same machine reaches its daemon.
-HERE: Final = "localhost"
 
 
 @dataclass(frozen=True)

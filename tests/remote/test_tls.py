@@ -9,9 +9,10 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from rigd.config.remote import HERE
 from rigd.model import ConfigError
 from rigd.remote.protocol import Refusal
-from rigd.remote.tls import HERE, VALID, setup_tls
+from rigd.remote.tls import VALID, setup_tls
 
 HOSTS = ["rig.lab", "192.168.1.5", "::1"]
 NOW = datetime(2026, 11, 21, tzinfo=UTC)

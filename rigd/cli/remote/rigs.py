@@ -15,9 +15,15 @@ if TYPE_CHECKING:
 def _execute(args: argparse.Namespace) -> int:
     import asyncio
 
+    from rigd.model.system import on_linux
     from rigd.remote.client.discovery import discover_rigs
 
-    found = asyncio.run(discover_rigs())
+    served = {}
+    if on_linux():  # no other system serves rigs
+        from rigd.engine.shared import served_rigs
+
+        served = served_rigs()
+    found = asyncio.run(discover_rigs(served))
     if args.json:
         print_json([_as_json(item) for item in found])
     else:
@@ -37,8 +43,8 @@ def show_rigs(found: list[DiscoveredRig]) -> None:
     if not found:
         console.print(
             f"no rig at {DEFAULT_ENDPOINT}, and no entry in {escape(str(list_path()))}\n"
-            "  `rigd serve --rig RIG` serves a rig; a rig that listens at another address needs an "
-            "entry, as in `rigd remote list --help`",
+            "  `rigd serve --rig RIG` serves a rig; a rig of another computer or user at another "
+            "address needs an entry, as in `rigd remote list --help`",
             soft_wrap=True,
         )
         return
@@ -83,8 +89,9 @@ COMMANDS = {
         _execute,
         add_json,
         """\
-The command asks the addresses in ~/.config/rigd/remotes.yaml and tcp/127.0.0.1:7447, nothing else.
-A second rig of this computer listens at another port, and so needs an entry:
+The command asks the addresses in ~/.config/rigd/remotes.yaml, those at which you serve a rig on
+this computer (`rigd serve`), and tcp/127.0.0.1:7447, nothing else. An entry gives other commands
+the address and the certificates of a rig by its name:
 
   remotes:
     lugre-1: {endpoint: tcp/127.0.0.1:7447}

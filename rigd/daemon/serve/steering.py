@@ -418,7 +418,9 @@ class Steering:
         return None if self._rig.plant is None else 1.0
 
     def _mark(self, recording: Path | None = None) -> None:
-        self._folder.mark("rigd serve", recording, hint=HINT.format(rig=self._rig.name))
+        rig = self._rig
+        hint, served = HINT.format(rig=rig.name), (rig.name, rig.remote.endpoint)
+        self._folder.mark("rigd serve", recording, hint=hint, served=served)
 
 
 def _key(args: Checked) -> tuple[str, frozenset[tuple[str, str]]]:

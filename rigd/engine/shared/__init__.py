@@ -11,7 +11,14 @@ data that one process has written are never lost because that process or another
 
 from rigd.engine.shared.board import Board, CycleState, Phase, RecorderState, Word
 from rigd.engine.shared.eventring import EventRing, EventView
-from rigd.engine.shared.folder import EVENT_SOURCES, InUse, RunFolder, leftovers, state_folder
+from rigd.engine.shared.folder import (
+    EVENT_SOURCES,
+    InUse,
+    RunFolder,
+    leftovers,
+    served_rigs,
+    state_folder,
+)
 from rigd.engine.shared.job import Job
 from rigd.engine.shared.rowring import RowRing, View
 
@@ -30,5 +37,6 @@ __all__ = [
     "View",
     "Word",
     "leftovers",
+    "served_rigs",
     "state_folder",
 ]

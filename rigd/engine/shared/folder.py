@@ -109,8 +109,17 @@ class RunFolder:
         """Open the folder of a run for a process that its owner started."""
         return cls(path)
 
-    def mark(self, command: str, recording: Path | None = None, *, hint: str = "") -> None:
+    def mark(
+        self,
+        command: str,
+        recording: Path | None = None,
+        *,
+        hint: str = "",
+        served: tuple[str, str] | None = None,
+    ) -> None:
         """Leave a text for a process that wants the rig meanwhile; ``hint`` is the remedy.
+
+        ``served`` are name and address of the rig, if clients reach it: see :func:`served_rigs`.
 
         Raises:
             RecordingError: there is no room for it.
@@ -120,6 +129,7 @@ class RunFolder:
             "command": command,
             "recording": None if recording is None else str(recording.absolute()),
             "hint": hint,
+            "served": served,
         }
         text = json.dumps(mark).encode()
         try:
@@ -242,6 +252,21 @@ def leftovers() -> Iterator[RunFolder]:
         folder = RunFolder.at(path)
         if folder.has_job:
             yield folder
+
+
+def served_rigs() -> dict[str, str]:
+    """Return the address of each rig that a process of this user serves now, by name."""
+    found = {}
+    for path in sorted(_state_path().glob(f"*/{_LOCK}")):
+        try:
+            mark = json.loads(path.read_bytes())
+            pid, served = int(mark["pid"]), mark.get("served")
+        except (OSError, KeyError, TypeError, ValueError):
+            continue  # it is being written, or of another version: then it is not listed
+        if served is not None and _runs(pid):
+            rig, endpoint = map(str, served)
+            found[rig] = endpoint
+    return found
 
 
 def state_folder() -> Path:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from rigd.config.remote import DEFAULT_ENDPOINT
 from rigd.model.errors import RigdError
@@ -24,13 +26,16 @@ class DiscoveredRig:
     problem: str = ""
 
 
-async def discover_rigs() -> list[DiscoveredRig]:
+async def discover_rigs(served: Mapping[str, str] = MappingProxyType({})) -> list[DiscoveredRig]:
     """Return all rigs of the list, and those on this machine that are not in it, by name.
+
+    ``served`` has the addresses of rigs that are known to be served on this machine.
 
     Raises:
         ConfigError: the list is wrong.
     """
-    known = read_remotes()
+    known = dict(read_remotes())
+    known |= {rig: Remote(endpoint) for rig, endpoint in served.items() if rig not in known}
     async with asyncio.TaskGroup() as group:
         listed = [group.create_task(_look(name, item)) for name, item in known.items()]
         here = group.create_task(_discover_local(frozenset(known)))

@@ -18,6 +18,8 @@ from support.served_rig import Served, free_port, serve
 
 from rigd.cli.remote.rigs import show_rigs
 from rigd.config.remote import RemoteSetup
+from rigd.engine.shared import RunFolder
+from rigd.engine.shared.folder import STATE_VARIABLE
 from rigd.remote.protocol import ClientUser, as_json
 from rigd.remote.protocol.status import Interrupted, TripView
 
@@ -60,11 +62,11 @@ def until(look: Callable[[], T], true: Callable[[T], bool]) -> None:
 
 
 def test_list_names_the_only_address_that_it_asks(capsys: pytest.CaptureFixture[str]) -> None:
-    """A rig of this computer that listens elsewhere is found by its entry alone."""
+    """A rig that this user does not serve here is found elsewhere by its entry alone."""
     show_rigs([])
     told = " ".join(capsys.readouterr().out.split())
     assert told.startswith("no rig at tcp/127.0.0.1:7447, and no entry in ")
-    assert "a rig that listens at another address needs an entry" in told
+    assert "a rig of another computer or user at another address needs an entry" in told
 
 
 def test_status_shows_state_prompt_and_holder(ask: Asking) -> None:
@@ -251,6 +253,21 @@ def test_list_shows_reachable_rigs_and_errors(ask: Asking, tmp_path: Path) -> No
     assert "no daemon admits this client" in found["gone-1"]["problem"]
     # By its name in the list, no address is needed.
     assert rigd("remote", "status", "--rig", "lugre-1", cwd=tmp_path).code == 0
+
+
+def test_list_shows_rig_served_here_without_entry(
+    ask: Asking, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    held = RunFolder.take("lugre-1", command="rigd serve")
+    held.mark("rigd serve", served=("lugre-1", ask.remote.endpoint))
+    try:
+        listed = rigd("remote", "list", "--json", cwd=tmp_path).json
+        found = {item["rig"]: item for item in listed}["lugre-1"]
+        assert found["endpoint"] == ask.remote.endpoint
+        assert found["status"]["state"] == "idle"
+    finally:
+        held.release()
 
 
 def test_missing_daemon_gives_exit_code_4(tmp_path: Path) -> None:

@@ -11,7 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from rigd.engine.shared import InUse, Job, Phase, RunFolder, Word, leftovers, state_folder
+from rigd.engine.shared import (
+    InUse,
+    Job,
+    Phase,
+    RunFolder,
+    Word,
+    leftovers,
+    served_rigs,
+    state_folder,
+)
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.errors import Blocked
 from rigd.record import Attachment
@@ -100,6 +109,27 @@ def test_holder_of_rig_may_state_an_alternative() -> None:
     with pytest.raises(InUse, match=r"rigd serve, .*/data/run\.mcap"):
         RunFolder.take("bench", command="test")
     held.release()
+
+
+def test_served_rigs_are_those_of_living_processes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RIGD_STATE", str(tmp_path / "state"))
+    assert served_rigs() == {}
+    held = RunFolder.take("bench", command="rigd serve")
+    assert served_rigs() == {}
+    served = ("bench", "tcp/127.0.0.1:7450")
+    held.mark("rigd serve", Path("/data/run.mcap"), served=served)
+    other = RunFolder.take("other", command="rigd run")
+    assert served_rigs() == {"bench": "tcp/127.0.0.1:7450"}
+    held.mark("rigd serve", served=served)
+    text = (held.path / "lock").read_text()
+    (held.path / "lock").write_text(text.replace(str(os.getpid()), str(2**22 + 1)))  # it has died
+    assert served_rigs() == {}
+    (held.path / "lock").write_text(text[:20])
+    assert served_rigs() == {}
+    for folder in (held, other):
+        folder.release()
 
 
 def test_rig_that_cannot_be_marked_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
