@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import control
 import numpy as np
@@ -11,9 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
-from support.formula_draws import formulas
+from support.formula_draws import DrawnChannel, channels, formulas
 from support.formula_reference import Part
 
+from rigd.config.loader import parse_rig
+from rigd.derived.driver import DerivedConfig
 from rigd.derived.evaluator import Evaluator
 from rigd.derived.formula import read_formula
 from rigd.derived.graph import Builder, Graph, Term
@@ -74,6 +77,49 @@ def test_compiled_graph_equals_slow_second_form(
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), number
         oldest = (bound.evaluator.taken_ns[0] - START_NS) * 1e-9
         assert oldest == pytest.approx(formula.oldest(times, now_s), abs=1e-9)
+
+
+RIG = """\
+rig: any-1
+title: Any channels
+cycle: 1 kHz
+plant: {model: lugre, floor: pvc}
+devices:
+  wheel_encoder: {driver: sim-lugre-encoder, options: {axis: wheel}}
+  carriage: {driver: sim-lugre-encoder, options: {axis: carriage}}
+interlocks: []
+derived:
+  dev_a.x: {is: wheel_encoder.angle / 1 rad}
+  dev_b.x: {is: carriage.position / 1 m}
+"""
+
+
+@settings(max_examples=40, deadline=None)
+@given(drawn=channels(), rows=st.lists(st.tuples(readings, readings), min_size=1, max_size=25))
+def test_channels_of_file_equal_slow_second_form(
+    drawn: list[DrawnChannel], rows: list[tuple[float | None, float | None]]
+) -> None:
+    """With the keys `where` and `lowpass`, and channels that use others."""
+    rig = parse_rig(RIG + "".join(channel.line for channel in drawn), Path("rig.yaml"))
+    configs = (device.config for device in rig.devices.values())
+    graph = next(config.graph for config in configs if isinstance(config, DerivedConfig))
+    evaluator, values, stamps = Evaluator(graph), [math.nan, math.nan], [START_NS, START_NS]
+    places = {"wheel_encoder.angle": 0, "carriage.position": 1}
+    evaluator.bind(places, (0, 1), (0, 0), {}, values, stamps, [])
+    inputs, times = {"a": math.nan, "b": math.nan}, {"a": 0.0, "b": 0.0}
+    for number, row in enumerate(rows):
+        now_s = number * 1e-3
+        for place, (name, value) in enumerate(zip(inputs, row, strict=True)):
+            if value is not None:
+                inputs[name], times[name] = value, now_s
+                values[place], stamps[place] = value, START_NS + number * PERIOD_NS
+        evaluator.compute(START_NS + number * PERIOD_NS)
+        for place, channel in enumerate(drawn, 2):
+            expected = channel.part.value(inputs, times)
+            found = evaluator.results[2 * place]  # each is followed by the status of its group
+            assert found == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True), channel.line
+            oldest = (evaluator.taken_ns[place] - START_NS) * 1e-9
+            assert oldest == pytest.approx(channel.part.oldest(times, now_s), abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)

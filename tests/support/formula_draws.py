@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from copy import deepcopy
+from dataclasses import dataclass
+
+from hypothesis import assume
 from hypothesis import strategies as st
 from support.formula_reference import Part
 
@@ -50,3 +55,63 @@ def wider(parts: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
 formulas = st.recursive(leaves, wider, max_leaves=6).filter(
     lambda part: len(part.text()) <= MAX_LENGTH
 )
+
+
+#: The parts of each kind in which a value may be off by rounding; without a place, all.
+_ROUNDED = {"/": (0,), "where": (1, 2), "hold": (0,)} | dict.fromkeys(
+    ["+", "-", "*", "min", "max", "negative", "abs", "derivative", "integral", "**", "lowpass",
+     "ratelimit", "deadband", "mean", "rms", "highest", "lowest", "delay"], (0, 1),
+)  # fmt: skip
+#: Of a channel with all that it uses: each makes a rounding error a thousand times larger.
+_MOST_DERIVATIVES = 2
+
+
+@dataclass(frozen=True)
+class DrawnChannel:
+    """A channel of `derived` with its keys; ``part`` is its value, ``line`` it in the rig file."""
+
+    name: str
+    part: Part
+    line: str
+
+
+@st.composite
+def channels(draw: st.DrawFn) -> list[DrawnChannel]:
+    """Draw channels of sensors and of channels before them, with and without the keys."""
+    made: list[DrawnChannel] = []
+    for number in range(draw(st.integers(1, 4))):
+        part = draw(formulas.map(deepcopy).filter(lambda part: "dev_" in part.text()))
+        _refer(draw, part, made)
+        keys = [f'is: "{part.text()}"']
+        if draw(st.booleans()):
+            condition = deepcopy(draw(conditions.filter(lambda part: "dev_" in part.text())))
+            keys.append(f'where: "{condition.text()}"')
+            part = Part("where", (condition, part, Part("number", number=math.nan)))
+        if draw(st.booleans()):
+            hertz = draw(st.sampled_from([20.0, 250.0]))
+            keys.append(f"lowpass: {hertz} Hz")
+            part = Part("lowpass", (part,), hertz)
+        if _count(part, "derivative") <= _MOST_DERIVATIVES:
+            name = f"d{number}.x"
+            made.append(DrawnChannel(name, part, f"  {name}: {{{', '.join(keys)}}}\n"))
+    assume(made)
+    return made
+
+
+def _refer(draw: st.DrawFn, part: Part, known: list[DrawnChannel]) -> None:
+    """Put channels in place of some of the sensors, where rounding changes no decision."""
+    parts = list(part.parts)
+    for place in _ROUNDED.get(part.kind, ()):
+        if place >= len(parts):
+            break
+        if parts[place].kind in ("a", "b") and known and draw(st.booleans()):
+            other = draw(st.sampled_from(known))
+            number = float(other.name[1])
+            parts[place] = Part("channel", (deepcopy(other.part),), number)
+        else:
+            _refer(draw, parts[place], known)
+    part.parts = tuple(parts)
+
+
+def _count(part: Part, kind: str) -> int:
+    return (part.kind == kind) + sum(_count(inside, kind) for inside in part.parts)

@@ -37,6 +37,8 @@ class Part:
                 return f"({self.number!r})"
             case "a" | "b":
                 return f"dev_{self.kind}.x"
+            case "channel":
+                return f"d{self.number:.0f}.x"
             case "+" | "-" | "*" | "/" | "<" | "<=" | "and" | "or":
                 return f"({inside[0]} {self.kind} {inside[1]})"
             case "**":
@@ -143,6 +145,8 @@ def _now(part: Part, x: float, y: float, z: float, inputs: dict[str, float]) -> 
             return part.number
         case "a" | "b":
             return inputs[part.kind]
+        case "channel":  # another channel, computed in full as its part
+            return x
         case "+":
             return x + y
         case "-":
