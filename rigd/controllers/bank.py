@@ -166,9 +166,13 @@ class Bank:
         return "" if fault < 0 else self._why(fault)
 
     def turn_gains(self, name: str) -> None:
-        """Change the sign of the gains, or of the relay, of the controller ``name``."""
-        gains = [kernel.KP, kernel.KI, kernel.KD, kernel.RELAY]
-        self._parameters[self.places[name], gains] *= -1.0
+        """Change the sign of the gains, or of the relay, of the controller ``name``.
+
+        From now on it does not give up at a limit of its output: what it does there shall be seen.
+        """
+        place = self.places[name]
+        self._parameters[place, [kernel.KP, kernel.KI, kernel.KD, kernel.RELAY]] *= -1.0
+        self._parameters[place, kernel.STUCK] = math.inf
 
     def row(self, name: str) -> Sequence[float]:
         """Return what the controller ``name`` did in the last cycle: the values of its channels."""

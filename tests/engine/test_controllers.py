@@ -278,6 +278,17 @@ def test_dry_run_refuses_low_gains_by_sign(step: str, kp: float, ki: float) -> N
     assert "the gains have the wrong sign" in refusal
 
 
+def test_wrong_sign_shows_where_right_gains_give_up() -> None:
+    """With the gains turned around, the output is at its limit for longer than `stuck_after`."""
+    text = SLIPPING.replace(STEPS["constant"], STEPS["ramp"])
+    wrong = low_gains(-1, 0.5, 30.0)
+    (refusal,) = dry_run(compiled(wrong, text), wrong, seed=1).refusals
+    assert "the gains have the wrong sign" in refusal
+    right = low_gains(1, 0.5, 30.0)
+    (refusal,) = dry_run(compiled(right, text), right, seed=1).refusals
+    assert "been at its limit of 1.2 A for 0.5 s" in refusal
+
+
 def test_dry_run_refuses_wrong_sign_in_second_attempt() -> None:
     still = "    - step: stay\n      set: {rim_hold: 0.1246 m/s}\n      for: 20 ms\n"
     text = SLIPPING.replace("    - step: hold\n", f"{still}    - step: hold\n")
