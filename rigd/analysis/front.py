@@ -17,6 +17,7 @@ from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.corrections import Corrections
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.evaluation import evaluate_sweeps, open_sweeps
+from rigd.analysis.measures import formulas_behind
 from rigd.analysis.plain import plain_object
 from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import Correction, RecordedSweep
@@ -72,7 +73,8 @@ class ResultOrigin:
 
     ``recorded`` is its date in UTC (ISO 8601), "" if it is not known. ``constants`` are those that
     its evaluation rests on and that all its trials have in common: value and standard uncertainty
-    in SI, None if none is stated.
+    in SI, None if none is stated. ``formulas`` are those of the derived channels behind the signals
+    that were identified, by channel.
     """
 
     recording: str
@@ -83,6 +85,7 @@ class ResultOrigin:
     calibration: Mapping[str, str]
     meta: Mapping[str, str]
     constants: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)
+    formulas: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def of_sweep(sweep: RecordedSweep) -> ResultOrigin:
@@ -93,7 +96,9 @@ class ResultOrigin:
             for name, value in plan.constants.items()
             if not isinstance(value, str)
         }
-        return replace(ResultOrigin.of(sweep.info, plan.model), constants=constants)
+        formulas = formulas_behind(sweep.recording, plan.signals.values())
+        origin = ResultOrigin.of(sweep.info, plan.model)
+        return replace(origin, constants=constants, formulas=formulas)
 
     @staticmethod
     def of(info: RunInfo, model: str) -> ResultOrigin:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.model.errors import RigdError
-from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter
+from rigd.record import NO_TRIAL, Attachment, Event, Recording, RecordingWriter
 
 Rows = NDArray[np.void]
 Metadata = dict[str, dict[str, str]]
@@ -46,13 +46,13 @@ class Content:
         rows = {name: rows.copy() for name, rows in self.rows.items()}
         return replace(self, rows=rows, events=list(self.events), metadata=metadata)
 
-    def write(self, path: Path) -> Path:
-        """Write a recording with this content to ``path``."""
+    def write(self, path: Path, *attached: Attachment) -> Path:
+        """Write a recording with this content to ``path``, and ``attached`` beside its files."""
         with RecordingWriter.create(
             path,
             streams=list(self.recording.streams.values()),
             metadata={name: items for name, items in self.metadata.items() if name != "rigd"},
-            attachments=list(self.recording.attachments.values()),
+            attachments=[*self.recording.attachments.values(), *attached],
             start_ns=self.recording.start_ns,
             compression="none",
             sync_interval_s=None,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 from typing import Final
 
 import numpy as np
@@ -153,6 +153,7 @@ def _check(campaigns: Sequence[Campaign]) -> None:
                 f"{min(both)} is in both {first.name} and {second.name}",
                 hint="give each recording to one group: the same samples are no new evidence",
             )
+        _refuse_other_signals(first, second)
     for what, of in (
         ("identify different models", lambda item: item.model),
         ("were recorded on different rigs", lambda item: ", ".join(item.rigs)),
@@ -196,6 +197,23 @@ def _by_what_varies(campaigns: Sequence[Campaign]) -> list[Campaign]:
         return replace(campaign, estimates=estimates, conditions=conditions)
 
     return [named(item) if item.conditions else item for item in campaigns]
+
+
+def _refuse_other_signals(first: Campaign, second: Campaign) -> None:
+    """Refuse campaigns that were identified from a derived channel with two formulas.
+
+    Raises:
+        DataError: they were.
+    """
+    for mine, theirs in product(first.origins, second.origins):
+        channel = changed_formula(mine.formulas, theirs.formulas)
+        if channel is not None:
+            raise DataError(
+                f"{first.name} and {second.name} are identified from {channel}, which is "
+                f"{mine.formulas[channel]!r} in {mine.recording} and "
+                f"{theirs.formulas[channel]!r} in {theirs.recording}",
+                hint="compare recordings whose derived channels have the same formulas",
+            )
 
 
 def _refuse_other_formulas(name: str, campaigns: Sequence[Campaign]) -> None:

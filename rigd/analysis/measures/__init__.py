@@ -3,7 +3,12 @@
 :func:`measured` reads recordings, :mod:`rigd.analysis.measures.view` shows the result.
 """
 
-from rigd.analysis.measures.recorded import measured, measured_if_any, varied
+from rigd.analysis.measures.recorded import (
+    formulas_behind,
+    measured,
+    measured_if_any,
+    varied,
+)
 from rigd.analysis.measures.result import (
     Judgement,
     MeasureResult,
@@ -17,6 +22,7 @@ __all__ = [
     "MeasureResult",
     "Summary",
     "TrialReading",
+    "formulas_behind",
     "measured",
     "measured_if_any",
     "outcome_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
@@ -186,6 +186,17 @@ def recorded_procedure(recording: Recording) -> Procedure:
     return parse_procedure(attached.data.decode(errors="replace"), Path("procedure.yaml"))
 
 
+def formulas_behind(recording: Recording, channels: Collection[str]) -> dict[str, str]:
+    """Return the formulas of derived channels that ``channels`` of a recording rest on, by name.
+
+    Of a rig file or procedure of another version of rigd nothing is known.
+    """
+    own = None
+    with suppress(ConfigError, DataError):
+        own = recorded_procedure(recording)
+    return Sensors.of(recording, _formulas(recording, own)).formulas_behind(channels)
+
+
 def _steps(procedure: Procedure) -> list[str]:
     return [step.step for step in procedure.source.trial.steps if isinstance(step, MoveSource)]
 
@@ -196,14 +207,15 @@ def varied(points: Sequence[Mapping[str, str]]) -> tuple[str, ...]:
     return tuple(name for name in names if len({point.get(name) for point in points}) > 1)
 
 
-def _formulas(recording: Recording, procedure: Procedure) -> dict[str, str]:
+def _formulas(recording: Recording, procedure: Procedure | None) -> dict[str, str]:
     """Return the formulas of the derived channels of a recording's rig, and of ``procedure``."""
     found: dict[str, str] = {}
     rig = recording.attachments.get("rig.yaml")
     if rig is not None:
         with suppress(ConfigError):  # of another version of rigd: only what is recorded is known
             found = parse_formulas(rig.data.decode(errors="replace"), Path("rig.yaml"))
-    return found | {name: item.formula for name, item in procedure.source.derived.items()}
+    of_procedure = {} if procedure is None else procedure.source.derived
+    return found | {name: item.formula for name, item in of_procedure.items()}
 
 
 def _constants(recording: Recording) -> dict[str, Constant]:
