@@ -215,6 +215,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_lever_on_the_other_side_is_named",
             "test_lifted_rows_that_do_not_rub_are_recognised",
             "test_one_speed_gives_friction_at_that_speed",
+            "test_recordings_of_equal_friction_agree",
+            "test_recordings_that_disagree_are_named",
             "test_samples_that_are_nan_exclude_a_trial",
             "test_stated_friction_contradicts_a_wrong_lever",
             "test_turned_lateral_speed_is_named",

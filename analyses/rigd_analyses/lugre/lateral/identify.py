@@ -22,10 +22,11 @@ from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import judge_fit, settled_gate, strained_gate
 from rigd.analysis.left_out import without_each_trial
 from rigd.analysis.output_error import ROUGH, Branch, OutputErrorFit, retried, settled
-from rigd.analysis.result import FitOutcome, FloatArray, Gate, TrialRejection
+from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
 from rigd.analysis.system import System
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.lateral.agreement import agreement, with_agreement
 from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupled import (
@@ -87,7 +88,8 @@ class LateralFound:
 
     ``gains`` is by how much ln L of each choice of the coupling lies below that of the fit.
     ``others`` (8,) are guide friction and coupling with other filters of the current, ``ends`` what
-    the data allow of the rollers' friction; none if no number is given. ``shifts`` (p,), scaled,
+    the data allow of the rollers' friction; none if no number is given. ``alike`` is the test
+    whether all recordings agree, None for only one. ``shifts`` (p,), scaled,
     are of what is left unexplained, and of what explains as much as that which was added;
     ``without`` (trials, p) are the steps without each trial, if something was.
     """
@@ -102,6 +104,7 @@ class LateralFound:
     speeds: tuple[Speeds, ...]
     cells: tuple[Cell, ...]
     friction: Carried | None = None
+    alike: ResidualTest | None = None
     shifts: tuple[FloatArray, ...] = ()
     others: tuple[FloatArray, ...] = ()
     ends: Intervals | None = None
@@ -206,6 +209,8 @@ def find_lateral(
         if chosen.turned
         else _judged(chosen, fits[best], block, [item.trial.label for item in used])
     )
+    alike = agreement(reduced(loads, chosen, chosen), coarse[best][0].theta)
+    gate = with_agreement(gate, alike)
     speeds = tuple(all_speeds(chosen, whole))
     cells = tuple(
         cell(item, float(np.mean(lateral_speed)), speed)
@@ -213,7 +218,7 @@ def find_lateral(
     )
     found = LateralFound(
         chosen, whole, gains, gate, tuple(used), tuple(rejected), block, speeds, cells, friction,
-        shifts,
+        alike, shifts,
     )  # fmt: skip
     if gate.outcome is FitOutcome.MISFIT:
         return found

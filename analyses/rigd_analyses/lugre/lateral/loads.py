@@ -8,6 +8,7 @@ coupling is then found from them alone (:mod:`.reduced`), whatever its kinks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,6 +117,17 @@ class Loads:
     covariance: FloatArray
     scaled: FloatArray
     moved: FloatArray
+
+    def of(self, trials: Sequence[int]) -> Loads:
+        """Return what is known of the forces of these ``trials``, all others being free."""
+        places = list(trials)
+        return replace(
+            self,
+            free=replace(self.free, bearing_nm=self.free.bearing_nm[places]),
+            forces_n=self.forces_n[places],
+            covariance=self.covariance[np.ix_(places, places)],
+            moved=self.moved[:, places],
+        )
 
     def under(self, forces_n: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return all else as it goes with given forces (trials,), natural.

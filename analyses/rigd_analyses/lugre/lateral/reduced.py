@@ -105,6 +105,19 @@ class Reduced:
         ):
             object.__setattr__(self, name, value)
 
+    def of(self, trials: Sequence[int]) -> Reduced:
+        """Return the problem of these ``trials`` alone, with the residuals behind them."""
+        system, loads = self.system, self.loads
+        rig = replace(system.rig, trials=tuple(system.rig.trials[k] for k in trials))
+        speeds = tuple(system.speeds[k] for k in trials)
+        slices = [loads.model.trial_slices[k] for k in trials]
+        return replace(
+            self,
+            loads=loads.of(trials),
+            system=replace(system, rig=rig, speeds=speeds),
+            samples=sum(part.stop - part.start for part in slices),
+        )
+
     def natural(self, scaled: FloatArray) -> FloatArray:
         """Return scaled parameters (8,) in natural units, within their bounds."""
         low, high = scaled_bounds(self.parameters)

@@ -147,7 +147,11 @@ def result(found: LateralFound) -> LateralResult:
             for k, (item, speed) in enumerate(zip(cells, speeds, strict=True))
         ),
         profiles=(),
-        residual_tests=(tests.ljung_box(white, 20), tests.outliers(np.concatenate(white))),
+        residual_tests=(
+            tests.ljung_box(white, 20),
+            tests.outliers(np.concatenate(white)),
+            *([] if found.alike is None else [found.alike]),
+        ),
         autocorrelation=tests.autocorrelation(white, found.block, system.rig.period_s),
         preprocessing=_account(found),
         visited=f"lateral speeds from {slow:.2f} to {fast:.2f} m/s",
@@ -337,6 +341,8 @@ def _coupling(found: LateralFound) -> str:
 def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tuple[str, ...]:
     gate, system = found.gate, found.system
     lines = [] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]
+    if found.alike is not None and not found.alike.passed and found.ends is not None:
+        lines.append(found.alike.sentence)
     lines += [f"{item.label} was left out: {item.reason}" for item in found.rejected]
     signs = {math.copysign(1.0, item.lateral_speed_m_s) for item in cells
              if item.lateral_speed_m_s != 0.0}  # fmt: skip

@@ -21,6 +21,7 @@ from rigd_analyses.lugre.lateral.result import LateralResult, result
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 
 Trials = list[LateralTrial]
+SPEEDS_M_S, CURRENTS_A = (0.2, 0.65), (0.6, 1.2)
 FORCE = "a force on the carriage that depends on the lateral speed"
 
 
@@ -151,6 +152,37 @@ def test_one_speed_gives_friction_at_that_speed(
     assert at.low <= DRY + 0.35 * VISCOUS <= at.high
     assert shown.parameter("mu_R_vis").verdict is Verdict.UNIDENTIFIABLE
     assert "more lateral speeds" in shown.parameter("mu_R_vis").advice
+
+
+def recorded(trials: Trials, name: str) -> Trials:
+    """Return ``trials`` as those of the recording ``name``."""
+    return [replace(item, trial=replace(item.trial, recording=name)) for item in trials]
+
+
+def test_recordings_that_disagree_are_named(
+    fast: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    worn = replace(lateral_bench, dry=1.2 * DRY, viscous=1.2 * VISCOUS)
+    after = worn.sweep(3, SPEEDS_M_S[1:], CURRENTS_A)
+    trials = [*recorded(fast, "before.mcap"), *recorded(after, "after.mcap")]
+    shown = result(find_lateral(trials, rig, lateral_bench.constants))
+    assert shown.gate is not None and shown.gate.outcome is FitOutcome.MISFIT
+    assert "before.mcap, after.mcap disagree" in shown.warnings[0]
+    assert all(entry.quoted is None for entry in (*shown.parameters, *shown.derived))
+    (test,) = [item for item in shown.residual_tests if item.name == "agreement of recordings"]
+    assert not test.passed
+
+
+def test_recordings_of_equal_friction_agree(
+    fast: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    again = lateral_bench.sweep(3, SPEEDS_M_S[1:], CURRENTS_A)
+    trials = [*recorded(fast, "one.mcap"), *recorded(again, "two.mcap")]
+    shown = result(find_lateral(trials, rig, lateral_bench.constants))
+    assert shown.gate is not None and shown.gate.outcome is FitOutcome.FITS
+    (test,) = [item for item in shown.residual_tests if item.name == "agreement of recordings"]
+    assert test.passed
+    assert not any("disagree" in warning for warning in shown.warnings)
 
 
 def refused(trials: Sequence[LateralTrial], rig: RigConstants, known: LateralConstants) -> str:
