@@ -47,10 +47,11 @@ def refuse_same_file(paths: Sequence[Path]) -> None:
 
 
 def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
-    """Refuse recordings that hold a trial in common, judged by the signals of their plans.
+    """Refuse recordings that hold a trial twice, judged by the signals of their plans.
 
     Raises:
-        DataError: one is a copy of another, whole or in part, or an earlier state of it.
+        DataError: one is a copy of another, whole or in part, or an earlier state of it; or a trial
+            is there twice in one.
         RecordingError: a recording is damaged.
     """
     channels = {channel for sweep in sweeps for channel in sweep.plan.signals.values()}
@@ -58,12 +59,13 @@ def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
 
 
 def refuse_same_trials(recordings: Sequence[Recording], channels: Collection[str]) -> None:
-    """Refuse recordings that hold a trial in common: no two trials have the same noise.
+    """Refuse recordings that hold a trial twice: no two trials have the same noise.
 
     The streams of ``channels`` are compared.
 
     Raises:
-        DataError: one is a copy of another, whole or in part, or an earlier state of it.
+        DataError: one is a copy of another, whole or in part, or an earlier state of it; or a trial
+            is there twice in one.
         RecordingError: a recording is damaged.
     """
     streams = {channel.partition(".")[0] for channel in channels}
@@ -75,8 +77,18 @@ def refuse_same_trials(recordings: Sequence[Recording], channels: Collection[str
                     f"{first.number} of {recording.path}",
                     hint=COPY_HINT,
                 )
+    _refuse_same_noise(recordings, channels)
+
+
+def _refuse_same_noise(recordings: Sequence[Recording], channels: Collection[str]) -> None:
+    """Refuse a trial whose samples another one has, at whatever time, noise included.
+
+    Raises:
+        DataError: there is one.
+        RecordingError: a recording is damaged.
+    """
     seen: dict[bytes, tuple[Recording, TrialInfo]] = {}
-    for recording in recordings if len(recordings) > 1 else ():
+    for recording in recordings:
         for digest, trial in _noisy_trials(recording, channels):
             other, first = seen.setdefault(digest, (recording, trial))
             if other is not recording:
@@ -85,22 +97,9 @@ def refuse_same_trials(recordings: Sequence[Recording], channels: Collection[str
                     f"{first.number} of {other.path}, at other times",
                     hint=COPY_HINT,
                 )
-
-
-def refuse_repeats(sweeps: Sequence[RecordedSweep]) -> None:
-    """Refuse a recording that holds one trial twice, judged by the signals of its plan.
-
-    Raises:
-        DataError: it does.
-        RecordingError: a recording is damaged.
-    """
-    for sweep in sweeps:
-        seen: dict[bytes, TrialInfo] = {}
-        for digest, trial in _noisy_trials(sweep.recording, set(sweep.plan.signals.values())):
-            first = seen.setdefault(digest, trial)
             if first is not trial:
                 raise DataError(
-                    f"trials {first.number} and {trial.number} of {sweep.path} have the same "
+                    f"trials {first.number} and {trial.number} of {recording.path} have the same "
                     "samples, with their noise",
                     hint="one is a copy of the other: import or record it once",
                 )
@@ -133,8 +132,9 @@ def _noisy_trials(
 def _shows_noise(values: FloatArray) -> bool:
     """Return whether ``values`` (n,) go up and down so often as only noise makes them."""
     finite = values[np.isfinite(values)]
-    steps = np.diff(finite)
-    steps = steps[np.abs(steps) > ROUNDING * np.max(np.abs(finite), initial=0.0)]
+    largest = np.max(np.abs(finite), initial=0.0) or 1.0
+    steps = np.diff(finite / largest)
+    steps = steps[np.abs(steps) > ROUNDING]
     turns = int(np.count_nonzero(np.signbit(steps[1:]) != np.signbit(steps[:-1])))
     return turns >= max(TURNS, TURN_SHARE * len(steps)) and len(steps) >= STEP_SHARE * len(values)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
-from rigd.analysis.copies import refuse_copies, refuse_repeats, refuse_same_file
+from rigd.analysis.copies import refuse_copies, refuse_same_file
 from rigd.analysis.corrections import Corrections, corrected
 from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import Correction, RecordedSweep, open_sweep
@@ -81,7 +81,6 @@ def open_sweeps(
     models = {sweep.plan.model for sweep in sweeps}
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
-    refuse_repeats(sweeps)
     refuse_copies(sweeps)
     if corrections is not None:
         sweeps = [corrected(sweep, corrections) for sweep in sweeps]

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rigd.analysis import Options
 from rigd.analysis.check import Case, SimulatedTrial, write_case
+from rigd.analysis.compare.campaign import read_campaigns
+from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import open_sweeps
 from rigd.model.errors import DataError
+from rigd.record import Recording
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 
 TIMES_S = np.arange(0.0, 3.0, 0.01)
@@ -45,6 +49,37 @@ def test_copy_within_one_recording_is_refused(tmp_path: Path) -> None:
 
 def test_trials_with_other_noise_pass(tmp_path: Path) -> None:
     opened(tmp_path, [noisy(1), noisy(2)], [noisy(3), noisy(4)])
+
+
+def test_trial_without_overlap_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begins: list[int | None] = []
+    read = Recording.read
+
+    def counted(
+        self: Recording, stream: str, start_ns: int | None = None, end_ns: int | None = None
+    ) -> NDArray[np.void]:
+        begins.append(start_ns)
+        return read(self, stream, start_ns, end_ns)
+
+    monkeypatch.setattr(Recording, "read", counted)
+    opened(tmp_path, [noisy(1)], [noisy(2), noisy(3)])
+    last = max(begin for begin in begins if begin is not None)
+    assert begins.count(last) == 1
+
+
+def test_copy_in_another_group_is_refused(tmp_path: Path) -> None:
+    groups = {}
+    for name, trials in (("before", [noisy(1)]), ("after", [noisy(2), noisy(1)])):
+        path, case = tmp_path / f"{name}.mcap", Case(trials, {}, {})
+        groups[name] = [write_case(path, StaticFrictionAnalysis, case, model="static-friction")]
+    with pytest.raises(DataError) as refused:
+        read_campaigns(groups, Options(), Corrections(), lambda _: None, lambda _: None)
+    assert refused.value.message == (
+        f"the groups hold a trial twice: trial 2 of {tmp_path / 'after.mcap'} has the samples of "
+        f"trial 1 of {tmp_path / 'before.mcap'}, at other times"
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
@@ -154,7 +153,7 @@ def read_campaigns(
     measuring = bool(plain) and not any(map(_identifies, plain))
     _refuse_options(groups, options, corrections, measuring=measuring)
     if not measuring:
-        _refuse_copies_between(recordings)
+        _refuse_copies_in(plain)
     found = []
     for name, paths in groups.items():
         if isinstance(paths, Result):
@@ -369,19 +368,19 @@ def _refuse_same_bytes(paths: Sequence[Path]) -> None:
         seen[digest] = path
 
 
-def _refuse_copies_between(groups: Mapping[str, Sequence[Path]]) -> None:
-    """Refuse groups that hold a trial in common; copies within one are refused with it."""
-    sweeps = {name: [open_sweep(path) for path in paths] for name, paths in groups.items()}
-    for (first, mine), (second, theirs) in combinations(sweeps.items(), 2):
-        for sweep in mine:
-            for other in theirs:
-                try:
-                    refuse_copies([sweep, other])
-                except DataError as error:
-                    raise DataError(
-                        f"groups {first} and {second} hold the same: {error.message}",
-                        hint=error.hint,
-                    ) from error
+def _refuse_copies_in(paths: Sequence[Path]) -> None:
+    """Refuse recordings of all groups that hold a trial twice.
+
+    Raises:
+        DataError: they do.
+        RecordingError: a file cannot be read.
+    """
+    sweeps = [open_sweep(path) for path in paths]
+    try:
+        refuse_copies(sweeps)
+    except DataError as error:
+        message = f"the groups hold a trial twice: {error.message}"
+        raise DataError(message, hint=error.hint) from error
 
 
 def _identifies(path: Path) -> bool:
