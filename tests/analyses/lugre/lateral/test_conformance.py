@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 from rigd.analysis import Options
 from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, write_case
 from rigd.analysis.evaluation import evaluate_sweeps
+from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.source import open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd_analyses.lugre.lateral.analysis import LateralAnalysis
@@ -20,6 +22,10 @@ from rigd_analyses.lugre.rig.constants import RigConstants
 
 @pytest.fixture(scope="module")
 def case(trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants) -> Case:
+    return case_of(trials, lateral_bench, rig)
+
+
+def case_of(trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants) -> Case:
     simulated = [
         SimulatedTrial(
             item.trial.t_s,
@@ -80,3 +86,20 @@ def test_report_json_and_table_agree(case: Case, tmp_path: Path) -> None:
     for row in each.rows:
         for text in row.cells:
             assert text in page
+
+
+def test_group_that_cannot_answer_stops_no_other(
+    fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants, tmp_path: Path
+) -> None:
+    still = [replace(item, speed_m_s=0.0 * item.speed_m_s) for item in fast]
+    sweeps = [
+        open_sweep(write_case(tmp_path / name, LateralAnalysis, case_of(part, lateral_bench, rig)))
+        for name, part in (("still.mcap", still), ("moving.mcap", fast))
+    ]
+    found = evaluate_sweeps(LateralAnalysis, sweeps, Options(by_recording=True), lambda _: None)
+    assert isinstance(found, ParameterEvaluation)
+    assert [paths[0].name for paths in found.recordings] == ["moving.mcap"]
+    (refused,) = found.refused
+    assert "still.mcap" in refused.sentence and "no trial moves sideways" in refused.reason
+    assert not found.fits
+    assert "not identified" in str(found.terminal_report())
