@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis.kernel import kernel
-from rigd.analysis.result import FloatArray
+from rigd.analysis.result import BoolArray, FloatArray
 
 WIDTH = 8  #: rows of compiled loops are padded to a multiple of it
 
@@ -30,10 +30,10 @@ WIDTH = 8  #: rows of compiled loops are padded to a multiple of it
 class Deviations:
     """How noise moves one trial: ``forward`` F (n, s, s), ``driven`` G (n, s), ``seen`` (n, m, s).
 
-    ``variance`` (n, m) is that of the readings in the outputs' units squared, ``first`` (s,) that
-    of the state at the first sample. A value that is unknown but constant is a state that stays.
-    ``mix`` (m, m) makes of the outputs the readings that ``seen`` and ``variance`` are of, whose
-    noise is independent.
+    ``variance`` (n, m) is that of the readings in the outputs' units squared, infinite if there is
+    no reading; ``first`` (s,) is that of the state at the first sample. A value that is unknown but
+    constant is a state that stays. ``mix`` (m, m) makes of the outputs the readings that ``seen``
+    and ``variance`` are of, whose noise is independent.
     """
 
     forward: FloatArray
@@ -64,7 +64,12 @@ class Whitener:
     @property
     def log_scale(self) -> float:
         """Return the sum of the logarithms of ``scale``: ln L of readings without an error."""
-        return float(np.sum(np.log(self.scale)))
+        return float(np.sum(np.log(self.scale[self.there])))
+
+    @property
+    def there(self) -> BoolArray:
+        """Return whether there is a reading, (n, m)."""
+        return np.asarray(self.scale > 0.0)
 
     def whiten(self, columns: FloatArray) -> FloatArray:
         """Return the innovations (n, m, c) of ``columns`` (n, m, c), in standard deviations."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from rigd.analysis.result import FloatArray
+from rigd.analysis.result import BoolArray, FloatArray
 
 EXCESS = 1.15  #: variance over that of the noise from which an output shows more than noise
 LOUD = 2.0  #: power of a band over that of the output's noise from which it counts
@@ -41,10 +41,15 @@ class Jump:
     p_value: float
 
 
-def levels(white: Sequence[FloatArray]) -> list[float]:
-    """Return the mean square of each output's whitened residuals (n, m); noise alone leaves 1."""
+def levels(white: Sequence[FloatArray], there: Sequence[BoolArray] | None = None) -> list[float]:
+    """Return the mean square of each output's whitened residuals (n, m); noise alone leaves 1.
+
+    ``there`` (n, m) are the readings that there are, all if not given; an output without any has 0.
+    """
     together = np.concatenate(white)
-    return [float(x) for x in np.mean(together**2, axis=0)]
+    readings = np.ones(together.shape) if there is None else np.concatenate(there)
+    counts = np.maximum(np.count_nonzero(readings, axis=0), 1)
+    return [float(x) for x in np.sum(together**2 * readings, axis=0) / counts]
 
 
 def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
@@ -81,9 +86,12 @@ def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
     return best
 
 
-def largest_jump(white: Sequence[FloatArray]) -> Jump:
-    """Return the largest whitened residual, with the chance of one so large among all."""
-    scale = np.sqrt(np.maximum(levels(white), 1.0))
+def largest_jump(white: Sequence[FloatArray], there: Sequence[BoolArray] | None = None) -> Jump:
+    """Return the largest whitened residual, with the chance of one so large among all.
+
+    ``there`` is as in :func:`levels`.
+    """
+    scale = np.sqrt(np.maximum(levels(white, there), 1.0))
     count = sum(part.size for part in white)
     best = Jump(0, 0, 0, 0.0, 1.0)
     for trial, part in enumerate(white):

@@ -11,6 +11,7 @@ import pytest
 from rigd.analysis.diagnosis import Diagnosis, diagnose
 from rigd.analysis.extended import moved_constants
 from rigd.analysis.gate import CONTRADICTED, judge_fit, sentence
+from rigd.analysis.innovations import Deviations
 from rigd.analysis.result import Explanation, FitOutcome, FloatArray, Meaning
 from rigd.analysis.score import Columns
 from rigd.analysis.structure import Suspect
@@ -97,6 +98,24 @@ def test_findings_begin_with_what_decides_the_outcome(decisive: Explanation) -> 
     assert gate.outcome is FitOutcome.MISFIT
     assert gate.sentence.endswith(sentence(decisive))
     assert gate.findings[:2] == (sentence(decisive), sentence(wave))
+
+
+class HalfRead(Lines):
+    """Of every other sample there is no reading; the others have 1.5 times the stated noise."""
+
+    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
+        found = super().deviations(trial, shared, local)
+        variance = found.variance / 1.5**2
+        variance[::2] = np.inf
+        return replace(found, variance=variance)
+
+
+def test_samples_without_reading_hide_no_misfit() -> None:
+    lines = HalfRead(tuple((0, 0.05 * k) for k in range(80, 120)), (0.7,))
+    diagnosis = diagnose(fitted(lines), lambda _: (), [np.zeros(3)], BLOCK, 1e-3)
+    assert diagnosis.levels[0] == pytest.approx(1.5**2, rel=0.1)
+    gate = judge_fit(diagnosis, [f"trial {k}" for k in range(40)], 1e-3)
+    assert "its y is off by 1.5 times what the noise" in gate.sentence
 
 
 class Bounded(Lines):

@@ -185,8 +185,18 @@ def judged(found: RobotFound) -> Judged:
 
 
 def common_scale(found: OutputErrorFit) -> float:
-    """Return by which share the camera shows all ways longer than the stated lengths have them."""
-    return float(np.mean(found.fit.theta[[SHARED.index(f"scale_{axis}") for axis in "xy"]]))
+    """Return by which share the camera shows all ways longer than the stated lengths have them.
+
+    The better known axis counts for more: a robot that drives along x shows little of y. It is 0 if
+    chance may show as much.
+    """
+    places = [SHARED.index(f"scale_{axis}") for axis in "xy"]
+    covariance = found.covariance[np.ix_(places, places)]
+    variances = np.diag(covariance)
+    weights = np.divide(1.0, variances, out=np.zeros(2), where=variances > 0.0)
+    weights /= max(float(np.sum(weights)), np.finfo(float).tiny)
+    off = float(weights @ found.fit.theta[places])
+    return off if abs(off) > Z_95 * math.sqrt(float(weights @ covariance @ weights)) else 0.0
 
 
 def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:

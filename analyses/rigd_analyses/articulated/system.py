@@ -30,7 +30,8 @@ LOCAL: Final = ("x", "y", "heading", "hinge", "rotor_inertia")
 INERTIA: Final = LOCAL.index("rotor_inertia")
 LEAST_U: Final = 1e-5  #: relative: no constant is known better than this
 FAR: Final = 4.0  #: a constant may move by this factor
-UNSEEN: Final = 1e8  #: times the noise: what a frame without a marker counts for
+#: Times the noise: what a frame counts for whose torque is none. Most are so, and few count.
+NO_TORQUE: Final = 1e8
 #: Share of the rotors' inertia by which what is missed of a torque may differ within a trial: that
 #: of a step differs from that of a ramp by 0.13.
 MISSED: Final = 0.15
@@ -201,8 +202,8 @@ class RobotSystem:
         variance = np.tile(self._noise**2, (count, 1))
         missed = MISSED * self.constants["rotor_inertia"][0] * self.gear_ratio * self._gained(trial)
         variance[:, :2] += missed**2
-        variance[:, :2] *= np.where(self.torque_counts(trial), 1.0, UNSEEN**2)[:, None]
-        variance[:, 2:][~item.seen] *= UNSEEN**2
+        variance[:, :2] *= np.where(self.torque_counts(trial), 1.0, NO_TORQUE**2)[:, None]
+        variance[:, 2:][~item.seen] = np.inf
         return Deviations(forward, driven, seen, variance, np.zeros(3), np.eye(8))
 
     @cached_property

@@ -14,11 +14,21 @@ from support.articulated_robots import Driven
 
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
+from rigd.analysis.fit import fit
+from rigd.analysis.output_error import conclude
 from rigd.analysis.result import FitOutcome
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
 from rigd_analyses.articulated.extensions import candidates
-from rigd_analyses.articulated.found import RobotFound, check_way, find, fitted_from, judged
+from rigd_analyses.articulated.found import (
+    RobotFound,
+    check_way,
+    common_scale,
+    find,
+    fitted_from,
+    judged,
+)
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.result import BY_LAW, error_of, mean_radius, result, value_of
@@ -440,6 +450,34 @@ def test_silent_marker_is_named_and_does_not_count(recordings: RobotSystem) -> N
     for name in ("k_lon", "k_lat", "k_roll", "mu_d"):
         off = np.log(value_of(found, name) / dict(zip(SHARED, TRUTH, strict=True))[name])
         assert abs(off) < 4.0 * sds[SHARED.index(name)]
+
+
+def test_frames_without_a_marker_are_no_readings(recordings: RobotSystem) -> None:
+    wrong = each(recordings, silent)
+    point = np.array([item.parameter.start for item in wrong.shared])
+    at = wrong.deviations(0, point, np.array([item.parameter.start for item in wrong.local]))
+    assert np.array_equal(np.isfinite(at.variance[:, 2:]), wrong.trials[0].seen)
+
+
+@pytest.mark.parametrize(
+    ("sds", "common"),
+    [((1e-3, 0.1), 0.05), ((0.1, 1e-3), -0.04), ((0.1, 0.1), 0.0)],
+    ids=["x is known", "y is known", "neither is known"],
+)
+def test_scale_of_camera_is_that_of_known_axis(
+    recordings: RobotSystem, sds: tuple[float, float], common: float
+) -> None:
+    point = np.array([item.parameter.start for item in recordings.shared])
+    local = [item.parameter.start for item in recordings.local]
+    theta = np.concatenate([point, np.tile(local, len(recordings.trials))])
+    model = OutputErrorModel(recordings, noise_at(recordings, theta))
+    places = [SHARED.index("scale_x"), SHARED.index("scale_y")]
+    theta[places] = 0.05, -0.04
+    begun = fit(model, theta, max_iterations=0)
+    covariance = np.zeros((len(theta), len(theta)))
+    covariance[places, places] = np.square(sds)
+    found = replace(conclude(model, replace(begun, theta=theta), 10), covariance=covariance)
+    assert common_scale(found) == pytest.approx(common, abs=2e-3)
 
 
 def stopped(trial: RobotTrial) -> RobotTrial:
