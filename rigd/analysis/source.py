@@ -164,6 +164,18 @@ class RecordedSweep:
             DataError: a stream or channel that the plan names is not in the recording.
             Unusable: too many samples of this trial are missing or late.
         """
+        times, columns, _ = self.signals_and_faster(trial)
+        return times, columns
+
+    def signals_and_faster(
+        self, trial: TrialInfo
+    ) -> tuple[FloatArray, dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return :meth:`signals`, and the samples (m,) that those of faster streams are means of.
+
+        Raises:
+            DataError: as :meth:`signals`.
+            Unusable: as :meth:`signals`.
+        """
         plan = {name: self.field(name) for name in self.plan.signals}
         if not plan:
             raise DataError(f"{self.path}: its plan of identification names no signals")
@@ -172,14 +184,15 @@ class RecordedSweep:
         with self._telling(slowest, trial):
             times = grid(rows[slowest][TIME_FIELD])
         columns: dict[str, FloatArray] = {}
+        faster: dict[str, FloatArray] = {}
         for signal, (stream, field) in plan.items():
             fresh = rows[stream.name][~_stale(stream, rows[stream.name])]
             with self._telling(stream.name, trial):
                 if on_grid(times, fresh[TIME_FIELD]):
                     columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[field])
                 else:
-                    columns[signal] = self._means(stream, field, times)
-        return (times - times[0]) * 1e-9, columns
+                    columns[signal], faster[signal] = self._means(stream, field, times)
+        return (times - times[0]) * 1e-9, columns, faster
 
     def _rows(self, stream: str, trial: TrialInfo) -> NDArray[np.void]:
         rows: NDArray[np.void] = self.recording.read(stream, trial.start_ns, trial.end_ns)
@@ -196,12 +209,15 @@ class RecordedSweep:
             count += late + len(grid(rows[TIME_FIELD])) - len(rows)
         return count
 
-    def _means(self, stream: Stream, field: str, times: NDArray[np.int64]) -> FloatArray:
-        """Return the means of a faster stream around ``times``."""
+    def _means(
+        self, stream: Stream, field: str, times: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the means of a faster stream around ``times``, and the samples of them."""
         around = round(period_ns(times))
         rows = self.recording.read(stream.name, int(times[0]) - around, int(times[-1]) + around)
         fresh = rows[~_stale(stream, rows)]
-        return means_around(times, fresh[TIME_FIELD], np.ascontiguousarray(fresh[field]))
+        values = np.ascontiguousarray(fresh[field])
+        return means_around(times, fresh[TIME_FIELD], values), values
 
     @contextmanager
     def _telling(self, stream: str, trial: TrialInfo) -> Iterator[None]:

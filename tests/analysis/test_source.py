@@ -96,6 +96,15 @@ def test_faster_stream_is_averaged_to_times_of_first(make: Make) -> None:
     assert signals["acceleration"] == pytest.approx(signals["angle"], abs=0.5 / 9600)
 
 
+def test_samples_of_faster_stream_are_given_as_recorded(make: Make) -> None:
+    encoder, card = rows_of(ENCODER, 1000), rows_of(CARD, 4000)
+    sweep = make(encoder, card)
+    _, _, faster = sweep.signals_and_faster(sweep.trials[0])
+    assert list(faster) == ["acceleration"]
+    assert np.isin(faster["acceleration"], card["acceleration"]).all()
+    assert len(faster["acceleration"]) == pytest.approx(4000, abs=8)
+
+
 def test_samples_beside_the_trial_are_averaged(make: Make) -> None:
     """Half a period before the trial's first row belongs to that row: its mean is not beside it."""
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 100_000))

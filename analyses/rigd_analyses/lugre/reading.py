@@ -7,11 +7,12 @@ from dataclasses import replace
 
 from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.fit import Loss
-from rigd.analysis.result import IdentificationResult, TrialRejection
+from rigd.analysis.result import FloatArray, IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
 from rigd_analyses.lugre.analysis import LugreAnalysis
 from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.checked import checked
+from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, identify_output_error
@@ -251,7 +252,7 @@ def _trials(trials: Sequence[tuple[RecordedSweep, TrialInfo]], named: Named) -> 
 
 
 def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
-    t_s, signals = sweep.signals(trial)
+    t_s, signals, faster = sweep.signals_and_faster(trial)
     current = trial.parameters.get("current")
     if not isinstance(current, int | float):
         raise DataError(
@@ -268,7 +269,14 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
         acceleration_m_s2=signals["acceleration"],
         motor_current_a=signals["motor_current"],
         held=signals.get("carriage_held"),
+        wheel_encoder=_rounding(faster.get("wheel_angle"), len(t_s)),
+        carriage_encoder=_rounding(faster.get("carriage_position"), len(t_s)),
     )
+
+
+def _rounding(samples: FloatArray | None, means: int) -> Rounding | None:
+    """Return how an encoder rounds ``samples`` (n,), of which readings are ``means``; if known."""
+    return None if samples is None else Rounding(count(samples), len(samples) / means)
 
 
 def _constants(

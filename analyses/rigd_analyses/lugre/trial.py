@@ -8,6 +8,7 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
+from rigd_analyses.lugre.counts import Rounding, count
 
 #: Uniform sampling may jitter by this share of the period before the filters stop being right.
 MAX_JITTER = 0.5
@@ -25,7 +26,8 @@ class LugreTrial:
     carriage's, ``motor_current_a`` the monitor's. Nothing is filtered and no bias is removed.
     ``recording`` is the file that it is from. ``held`` (n,) is above
     0.5 while something else than the motor holds or moves the carriage; None if not recorded.
-    ``load`` is the mass over that of the constants.
+    ``load`` is the mass over that of the constants. ``wheel_encoder`` and ``carriage_encoder`` are
+    known if angle and position are means of several samples; else the readings show them.
     """
 
     label: str
@@ -38,6 +40,18 @@ class LugreTrial:
     recording: str = ""
     held: FloatArray | None = None
     load: float = 1.0
+    wheel_encoder: Rounding | None = None
+    carriage_encoder: Rounding | None = None
+
+    @property
+    def angle_rounding(self) -> Rounding:
+        """Return how the wheel encoder rounds, in rad."""
+        return self.wheel_encoder or Rounding(count(self.wheel_angle_rad))
+
+    @property
+    def position_rounding(self) -> Rounding:
+        """Return how the carriage encoder rounds, in m."""
+        return self.carriage_encoder or Rounding(count(self.carriage_position_m))
 
 
 @dataclass(frozen=True)

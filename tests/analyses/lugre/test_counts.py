@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from support.lugre_bench import known_rig
 
-from rigd.analysis.resample import bridge
+from rigd.analysis.resample import bridge, means_around
+from rigd.analysis.result import FitOutcome, FloatArray
+from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.counts import count
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.identify import fit_group, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.trial import LugreTrial
 
 Bench = Callable[..., Any]
 ANGLE = 2.0 * np.pi / (1024 * 20.25)  #: rad, of the bench
@@ -67,3 +69,30 @@ def test_coarse_accelerometer_keeps_noise_of_its_steps(bench: Bench) -> None:
     parts, _ = sort_out(coarse, [1e-3] * 3, Settings())
     system = rig_system(parts, known_rig(rig.constants), np.ones(6))
     assert system.noise.acceleration_m_s2 == pytest.approx(0.25 / np.sqrt(12.0))
+
+
+def at_1khz(trial: LugreTrial, samples: int) -> LugreTrial:
+    """Return ``trial`` whose encoders are read ``samples`` times in each ms, as a recording is."""
+    times = np.rint(trial.t_s * 1e9).astype(np.int64)
+    kept = slice(samples, -1, samples)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return means_around(times[kept], times, values)
+
+    return replace(
+        trial,
+        t_s=trial.t_s[kept] - trial.t_s[samples],
+        wheel_angle_rad=mean(trial.wheel_angle_rad),
+        carriage_position_m=mean(trial.carriage_position_m),
+        acceleration_m_s2=trial.acceleration_m_s2[kept],
+        motor_current_a=trial.motor_current_a[kept],
+        wheel_encoder=Rounding(count(trial.wheel_angle_rad), samples),
+        carriage_encoder=Rounding(count(trial.carriage_position_m), samples),
+    )
+
+
+def test_right_rig_with_fast_encoders_fits(bench: Bench) -> None:
+    rig = replace(bench("pvc"), dt_s=5e-4)
+    trials = [at_1khz(trial, 2) for trial in rig.sweep(1, (0.45, 0.75, 1.05, 1.35))]
+    begun = fit_group(trials, rig.constants, known_rig(rig.constants))
+    assert begun.gate.outcome is FitOutcome.FITS, begun.gate.sentence

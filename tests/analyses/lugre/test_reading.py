@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rigd.analysis import Options
@@ -61,6 +63,27 @@ def test_guide_friction_follows_mass_it_was_measured_at(light: Trials) -> None:
     constants = arrays(light)[1]
     assert constants.mass_kg == pytest.approx(LIGHT_KG)
     assert constants.guide_friction_n == pytest.approx(0.304 * LIGHT_KG / PAPER_KG)
+
+
+class FastEncoder(RecordedSweep):
+    """A sweep whose wheel encoder is read twice for each sample."""
+
+    def signals_and_faster(
+        self, trial: TrialInfo
+    ) -> tuple[FloatArray, dict[str, FloatArray], dict[str, FloatArray]]:
+        t_s, signals, _ = super().signals_and_faster(trial)
+        return t_s, signals, {"wheel_angle": np.repeat(signals["wheel_angle"], 2)}
+
+
+def test_encoder_faster_than_others_rounds_as_recorded(light: Trials) -> None:
+    usual = arrays(light)[0][0]
+    fast = [(FastEncoder(**vars(sweep)), trial) for sweep, trial in light]
+    found = arrays(fast)[0][0]
+    assert found.angle_rounding.count == usual.angle_rounding.count
+    assert found.angle_rounding.of_reading == pytest.approx(
+        usual.angle_rounding.of_reading / math.sqrt(2.0)
+    )
+    assert found.position_rounding == usual.position_rounding
 
 
 def test_guide_friction_without_mass_is_not_scaled(light: Trials) -> None:

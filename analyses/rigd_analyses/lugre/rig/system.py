@@ -15,10 +15,10 @@ from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
+from rigd_analyses.lugre.counts import count
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.rig.counts import count
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
 from rigd_analyses.lugre.rig.outputs import (
@@ -166,8 +166,8 @@ class RigSystem:
         ]
         return SensorNoise(
             float(np.median([item.current_noise_a for item in self.trials])),
-            min(count(item.trial.wheel_angle_rad) for item in self.trials),
-            min(count(item.trial.carriage_position_m) for item in self.trials),
+            min(item.trial.angle_rounding.of_reading for item in self.trials),
+            min(item.trial.position_rounding.of_reading for item in self.trials),
             max(
                 float(np.sqrt(np.mean([np.var(values) for values in rests]))),
                 max(count(item.trial.acceleration_m_s2) for item in self.trials) / math.sqrt(12.0),
@@ -293,8 +293,8 @@ class RigSystem:
         return tuple(shared), tuple(places)
 
     def _local(self) -> tuple[Unknown, ...]:
-        counts = [count(trial.trial.wheel_angle_rad) for trial in self.trials]
-        lines = [count(trial.trial.carriage_position_m) for trial in self.trials]
+        counts = [trial.trial.angle_rounding.count for trial in self.trials]
+        lines = [trial.trial.position_rounding.count for trial in self.trials]
         return (
             _zero("first_bristle", "1", BRISTLE, ""),
             _zero("first_angle", "rad", max(counts) / math.sqrt(12.0), ""),

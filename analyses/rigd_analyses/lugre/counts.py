@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from rigd.analysis.result import FloatArray
@@ -9,6 +12,19 @@ from rigd.analysis.result import FloatArray
 ROUNDING = 1e-10  #: share of the largest step below which a step is one of the arithmetic
 WHOLE = 0.02  #: so near a whole number of counts a step is one
 MOST = 0.9  #: share of the steps that are whole counts; bridged samples make others
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """How an encoder rounds: its ``count``, and of how many samples a reading is the mean."""
+
+    count: float
+    samples: float = 1.0
+
+    @property
+    def of_reading(self) -> float:
+        """Return the count that alone would make the same noise; samples round independently."""
+        return self.count / math.sqrt(self.samples)
 
 
 def count(values: FloatArray) -> float:
