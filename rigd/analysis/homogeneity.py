@@ -71,20 +71,22 @@ class Levels:
         return self._test((np.arange(count) / max(count - 1, 1) - 0.5)[None, :])
 
     def _test(self, shares: FloatArray) -> Offsets:
-        """Return the test of offsets that trial k has with ``shares`` (g, trials)."""
+        """Return the test of offsets that trial k has with ``shares`` (g, trials).
+
+        One for which other parameters stand in is none: its size is 0.
+        """
         mixed = shares @ self._mixed
         direct = (shares * self._squares) @ shares.T
         variance = direct - mixed @ self._fit.inverse @ mixed.T
-        if np.any(np.diag(variance) <= LEAST_SHARE * np.diag(direct)):
-            return Offsets(0.0, 1.0, np.zeros(len(shares)))  # other parameters stand in for it
-        scores = shares @ self._scores
-        inverse = scaled_pinv(variance)
+        used = np.flatnonzero(np.diag(variance) > LEAST_SHARE * np.diag(direct))
+        sizes = np.zeros(len(shares))
+        if not used.size:
+            return Offsets(0.0, 1.0, sizes)
+        scores = shares[used] @ self._scores
+        inverse = scaled_pinv(variance[np.ix_(used, used)])
+        sizes[used] = -inverse @ scores
         statistic = float(scores @ inverse @ scores)
-        return Offsets(
-            statistic,
-            float(chi2.sf(statistic, len(shares))),
-            -inverse @ scores,
-        )
+        return Offsets(statistic, float(chi2.sf(statistic, used.size)), sizes)
 
 
 @dataclass(frozen=True)

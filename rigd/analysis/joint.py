@@ -192,11 +192,10 @@ def _with_others(
 def _chance_of_differences(left: Sequence[Left], index: int) -> float:
     """Return the chance of such differences in one constant if all groups have the same value.
 
-    A score test: each group but the first gets an offset of its own (:mod:`.homogeneity`). The
-    variance of the scores is that of all groups' own, and of what is stated.
+    A score test: each group but the first gets an offset of its own (:mod:`.homogeneity`), if its
+    data show one. The variance of the scores is that of all groups' own, and of what is stated.
     """
     known, inverse, _ = together(left)
-    count = len(left) - 1
     scores = np.array([(item.aim - item.information @ known)[index] for item in left[1:]])
     shares = -np.array([item.information[index] @ inverse for item in left[1:]])
     variance = shares @ shares.T
@@ -207,10 +206,10 @@ def _chance_of_differences(left: Sequence[Left], index: int) -> float:
         variance += by_group @ item.scores @ by_group.T
     direct = np.array([item.scores[index, index] for item in left[1:]])
     used = np.flatnonzero(np.diag(variance) > LEAST_SHARE * np.maximum(direct, UNSEEN))
-    if used.size < count:
+    if not used.size:
         return 1.0
-    statistic = scores @ scaled_pinv(variance) @ scores
-    return float(chi2.sf(statistic, count))
+    statistic = scores[used] @ scaled_pinv(variance[np.ix_(used, used)]) @ scores[used]
+    return float(chi2.sf(statistic, used.size))
 
 
 def _account(stated: Unknown, found: SharedConstant) -> ConstantAccount:

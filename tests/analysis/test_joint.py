@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rigd.analysis.homogeneity import Levels
 from rigd.analysis.joint import Joint, join, left_by
 from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.result import FloatArray
 
-from .lines import BLOCK, Lines, fitted
+from .lines import BLOCK, ROWS, Lines, fitted
 
 ENDS = ((3.0,), (3.0, 5.0), (2.0,))
 OWN = (1.0, 2.0, 0.5)
@@ -59,6 +62,36 @@ def test_groups_that_disagree_stay_apart() -> None:
     assert joint.differing[0].name == "gain"
     assert joint.differing[0].wording == "the gain"
     assert all(a is b for a, b in zip(joint.fits, alone, strict=True))
+
+
+class Deaf(Lines):
+    """Trials that show nothing of the gain."""
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        y, by = super().linearise(trial, shared, local)
+        y, by = y - shared[-2] * by[:, :, -2], by.copy()
+        by[:, :, -2] = 0.0
+        return y, by
+
+
+def test_group_that_shows_nothing_hides_no_difference() -> None:
+    deaf = fitted(Deaf(((0, 3.0), (0, 5.0)), (1.0,), seed=7))
+    joint = joined([*groups(wrong=1.0), deaf])
+    assert joint.differing[0].name == "gain"
+
+
+def test_trials_that_show_nothing_hide_no_change() -> None:
+    """The last group has a value of its own, for which an offset of its level would stand in."""
+    lines = Lines(tuple((k // 12, 3.0 + 0.1 * k) for k in range(18)), (1.0, 1.0))
+    raised = [0.5 * np.sin(np.linspace(0.0, end, ROWS))[:, None] for _, end in lines.trials]
+    measured = tuple(
+        y + more if 6 <= k < 12 else y
+        for k, (y, more) in enumerate(zip(lines.measured, raised, strict=True))
+    )
+    levels = Levels(fitted(replace(lines, measured=measured)), 0)
+    assert levels.differ([k // 6 for k in range(18)]).found
 
 
 def test_one_group_stays_as_it_is() -> None:
