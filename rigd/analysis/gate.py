@@ -99,8 +99,8 @@ def sentence(item: Explanation) -> str:
 
 
 def _typed(item: Explanation) -> str:
-    """Return a guess at a typing error of a length."""
-    if not item.size or item.stated is None or item.unit != "m":
+    """Return a guess at a typing error of a radius."""
+    if not item.size or item.stated is None or "radius" not in item.name:
         return ""
     factor = item.stated / item.size
     if abs(factor - 2.0) < DOUBLED:

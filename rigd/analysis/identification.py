@@ -181,7 +181,7 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
         trials=subject.trials(best.theta),
         profiles=tuple(_profile(model, index, item) for index, item in enumerate(scans)),
         residual_tests=(
-            tests.ljung_box(pieces, min(_LJUNG_BOX_LAGS, max(1, shortest // 4))),
+            tests.ljung_box(pieces, _LJUNG_BOX_LAGS),
             tests.normality(together, 1.0 / inflation),
             tests.outliers(together),
         ),

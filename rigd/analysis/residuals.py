@@ -38,8 +38,10 @@ def autocorrelation(trials: Sequence[FloatArray], lags: int, period_s: float) ->
 def ljung_box(trials: Sequence[FloatArray], lags: int) -> ResidualTest:
     """Return the portmanteau test of whiteness (Ljung and Box 1978), pooled over trials.
 
-    Each trial's Q is chi-square with ``lags`` degrees of freedom under whiteness; they add.
+    Each trial's Q is chi-square with ``lags`` degrees of freedom under whiteness; they add. There
+    are no more lags than a quarter of the shortest trial.
     """
+    lags = min(lags, max(1, min(map(len, trials)) // 4))
     statistic = 0.0
     for residuals in trials:
         n = len(residuals)

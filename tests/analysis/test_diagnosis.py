@@ -100,6 +100,14 @@ def test_findings_begin_with_what_decides_the_outcome(decisive: Explanation) -> 
     assert gate.findings[:2] == (sentence(decisive), sentence(wave))
 
 
+@pytest.mark.parametrize(
+    ("name", "asked"), [("wheel radius", True), ("lever d - e of the guide", False)]
+)
+def test_typing_error_is_guessed_of_radii_only(name: str, asked: bool) -> None:
+    item = Explanation(name, "m", 0.025, 1e-5, 90.0, stated=0.05, pull=10.0)
+    assert ("a diameter typed for a radius?" in sentence(item)) is asked
+
+
 class HalfRead(Lines):
     """Of every other sample there is no reading; the others have 1.5 times the stated noise."""
 

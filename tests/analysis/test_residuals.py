@@ -9,6 +9,11 @@ WHITE = [np.random.default_rng(s).standard_normal(800) for s in range(6)]
 COLOURED = [np.convolve(w, np.ones(10) / 10.0, mode="valid") for w in WHITE]
 
 
+def test_short_trials_have_a_whiteness_test() -> None:
+    parts = [WHITE[0][:count] for count in (21, 20, 8, 4)]
+    assert all(0.0 < ljung_box([part], 20).p_value <= 1.0 for part in parts)
+
+
 def test_whiteness_separates_white_from_smoothed_noise() -> None:
     assert ljung_box(WHITE, 20).passed
     assert not ljung_box(COLOURED, 20).passed

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rigd.analysis.gate import settled_gate
 from rigd.analysis.homogeneity import changes
 from rigd.analysis.result import (
     Curve,
@@ -32,7 +33,7 @@ HINT = "`--method output-error` gives its numbers."
 
 def checked(result: IdentificationResult, begun: FirstFit) -> IdentificationResult:
     """Return ``result`` of method A with the gate of ``begun``, a fit of the same trials."""
-    gate = begun.gate
+    gate = settled_gate(begun.gate, begun.whole)
     if gate.outcome is FitOutcome.MISFIT:
         return replace(
             result,

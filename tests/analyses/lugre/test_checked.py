@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.lugre_wrong import World, right
 
@@ -102,6 +103,16 @@ def test_correction_stands_above_other_warnings(
     assert held.warnings[0].startswith(first)
     assert held.warnings[1:] == ("second", "other")
     assert held.parameter("sigma_0").identifiable
+
+
+def test_fit_that_has_not_converged_leaves_no_number(
+    of_right_rig: tuple[IdentificationResult, FirstFit],
+) -> None:
+    alone, begun = of_right_rig
+    whole = replace(begun.whole, left=np.full_like(begun.whole.left, 3.0))
+    held = checked(alone, replace(begun, whole=whole))
+    assert_no_number(alone, held)
+    assert "the fit has not converged: V_s has 3 standard errors to go" in held.warnings[0]
 
 
 def test_change_of_friction_stands_above_other_warnings(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,10 +111,10 @@ def result(found: LateralFound) -> LateralResult:
     slow, fast = found.range_m_s[0], found.range_m_s[-1]
     at = [
         _Quantity(
-            f"mu_R({speed:.2f} m/s)", f"μ_R at {speed:.2f} m/s", "1",
+            f"mu_R({text} m/s)", f"μ_R at {text} m/s", "1",
             "friction of the rollers at this lateral speed", 1.0, speed,
         )
-        for speed in found.range_m_s
+        for text, speed in zip(in_words(found.range_m_s), found.range_m_s, strict=True)
     ]  # fmt: skip
     speeds, cells = found.speeds, found.cells
     first = len(system.rig.shared)
@@ -163,6 +164,15 @@ def result(found: LateralFound) -> LateralResult:
         coupling=_coupling(found),
         guide=_guide(found, fast),
     )
+
+
+def in_words(speeds_m_s: Sequence[float]) -> list[str]:
+    """Return lateral speeds with two digits behind the point, or as many as tell them apart."""
+    for digits in (2, 3, 4):
+        texts = [f"{speed:.{digits}f}" for speed in speeds_m_s]
+        if len(set(texts)) == len(texts):
+            break
+    return texts
 
 
 def _guide(found: LateralFound, fast: float) -> GuideFriction:

@@ -17,7 +17,7 @@ from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
 from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
-from rigd_analyses.lugre.lateral.result import LateralResult, result
+from rigd_analyses.lugre.lateral.result import LateralResult, in_words, result
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 
 Trials = list[LateralTrial]
@@ -152,6 +152,18 @@ def test_one_speed_gives_friction_at_that_speed(
     assert at.low <= DRY + 0.35 * VISCOUS <= at.high
     assert shown.parameter("mu_R_vis").verdict is Verdict.UNIDENTIFIABLE
     assert "more lateral speeds" in shown.parameter("mu_R_vis").advice
+
+
+@pytest.mark.parametrize(
+    ("speeds", "texts"),
+    [
+        ((0.2, 0.65), ["0.20", "0.65"]),
+        ((0.0201, 0.0234), ["0.020", "0.023"]),
+        ((0.35,), ["0.35"]),
+    ],
+)
+def test_lateral_speeds_have_names_apart(speeds: tuple[float, ...], texts: list[str]) -> None:
+    assert in_words(speeds) == texts
 
 
 def recorded(trials: Trials, name: str) -> Trials:
