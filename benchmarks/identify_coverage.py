@@ -15,10 +15,8 @@ if the intervals are right. Far below it they are too wide, or nothing varied: c
 has no meaning.
 
 ``--peers`` evaluates the same recordings, also those of rigs that the file has, by method A without
-the gate of output error and by plain least squares with s^2 (J'J)^-1 (:mod:`identify_plain`).
-mujoco.sysid is not compared. It installs (``pip install 'mujoco[sysid]'``, seen: 4.0.0) and has
-least squares with such intervals for models of MuJoCo; LuGre friction would need a rollout of one's
-own, and nothing of MuJoCo would be left but what plain least squares does.
+the gate of output error, by plain least squares with s^2 (J'J)^-1 (:mod:`identify_plain`) and, if
+it is installed, by mujoco.sysid (:mod:`identify_mujoco`).
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -36,6 +34,7 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from identify_mujoco import fitted, is_installed
 from identify_plain import plain_least_squares
 from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
 from support.random_rigs import FLOORS, RandomRig, measured, random_rig
@@ -56,7 +55,9 @@ SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
 PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
 #: What the paper's tests leave open on these floors; if it is quoted it must be right.
 OFTEN_OPEN: Final = ("V_s", "mu_c", "mu_s")
-METHOD_A, PLAIN = PEERS = ("method A without a gate", "plain least squares")
+METHOD_A, PLAIN, SYSID = PEERS = (
+    "method A without a gate", "plain least squares", "mujoco.sysid",
+)  # fmt: skip
 Row = dict[str, Any]
 
 
@@ -66,9 +67,15 @@ def study(
 ) -> None:  # fmt: skip
     """Print the coverage of every interval over rigs ``first`` to ``rigs`` of each floor."""
     rows: dict[tuple[str, int], Row] = {}
+    asked = set(PEERS) if peers else set()
+    if peers and not is_installed():
+        print(f"{SYSID} is not installed (pip install 'mujoco[sysid]'): it is not compared")
+        asked.remove(SYSID)
 
     def add(row: Row) -> None:
-        rows.setdefault((row["floor"], row["number"]), {}).update(row)
+        known = rows.setdefault((row["floor"], row["number"]), {})
+        found = {**known.get("peers", {}), **row.get("peers", {})}
+        known.update(row, **({"peers": found} if found else {}))
 
     for line in keep.read_text().splitlines() if keep is not None and keep.exists() else []:
         add(json.loads(line))
@@ -77,8 +84,8 @@ def study(
             new = []
             if "found" not in rows.get((floor, number), {}):
                 new.append(_experiment(floor, number, method))
-            if peers and "peers" not in rows.get((floor, number), {}):
-                new.append(_peers(floor, number, method))
+            if missing := asked - set(rows.get((floor, number), {}).get("peers", {})):
+                new.append(_peers(floor, number, method, missing))
             for row in new:
                 add(row)
                 if keep is not None:
@@ -88,17 +95,18 @@ def study(
         done = [row for (of, number), row in rows.items() if of == floor and number <= rigs]
         _report(floor, [row for row in done if "found" in row])
         for peer in PEERS:
-            _report_peer(floor, peer, [row["peers"][peer] for row in done if "peers" in row])
+            found = [row["peers"] for row in done if peer in row.get("peers", {})]
+            _report_peer(floor, peer, [row[peer] for row in found])
 
 
-def _peers(floor: str, number: int, method: str) -> Row:
-    """Return what the peers make of the same recording; a text, if one of them refuses it."""
+def _peers(floor: str, number: int, method: str, peers: Collection[str]) -> Row:
+    """Return what ``peers`` make of the same recording; a text, if one of them refuses it."""
     with tempfile.TemporaryDirectory() as folder:
         rig = random_rig(number, floor, Path(folder))
         path = Path(folder) / "run.mcap"
         ended = rig.record(path, seed=number)
         if ended.exit_code:
-            found = dict.fromkeys(PEERS, f"the run was {ended.ending}: {ended.reason}")
+            found = dict.fromkeys(peers, f"the run was {ended.ending}: {ended.reason}")
             return {"floor": floor, "number": number, "peers": found}
         if method == OUTPUT_ERROR:
             path = measured(path, number, floor)
@@ -109,11 +117,12 @@ def _peers(floor: str, number: int, method: str) -> Row:
         ways: dict[str, Callable[[], dict[str, Found]]] = {
             METHOD_A: lambda: _outcome(rig, identify_lugre(trials, constants)),
             PLAIN: lambda: plain_least_squares(trials, known, rig.truth, SLIP_M_S),
+            SYSID: lambda: plain_least_squares(trials, known, rig.truth, SLIP_M_S, fitted),
         }
         return {
             "floor": floor,
             "number": number,
-            "peers": {peer: _or_refused(way) for peer, way in ways.items()},
+            "peers": {peer: _or_refused(way) for peer, way in ways.items() if peer in peers},
         }
 
 

@@ -11,7 +11,7 @@ misses. A number that is known no better than to a factor of two is not quoted.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from rigd_analyses.lugre.rig.system import RigSystem
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 FloatArray = NDArray[np.float64]
+#: From a start (6,), natural, to the end (6,) and its covariance (6, 6), scaled.
+Fitted = Callable[[RigSystem, FloatArray], tuple[FloatArray, FloatArray]]
 Z_95 = 1.96
 COUNT = len(PARAMETERS)
 MOST = 60  #: evaluations of one round
@@ -35,9 +37,15 @@ ROUNDS = 3  #: of weights and fit
 
 
 def plain_least_squares(
-    trials: Sequence[LugreTrial], rig: RigConstants, truth: Mapping[str, float], slip: FloatArray
+    trials: Sequence[LugreTrial],
+    rig: RigConstants,
+    truth: Mapping[str, float],
+    slip: FloatArray,
+    fitted: Fitted | None = None,
 ) -> dict[str, Found]:
     """Return estimates and ends over the truth: parameters, then g at ``slip`` (n,) in m/s.
+
+    ``fitted`` is another way to fit than scipy's.
 
     Raises DataError: too few trials move.
     """
@@ -45,7 +53,7 @@ def plain_least_squares(
     begin[RATIO] = math.log(truth["mu_s"] / truth["mu_c"])
     parts, _ = sort_out(trials, [sampling_period_s(trial) for trial in trials], Settings())
     system = rig_system(parts, rig, begin)
-    scaled, covariance = _fitted(system, begin)
+    scaled, covariance = (fitted or _fitted)(system, begin)
     theta = to_natural(PARAMETERS, scaled)
     names = [p.name for p in PARAMETERS]
     rows = {name: np.eye(COUNT)[k] for k, name in enumerate(names) if name in truth}
@@ -64,29 +72,45 @@ def plain_least_squares(
     return found
 
 
+def inside(begin: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ``begin`` (6,) within the bounds, and these; all scaled."""
+    low, high = scaled_bounds(PARAMETERS)
+    return np.clip(to_scaled(PARAMETERS, begin), low + 1e-9, high - 1e-9), low, high
+
+
+def simulated(system: RigSystem, scaled: FloatArray) -> list[FloatArray]:
+    """Return the outputs (n, 3) of each trial at friction ``scaled`` (6,), all else as stated."""
+    at = _shared(system, scaled)
+    return [system.simulate(k, at, _rest(system)) for k in range(len(system.trials))]
+
+
+def _shared(system: RigSystem, scaled: FloatArray) -> FloatArray:
+    stated = np.array([item.parameter.start for item in system.shared])
+    return np.append(to_natural(PARAMETERS, scaled), stated[COUNT:])
+
+
+def _rest(system: RigSystem) -> FloatArray:
+    return np.array([item.parameter.start for item in system.local])
+
+
 def _fitted(system: RigSystem, begin: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the end of the fit (6,) and its covariance (6, 6), scaled."""
-    stated = np.array([item.parameter.start for item in system.shared])
-    rest = np.array([item.parameter.start for item in system.local])
-
-    def shared(scaled: FloatArray) -> FloatArray:
-        return np.append(to_natural(PARAMETERS, scaled), stated[COUNT:])
+    rest = _rest(system)
 
     def errors(scaled: FloatArray) -> FloatArray:
-        at, measured = shared(scaled), enumerate(system.measured)
-        return np.concatenate([system.simulate(k, at, rest) - seen for k, seen in measured])
+        outputs = simulated(system, scaled)
+        return np.concatenate([a - b for a, b in zip(outputs, system.measured, strict=True)])
 
     def residual(scaled: FloatArray, weights: FloatArray) -> FloatArray:
         return np.asarray((errors(scaled) * weights).ravel())
 
     def jacobian(scaled: FloatArray, weights: FloatArray) -> FloatArray:
-        at = shared(scaled)
+        at = _shared(system, scaled)
         scale = slopes(PARAMETERS, at[:COUNT])
         parts = [system.linearise(k, at, rest)[1][:, :, :COUNT] for k in range(len(system.trials))]
         return np.concatenate([(p * weights[:, None] * scale).reshape(-1, COUNT) for p in parts])
 
-    low, high = scaled_bounds(PARAMETERS)
-    point = np.clip(to_scaled(PARAMETERS, begin), low + 1e-9, high - 1e-9)
+    point, low, high = inside(begin)
     for _ in range(ROUNDS):
         weights = 1.0 / np.sqrt(np.mean(errors(point) ** 2, axis=0))
         end = least_squares(
