@@ -16,7 +16,7 @@ MOST = 0.9  #: share of the steps that are whole counts; bridged samples make ot
 
 @dataclass(frozen=True)
 class Rounding:
-    """How an encoder rounds: its ``count``, and of how many samples a reading is the mean."""
+    """How a sensor rounds: its ``count`` or step, and of how many samples a reading is the mean."""
 
     count: float
     samples: float = 1.0

@@ -271,11 +271,12 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
         held=signals.get("carriage_held"),
         wheel_encoder=_rounding(faster.get("wheel_angle"), len(t_s)),
         carriage_encoder=_rounding(faster.get("carriage_position"), len(t_s)),
+        accelerometer=_rounding(faster.get("acceleration"), len(t_s)),
     )
 
 
 def _rounding(samples: FloatArray | None, means: int) -> Rounding | None:
-    """Return how an encoder rounds ``samples`` (n,), of which readings are ``means``; if known."""
+    """Return how a sensor rounds ``samples`` (n,), of which there are so many ``means``; if any."""
     return None if samples is None else Rounding(count(samples), len(samples) / means)
 
 

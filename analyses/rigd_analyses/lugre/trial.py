@@ -26,8 +26,9 @@ class LugreTrial:
     carriage's, ``motor_current_a`` the monitor's. Nothing is filtered and no bias is removed.
     ``recording`` is the file that it is from. ``held`` (n,) is above
     0.5 while something else than the motor holds or moves the carriage; None if not recorded.
-    ``load`` is the mass over that of the constants. ``wheel_encoder`` and ``carriage_encoder`` are
-    known if angle and position are means of several samples; else the readings show them.
+    ``load`` is the mass over that of the constants. ``wheel_encoder``, ``carriage_encoder`` and
+    ``accelerometer`` are known if their readings are means of several samples; else these show how
+    they round.
     """
 
     label: str
@@ -42,6 +43,7 @@ class LugreTrial:
     load: float = 1.0
     wheel_encoder: Rounding | None = None
     carriage_encoder: Rounding | None = None
+    accelerometer: Rounding | None = None
 
     @property
     def angle_rounding(self) -> Rounding:
@@ -52,6 +54,11 @@ class LugreTrial:
     def position_rounding(self) -> Rounding:
         """Return how the carriage encoder rounds, in m."""
         return self.carriage_encoder or Rounding(count(self.carriage_position_m))
+
+    @property
+    def acceleration_rounding(self) -> Rounding:
+        """Return how the converter of the accelerometer rounds, in m/s^2."""
+        return self.accelerometer or Rounding(count(self.acceleration_m_s2))
 
 
 @dataclass(frozen=True)

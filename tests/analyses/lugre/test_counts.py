@@ -71,24 +71,38 @@ def test_coarse_accelerometer_keeps_noise_of_its_steps(bench: Bench) -> None:
     assert system.noise.acceleration_m_s2 == pytest.approx(0.25 / np.sqrt(12.0))
 
 
-def at_1khz(trial: LugreTrial, samples: int) -> LugreTrial:
-    """Return ``trial`` whose encoders are read ``samples`` times in each ms, as a recording is."""
+def means_at_1khz(trial: LugreTrial, values: FloatArray, samples: int) -> FloatArray:
+    """Return the means of ``values`` (n,) as a recording gives them: ``samples`` in each ms."""
     times = np.rint(trial.t_s * 1e9).astype(np.int64)
+    return means_around(times[samples:-1:samples], times, values)
+
+
+def at_1khz(trial: LugreTrial, samples: int) -> LugreTrial:
+    """Return ``trial`` whose encoders are read ``samples`` times in each ms, all else once."""
     kept = slice(samples, -1, samples)
-
-    def mean(values: FloatArray) -> FloatArray:
-        return means_around(times[kept], times, values)
-
     return replace(
         trial,
         t_s=trial.t_s[kept] - trial.t_s[samples],
-        wheel_angle_rad=mean(trial.wheel_angle_rad),
-        carriage_position_m=mean(trial.carriage_position_m),
+        wheel_angle_rad=means_at_1khz(trial, trial.wheel_angle_rad, samples),
+        carriage_position_m=means_at_1khz(trial, trial.carriage_position_m, samples),
         acceleration_m_s2=trial.acceleration_m_s2[kept],
         motor_current_a=trial.motor_current_a[kept],
         wheel_encoder=Rounding(count(trial.wheel_angle_rad), samples),
         carriage_encoder=Rounding(count(trial.carriage_position_m), samples),
     )
+
+
+def test_means_of_coarse_accelerometer_keep_its_noise(bench: Bench) -> None:
+    rig = replace(bench("pvc"), dt_s=2.5e-4)
+    coarse = []
+    for trial in rig.sweep(1, (0.45, 0.75, 1.05)):
+        rounded = np.round(trial.acceleration_m_s2 / 0.25) * 0.25
+        means = means_at_1khz(trial, rounded, 4)
+        read = Rounding(count(rounded), 4)
+        coarse.append(replace(at_1khz(trial, 4), acceleration_m_s2=means, accelerometer=read))
+    parts, _ = sort_out(coarse, [1e-3] * 3, Settings())
+    system = rig_system(parts, known_rig(rig.constants), np.ones(6))
+    assert system.noise.acceleration_m_s2 == pytest.approx(0.25 / np.sqrt(4 * 12.0))
 
 
 def test_right_rig_with_fast_encoders_fits(bench: Bench) -> None:

@@ -15,7 +15,6 @@ from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
-from rigd_analyses.lugre.counts import count
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
@@ -170,7 +169,8 @@ class RigSystem:
             min(item.trial.position_rounding.of_reading for item in self.trials),
             max(
                 float(np.sqrt(np.mean([np.var(values) for values in rests]))),
-                max(count(item.trial.acceleration_m_s2) for item in self.trials) / math.sqrt(12.0),
+                max(item.trial.acceleration_rounding.of_reading for item in self.trials)
+                / math.sqrt(12.0),
             ),
             REST + LEAD,
         )
