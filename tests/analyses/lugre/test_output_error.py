@@ -34,6 +34,7 @@ from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
+from rigd_analyses.lugre.rig.estimates import estimates
 from rigd_analyses.lugre.rig.found import HEIGHT, Beside, Found, beside
 from rigd_analyses.lugre.rig.identify import (
     FirstFit,
@@ -222,6 +223,16 @@ def test_interval_reaches_around_an_accepted_point(begun: FirstFit) -> None:
     below, above = replace(alone, beside=(other,)).ridge(DAMPING)
     assert above - below == pytest.approx(2.0 * np.log(1.1))
     assert above + below == pytest.approx(2.0 * 3.0 * usual[0])
+
+
+def test_interval_beyond_all_numbers_is_open(begun: FirstFit) -> None:
+    whole, line = begun.whole, scan_of(begun, None)
+    inverse = 1e8 * whole.inverse[:6, :6]
+    point = Beside(whole.fit.theta[:6], inverse, 1e4)
+    found = Found(whole, (), {"V_s": line}, (0.0, 1.0), Gate(FitOutcome.FITS, ""), beside=(point,))
+    (damping,) = (item for item in estimates(found) if item.name == "sigma_1")
+    assert (damping.low, damping.high) == (None, None)
+    assert damping.verdict is Verdict.UNIDENTIFIABLE
 
 
 def test_unexplained_rest_is_no_lack_of_data(begun: FirstFit) -> None:

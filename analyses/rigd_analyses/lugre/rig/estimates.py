@@ -27,6 +27,7 @@ from rigd_analyses.lugre.quantities import (
 )
 from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, Found
 
+FARTHEST = 50.0  #: of a logarithm: an end beyond it is open
 BY_METHOD = (
     "These data alone close the interval; another filter of the current, single trials or what is "
     "left unexplained widen it."
@@ -162,10 +163,12 @@ def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
     value = quantity.value(found.theta[:FRICTION])
     error = found.error(quantity)
     others = Z_95 * math.hypot(found.method(quantity), found.weight(quantity))
-    below, above = (math.exp(math.hypot(part, others)) for part in found.ridge(quantity))
+    below, above = (math.hypot(part, others) for part in found.ridge(quantity))
     on_bound = quantity.index is not None and found.whole.on_bound[quantity.index]
     evidence = Evidence(
-        value, value / below, value * above, quantity.unit, value if on_bound else None,
+        value, value * math.exp(-below) if below < FARTHEST else None,
+        value * math.exp(above) if above < FARTHEST else None,
+        quantity.unit, value if on_bound else None,
         data_log_sd=found.by_data(quantity),
     )  # fmt: skip
     return _entry(found, quantity, value, evidence, error, "covariance")

@@ -59,7 +59,7 @@ from rigd_analyses.lugre.rig.found import (
     beside,
     slip,
 )
-from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.rig.parts import refuse_alike, sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import along_ridge, bent, effect_shown, on_ridge, without_effect
 from rigd_analyses.lugre.rig.system import (
@@ -129,6 +129,7 @@ def fit_group(
     settings = Settings() if settings is None else settings
     periods = [sampling_period_s(trial) for trial in trials]
     parts, rejected = sort_out(trials, periods, settings)
+    refuse_alike(parts)
     used = [trial for trial, _ in parts]
     starts = _starts(used, constants, settings)
     first = rig_system(parts, rig, starts[0])
