@@ -381,6 +381,23 @@ class Gate:
     explanations: tuple[Explanation, ...] = ()
 
 
+@dataclass(frozen=True)
+class FurtherTest:
+    """What more tests would make of ``target``, a parameter or a curve at a place, if it is open.
+
+    ``sentence`` says so. ``test`` is the one that determines it, taken ``count`` times, to the
+    predicted ``half_width`` of its logarithm at 95 %; without one there is no count and no width.
+    ``certain``: it does so with all values that the data accept, else with those of the best fit.
+    """
+
+    target: str
+    sentence: str
+    test: str = ""
+    count: int = 0
+    half_width: float | None = None
+    certain: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class ModelScore:
     """How well one model explains the data, beside others.
@@ -478,6 +495,7 @@ class IdentificationResult:
     point: FittedPoint | None = None
     comparison: ModelComparison | None = None
     posterior: Posterior | None = None
+    further: tuple[FurtherTest, ...] = ()  #: of what is open, if the analysis predicts tests
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""
@@ -518,6 +536,7 @@ class IdentificationResult:
             "residual_tests": self.residual_tests,
             "preprocessing": self.preprocessing,
             "warnings": self.warnings,
+            **({"further_tests": self.further} if self.further else {}),
             **({} if self.gate is None else {"gate": self.gate}),
             **({} if self.comparison is None else {"comparison": self.comparison}),
             **({} if self.posterior is None else {"posterior": self.posterior}),

@@ -246,6 +246,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_rig_with_correct_constants_fits",
             "test_scale_of_an_encoder_is_named_beside_radius",
         ),
+        "analyses/lugre/test_further.py": (
+            "test_advised_test_gives_about_promised_width",
+            "test_parameter_that_no_test_determines_says_so",
+        ),
         "analyses/lugre/test_hidden_rigs.py": ("test_intervals_hold_truth_of_hidden_rig",),
         "analyses/lugre/test_identify.py": (
             "test_accuracy_on_the_papers_procedure[1-paperboard",

@@ -16,6 +16,7 @@ from rigd_analyses.lugre.rig.system import BY_MASS, MASS
 from rigd_analyses.lugre.trial import LugreTrial
 
 TAIL = 30  #: samples behind the drive, in which the belt holds the carriage
+FINE = 0.1  #: count of the accelerometer over its noise: without one, a search for it takes long
 MARGIN = 2.0  #: travel and speed that a test needs, over the least that the estimator takes
 #: The steps of the base procedure around the drive; a dry run of it takes as long to 3 %.
 REST_S = 0.5
@@ -25,6 +26,7 @@ HALTS_S = 0.28
 BRAKE_M_S2 = 20.0
 RETURN_M_S = 0.4
 CREEP_M, CREEP_M_S = 0.028, 0.05
+PARTS = (0.3, 0.6, 1.0)  #: of a phase, which a motion is predicted for until it comes to its end
 MOST_REPETITIONS = 60
 SETTLED_RAD, SETTLED_A = 1e-4, 1e-3  #: differences at which a repetition is the last
 JUMP_A = 0.03  #: more than a ramp rises in a sample
@@ -79,12 +81,14 @@ def predict(shape: Shape, shared: FloatArray, constants: RigConstants, sensors: 
     told = np.zeros(round(REST_S / period_s))
     for phase in shape.phases:
         start = len(told)
-        told = np.concatenate([told, _told(phase, period_s)])
-        position = _states(q, told, constants, sensors)[1][:, kernel.POSITION]
-        there = np.flatnonzero(position[start:] > phase.until_m)
-        if there.size:
-            told = told[: start + int(there[0]) + 1]
-    current, states = _states(q, told, constants, sensors)
+        for share in PARTS:  # a longer drive may come to the voltage limit, and takes long
+            whole = np.concatenate([told, _told(phase, period_s, share)])
+            current, states = _states(q, whole, constants, sensors)
+            there = np.flatnonzero(states[start:, kernel.POSITION] > phase.until_m)
+            if there.size:
+                break
+        told = whole[: start + int(there[0]) + 1] if there.size else whole
+    current, states = current[: len(told)], states[: len(told)]
     phase_of = constants.roller_transitions * states[:, kernel.ANGLE]
     nothing = np.zeros(LOCAL)
     felt = outputs(states, phase_of, shared, nothing, constants.wheel_radius.value)
@@ -130,22 +134,23 @@ def reading(motion: Motion, shape: Shape, sensors: Sensors, seed: int, label: st
     def counted(values: FloatArray, step: float) -> FloatArray:
         return np.asarray(step * np.floor(values / step + random.uniform()))
 
+    felt = np.append(motion.acceleration, np.zeros(TAIL))
+    felt += sensors.acceleration_m_s2 * random.standard_normal(count)
     return LugreTrial(
         label=label,
         current_a=shape.current_a,
         t_s=sensors.period_s * np.arange(count, dtype=np.float64),
         wheel_angle_rad=counted(states[:, kernel.ANGLE], sensors.angle_rad),
         carriage_position_m=counted(states[:, kernel.POSITION], sensors.position_m),
-        acceleration_m_s2=np.append(motion.acceleration, np.zeros(TAIL))
-        + sensors.acceleration_m_s2 * random.standard_normal(count),
+        acceleration_m_s2=counted(felt, FINE * sensors.acceleration_m_s2),
         motor_current_a=current + sensors.current_a * random.standard_normal(count),
         recording="predicted",
         held=held,
     )
 
 
-def _told(phase: Phase, period_s: float) -> FloatArray:
-    count = max(1, round(phase.lasting_s / period_s))
+def _told(phase: Phase, period_s: float, share: float) -> FloatArray:
+    count = max(1, round(share * phase.lasting_s / period_s))
     return phase.current(period_s * np.arange(count, dtype=np.float64))
 
 

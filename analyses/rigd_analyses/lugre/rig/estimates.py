@@ -11,7 +11,6 @@ from rigd.analysis.result import (
     ParameterEstimate,
     Verdict,
 )
-from rigd_analyses.lugre.advice import OUT_OF_REACH
 from rigd_analyses.lugre.model import (
     MU_C,
     PARAMETERS,
@@ -47,16 +46,7 @@ def estimates(found: Found) -> list[ParameterEstimate]:
         else _extrapolated(found, quantity, side)
         for quantity in (COULOMB, STATIC)
     ]
-    entries = [speed, *friction_lines, *(_by_covariance(found, item) for item in BY_COVARIANCE)]
-    return [_advised(entry) for entry in entries]
-
-
-def _advised(entry: ParameterEstimate) -> ParameterEstimate:
-    """Return ``entry`` with the tests that would help, if more tests are what it needs."""
-    if entry.verdict not in (Verdict.UNIDENTIFIABLE, Verdict.WEAK):
-        return entry
-    other = f"`rigd design --model MODEL.json --for {entry.name}` chooses tests for it."
-    return replace(entry, advice=OUT_OF_REACH.get(entry.name, other))
+    return [speed, *friction_lines, *(_by_covariance(found, item) for item in BY_COVARIANCE)]
 
 
 def derived(found: Found) -> list[ParameterEstimate]:
@@ -87,7 +77,7 @@ def derived(found: Found) -> list[ParameterEstimate]:
         HEIGHT.name, HEIGHT.symbol, HEIGHT.unit, HEIGHT.meaning, rise,
         *(ends if known else (None, None)), None, verdict, sentence, "profile",
     )  # fmt: skip
-    return [_advised(entry), _by_covariance(found, TOTAL_DAMPING)]
+    return [entry, _by_covariance(found, TOTAL_DAMPING)]
 
 
 def refused(found: Found) -> list[ParameterEstimate]:

@@ -174,7 +174,11 @@ def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationRe
         return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
 
     found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
+    # Here, as what designs tests predicts them with this estimator.
+    from rigd_analyses.lugre.design.further import with_further_tests
+
     concluded = result(first, found, begun.rejected, begun.starts, begun.block)
+    concluded = with_further_tests(concluded, found, first)
     if not posterior or found.gate.outcome is FitOutcome.MISFIT:
         return concluded
     # Here, so that only this option needs the extra.
