@@ -496,6 +496,8 @@ class IdentificationResult:
     comparison: ModelComparison | None = None
     posterior: Posterior | None = None
     further: tuple[FurtherTest, ...] = ()  #: of what is open, if the analysis predicts tests
+    #: Relative standard uncertainty (of the logarithm) of a parameter by its sources, by name.
+    budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""
@@ -537,6 +539,7 @@ class IdentificationResult:
             "preprocessing": self.preprocessing,
             "warnings": self.warnings,
             **({"further_tests": self.further} if self.further else {}),
+            **({"budget": self.budget} if self.budget else {}),
             **({} if self.gate is None else {"gate": self.gate}),
             **({} if self.comparison is None else {"comparison": self.comparison}),
             **({} if self.posterior is None else {"posterior": self.posterior}),

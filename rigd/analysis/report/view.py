@@ -13,6 +13,7 @@ from functools import partial
 
 from matplotlib.figure import Figure
 
+from rigd.analysis.report.budget import BudgetTable, budget_table
 from rigd.analysis.report.comparison import GroupComparison, comparison
 from rigd.analysis.report.files import saving
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
@@ -94,6 +95,7 @@ class Chapter:
     models: ModelsView | None
     posterior: PosteriorView | None
     correlation: Drawing | None
+    budget: BudgetTable | None
     starts: StartTable | None
 
 
@@ -182,6 +184,7 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         models=_models(anchor, result),
         posterior=_posterior(anchor, result),
         correlation=_correlation(anchor, result),
+        budget=budget_table(result),
         starts=start_table(result),
     )
 

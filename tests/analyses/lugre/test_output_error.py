@@ -304,9 +304,13 @@ def test_data_stand_beside_the_curve(pvc: IdentificationResult) -> None:
 
 
 def test_each_constant_is_in_the_budget(pvc: IdentificationResult) -> None:
-    sources = [name for name in pvc.preprocessing.settings if name.startswith("u of sigma_0")]
-    assert any("noise" in name for name in sources)
-    assert len(sources) >= 3
+    sources = pvc.budget["sigma_0"]
+    assert {"noise", "mass of the carriage", "gravity", "filter of the current"} <= set(sources)
+    assert len(sources) >= 15
+    entry = pvc.parameter("sigma_0")
+    assert entry.standard_error is not None
+    combined = math.sqrt(sum(u**2 for u in sources.values()))
+    assert combined == pytest.approx(entry.standard_error / entry.estimate, rel=0.1)
 
 
 def test_budget_keeps_filters_and_unexplained_apart(begun: FirstFit) -> None:

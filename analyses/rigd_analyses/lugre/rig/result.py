@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -40,10 +40,11 @@ from rigd_analyses.lugre.quantities import (
     COULOMB,
     STATIC,
     STRIBECK_SPEED,
+    TOTAL_DAMPING,
 )
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
-from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, slip
+from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, WINDOW_S, Found, all_states, slip
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
 from rigd_analyses.lugre.rig.parts import rows_used
 from rigd_analyses.lugre.rig.seen import seen
@@ -66,6 +67,8 @@ def result(
     samples = sum(error.shape[0] for error in whole.errors)
     fits = gate.outcome is not FitOutcome.MISFIT
     parameters = estimates(found) if fits else refused(found)
+    others = derived(found) if fits else []
+    known = {item.name for item in (*parameters, *others) if item.quoted is not None}
     white = [
         part[:: len(system.outputs)]
         for part in (whole.model.linearise(k, found.theta)[0] for k in range(len(system.trials)))
@@ -76,7 +79,7 @@ def result(
         method=METHOD,
         title="LuGre friction of the omni-wheel",
         parameters=tuple(parameters),
-        derived=tuple(derived(found)) if fits else (),
+        derived=tuple(others),
         confidence=0.95,
         correlation_names=tuple(p.name for p in PARAMETERS),
         correlation=correlation(whole.covariance[:count, :count]),
@@ -109,6 +112,7 @@ def result(
         ),
         gate=gate,
         point=_point(found) if fits else None,
+        budget=_budget(found, known),
     )  # fmt: skip
 
 
@@ -218,7 +222,6 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
             "current_window_s": WINDOW_S,
             **sensor_rows(system),
             **fitted_rows(system, own_parameters(whole)),
-            **_budget_rows(found),
         },
         per_trial={
             driven.label: {
@@ -234,12 +237,11 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
     )
 
 
-def _budget_rows(found: Found) -> dict[str, float]:
-    """Return the largest sources of each parameter's uncertainty, relative."""
-    rows: dict[str, float] = {}
-    for quantity in (*BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED):
-        parts = sorted(found.budget(quantity).items(), key=lambda item: -item[1])
-        rows |= {
-            f"u of {quantity.name} from {name}": part for name, part in parts[:4] if part > 0.0
-        }
-    return rows
+def _budget(found: Found, known: Collection[str]) -> dict[str, dict[str, float]]:
+    """Return the relative standard uncertainties of the ``known`` parameters by their sources."""
+    quantities = (STRIBECK_SPEED, COULOMB, STATIC, *BY_COVARIANCE, HEIGHT, TOTAL_DAMPING)
+    return {
+        item.name: {source: u for source, u in found.budget(item).items() if u > 0.0}
+        for item in quantities
+        if item.name in known
+    }
