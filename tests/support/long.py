@@ -246,6 +246,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_rig_with_correct_constants_fits",
             "test_scale_of_an_encoder_is_named_beside_radius",
         ),
+        "analyses/lugre/test_cut.py": (),
+        "analyses/lugre/test_recommended.py": (),
         "analyses/lugre/test_further.py": (
             "test_advised_test_gives_about_promised_width",
             "test_parameter_that_no_test_determines_says_so",
