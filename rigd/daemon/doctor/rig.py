@@ -69,7 +69,12 @@ def _examine(look: UnarmedSession, seconds: float, on_check: OnCheck) -> None:
     if look.stopped:
         return
     group = f"{group}, {seconds:g} s at rest"
-    for check in survey.cycle(group):
+    watchdogs = {
+        event.data["device"]: event.data["safe_after_s"]
+        for event in look.events
+        if event.kind == "watchdog"
+    }
+    for check in survey.cycle(group, watchdogs):
         on_check(check)
     for check in (*judge_loads(group, look.loads()), *_interlocks(group, look)):
         on_check(check)

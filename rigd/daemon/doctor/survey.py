@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -65,8 +65,8 @@ class Survey:
         for channel in self._rig.devices[stream].channels:
             self._channels[stream, channel.name].add(rows[channel.name])
 
-    def cycle(self, group: str) -> Iterator[Check]:
-        """Yield how the cycle kept its time with the devices in it."""
+    def cycle(self, group: str, watchdogs: Mapping[str, float]) -> Iterator[Check]:
+        """Yield how the cycle kept its time with the devices in it; see :func:`silence_check`."""
         if sum(map(len, self._cycles)) < 2:
             yield Check(group, "cycle", CheckVerdict.FAIL, "no cycle has run")
             return
@@ -75,7 +75,7 @@ class Survey:
         late = Lateness.of(rows["scheduled"], rows["actual"], period_ns * 1e-9)
         yield lateness_check(group, f"cycle at {1e9 / period_ns:g} Hz", late, period_ns)
         yield self._work(group, rows["spent"])
-        yield silence_check(group, late, self._rig)
+        yield silence_check(group, late, self._rig, watchdogs)
 
     def _work(self, group: str, spent_s: NDArray[np.float64]) -> Check:
         p50_s, p99_s = (float(item) for item in np.quantile(spent_s, [0.5, 0.99]))

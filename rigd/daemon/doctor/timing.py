@@ -1,15 +1,19 @@
 """Checks the timing of the cycle: how late cycles begin, and how long the cycle may be silent.
 
 After the silence ``cycle_silence`` of the rig file, the cycle counts as dead. This time must be
-well above the longest gap between two cycles.
+well above the longest gap between two cycles, and so must every other time after which a stall
+ends a run: watchdogs of devices, and ``stale_after`` of interlocks and controllers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
+from types import MappingProxyType
 from typing import Final
 
 from rigd.config.rig import RigConfig
+from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.doctor.bare_cycle import BareCycle, Lateness, measure
 from rigd.daemon.doctor.check import Check, CheckVerdict
 
@@ -67,8 +71,16 @@ def lateness_check(group: str, name: str, late: Lateness, period_ns: int) -> Che
     return Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
-def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
-    """Return whether the rig's ``cycle_silence`` is well above the gaps of a cycle that lives."""
+def silence_check(
+    group: str,
+    late: Lateness,
+    rig: RigConfig | None,
+    watchdogs: Mapping[str, float] = MappingProxyType({}),
+) -> Check:
+    """Return whether what ends a run after a silence is well above the gaps of a cycle that lives.
+
+    ``watchdogs`` has the seconds after which each made its device safe when it was tested.
+    """
     wanted_s = suggested_silence_s(late.longest_gap_s)
     found = f"longest gap between two cycles {late.longest_gap_s * 1e3:.3g} ms"
     figures: dict[str, object] = {
@@ -78,15 +90,49 @@ def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
     if rig is None:
         found += f"; `cycle_silence: {wanted_s * 1e3:g} ms` or more suits this machine"
         return Check(group, "stalls", CheckVerdict.OK, found, figures=figures)
-    set_s = rig.supervision.cycle_silence_s
-    found += f"; this rig allows {set_s * 1e3:g} ms"
-    if set_s < _SILENCE_FACTOR * late.longest_gap_s:
-        advice = (
+    silence_s = rig.supervision.cycle_silence_s
+    others = sorted(_other_bounds(rig, watchdogs))
+    shortest_s, key, name = min([(silence_s, "cycle_silence", ""), *others])
+    found += f"; the shortest bound of this rig is {_bound(key, [name])}, {shortest_s * 1e3:.3g} ms"
+    least_s = _SILENCE_FACTOR * late.longest_gap_s
+    advice = []
+    if silence_s < least_s:
+        advice.append(
             f"a stall would be taken for a death: write `cycle_silence: {wanted_s * 1e3:g} ms` "
             "under `supervision:`"
         )
-        return Check(group, "stalls", CheckVerdict.WARN, found, advice, figures)
-    return Check(group, "stalls", CheckVerdict.OK, found, figures=figures)
+    short = [item for item in others if item[0] < least_s]
+    if short:
+        names = ", ".join(
+            f"{_bound(key, [item[2] for item in items])} ({bound_s * 1e3:.3g} ms)"
+            for (bound_s, key), items in groupby(short, lambda item: item[:2])
+        )
+        advice.append(
+            f"a stall would end a run by {names}: find what stalls this machine, or give "
+            f"{wanted_s * 1e3:g} ms where that is safe"
+        )
+    verdict = CheckVerdict.WARN if advice else CheckVerdict.OK
+    return Check(group, "stalls", verdict, found, "; ".join(advice), figures)
+
+
+def _other_bounds(
+    rig: RigConfig, watchdogs: Mapping[str, float]
+) -> Iterator[tuple[float, str, str]]:
+    """Yield the other silences that end a run: seconds, what they are, and of what."""
+    for name, safe_after_s in watchdogs.items():
+        yield safe_after_s, "watchdog", name
+    if rig.plant is not None:
+        return  # its rows are made in the cycle: none is old after a gap
+    for device in rig.devices.values():
+        if isinstance(device.config, ControllerConfig):
+            yield device.config.stale_s, "stale_after", device.name
+    for interlock in rig.interlocks:
+        yield interlock.stale_after_s, "stale_after", interlock.name
+
+
+def _bound(key: str, names: Iterable[str]) -> str:
+    of = ", ".join(filter(None, names))
+    return f"`{key}` of {of}" if of else f"`{key}`"
 
 
 def suggested_silence_s(longest_gap_s: float) -> float:

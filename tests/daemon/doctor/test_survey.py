@@ -141,14 +141,14 @@ def test_device_is_judged_by_rate_and_stale_rows() -> None:
 
 def test_the_cycle_is_judged_by_its_own_stream() -> None:
     survey = Survey(RIG)
-    assert next(iter(survey.cycle("rig"))).verdict is CheckVerdict.FAIL  # none has run
+    assert next(iter(survey.cycle("rig", {}))).verdict is CheckVerdict.FAIL  # none has run
     cycles = rows("cycle", 2000)
     cycles["scheduled"] = np.arange(2000) * 1e-3
     cycles["actual"] = cycles["scheduled"] + 40e-6
     cycles["spent"] = 700e-6
     survey.take("cycle", cycles[:500])
     survey.take("cycle", cycles[500:])
-    late, work, _ = survey.cycle("rig")
+    late, work, _ = survey.cycle("rig", {})
     assert late.verdict is CheckVerdict.OK
     assert late.figures["cycles"] == 2000
     assert work.verdict is CheckVerdict.WARN  # 70 % of the period
