@@ -19,7 +19,10 @@ from rigd.cli.new_rig.questions import QUESTIONS, BenchQuestion, defaults, descr
 from rigd.cli.new_rig.yaml_text import yaml_text
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig
+from rigd.config.rig import Supervision
+from rigd.controllers.driver import ControllerConfig
 from rigd.model.errors import ConfigError
+from rigd_drivers.cia402_servo.config import ServoConfig
 
 TEXT = described("bench", defaults)
 
@@ -130,6 +133,19 @@ def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> N
         assert device.limits == real.devices[name].limits
     assert [item.name for item in real.interlocks] == [item.name for item in sim.interlocks]
     assert (lab / "rig.yaml").read_text("utf-8") == TEXT
+
+
+def test_rigs_without_hardware_stand_stalls(tmp_path: Path) -> None:
+    press = Path(__file__).parents[2] / "examples" / "press" / "press.yaml"
+    text = press.read_text("utf-8").replace("watchdog: 100 ms", "watchdog: 60 ms")
+    lab = made(tmp_path, text, "press")
+    wire, sim = load_rig(lab / "wire.yaml"), load_rig(lab / "sim.yaml")
+    assert wire.supervision == sim.supervision == Supervision(0.25, 1.0)
+    held = [d.config for d in wire.devices.values() if isinstance(d.config, ControllerConfig)]
+    assert {item.stale_s for item in held} == {0.25}
+    assert {item.stale_after_s for item in wire.interlocks} == {0.25}
+    drives = [d.config for d in wire.devices.values() if isinstance(d.config, ServoConfig)]
+    assert {item.watchdog for item in drives} == {0.25}
 
 
 def test_folder_is_under_version_control_once(tmp_path: Path) -> None:

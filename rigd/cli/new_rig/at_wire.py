@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from rigd.cli.new_rig.description import PLANT_FILE
+from rigd.cli.new_rig.description import PATIENT, PLANT_FILE
 from rigd.model.units import parse_unit
 
 WIRE_FILE: Final = "wire.yaml"
@@ -16,6 +16,8 @@ DRIVE: Final = "cia402-rotary"
 CARD: Final = "ni-daq"
 #: Address of the first simulated card; each further one has the next port.
 _PORT: Final = 31790
+#: Silence of a device or of the cycle that ends a run: long, as :data:`PATIENT` is.
+_SILENCE: Final = PATIENT["cycle_silence"]
 
 
 def at_wire(name: str, real: Mapping[str, Any], described: Mapping[str, Any]) -> dict[str, Any]:
@@ -35,6 +37,7 @@ def at_wire(name: str, real: Mapping[str, Any], described: Mapping[str, Any]) ->
         options = item.get("options") or {}
         if item["driver"] == DRIVE:
             drives[device] = _drive(item, options)
+            devices[device]["options"] = {**options, "watchdog": _SILENCE}
             continue
         address = f"127.0.0.1:{_PORT + len(cards)}"
         cards[device] = _card(item, options, address)
@@ -52,18 +55,21 @@ def at_wire(name: str, real: Mapping[str, Any], described: Mapping[str, Any]) ->
         "drives": drives,
         "cards": cards,
     }
-    rest = ("rig", "title", "links", "devices", "interlocks")
+    rest = ("rig", "title", "links", "devices", "controllers", "interlocks")
+    controllers = {
+        key: {**item, "stale_after": _SILENCE} for key, item in real.get("controllers", {}).items()
+    }
     return {
         "rig": f"{name}-wire",
         "title": f"{real['title']}, devices at the wire",
         **{key: real[key] for key in ("cycle", "sibling")},
-        # For a machine that others use as well.
-        "supervision": {"cycle_silence": "250 ms", "daemon_silence": "1 s"},
+        "supervision": PATIENT,
         "simulation": simulation,
         **({"links": buses} if buses else {}),
         "devices": devices,
         **{key: value for key, value in real.items() if key not in (*rest, "cycle", "sibling")},
-        "interlocks": [{**item, "stale_after": "250 ms"} for item in real["interlocks"]],
+        **({"controllers": controllers} if controllers else {}),
+        "interlocks": [{**item, "stale_after": _SILENCE} for item in real["interlocks"]],
     }
 
 

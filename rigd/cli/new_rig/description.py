@@ -30,6 +30,8 @@ PLANT: Final = "mechanism"
 PLANT_FILE: Final = "plant.yaml"
 REAL_FILE: Final = "real.yaml"
 SIM_FILE: Final = "sim.yaml"
+#: Supervision of the rigs without hardware, for a machine that others use as well.
+PATIENT: Final = {"cycle_silence": "250 ms", "daemon_silence": "1 s"}
 #: Keys of the description that both rig files have as they stand.
 SHARED: Final = ("derived", "observers", "controllers", "interlocks", "constants")
 #: Keys of a device that only the simulated one has, as its options.
@@ -166,6 +168,7 @@ def _sim(document: Document, name: str) -> dict[str, Any]:
         "rig": f"{name}-sim",
         "title": f"{data['title']}, simulated",
         "cycle": data.get("cycle", "1 kHz"),
+        "supervision": PATIENT,
         "plant": {"model": PLANT, "parameters": PLANT_FILE},
         "devices": devices,
         **{key: data[key] for key in SHARED if key in data},
