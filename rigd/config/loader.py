@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -153,7 +154,9 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
     if len(problems.found) == before:  # wrong derived channels would all seem unknown
         rig = add_controllers(document, source.controllers, rig, problems)
         check_inputs(document, rig, channel_names(rig), problems)
-    interlocks = _interlocks(document, source.interlocks, rig, problems)
+    above = {name.partition(".")[0] for name in (*source.derived, *source.controllers)}
+    unread = above - rig.devices.keys()
+    interlocks = _interlocks(document, source.interlocks, rig, unread, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
 
@@ -409,11 +412,18 @@ def _constants(document: Document, source: RigSource, problems: Problems) -> dic
 
 
 def _interlocks(
-    document: Document, sources: list[InterlockSource], rig: RigConfig, problems: Problems
+    document: Document,
+    sources: list[InterlockSource],
+    rig: RigConfig,
+    unread: Set[str],
+    problems: Problems,
 ) -> tuple[Interlock, ...]:
+    """Return the interlocks without those on groups or controllers that are ``unread``."""
     seen: set[str] = set()
     built = []
     for index, source in enumerate(sources):
+        if not unread.isdisjoint(_named_in(source)):
+            continue  # the channels of what is wrong above would all seem unknown
         path = ("interlocks", index)
         if source.name in seen:
             problems.add(document.place((*path, "name")), f"interlock name {source.name!r} is used "
@@ -429,6 +439,12 @@ def _interlocks(
             continue
         built.append(_interlock(document, path, source, channel, rig, problems))
     return tuple(built)
+
+
+def _named_in(source: InterlockSource) -> list[str]:
+    """Return the devices, groups and controllers of which an interlock names something."""
+    names = (source.source, source.low, source.high, source.follows, source.only_while)
+    return [name.partition(".")[0] for name in names if name is not None]
 
 
 def _interlock(

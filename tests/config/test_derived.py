@@ -49,6 +49,21 @@ def test_rig_with_derived_channels_passes_between_processes(rig_text: str) -> No
     assert (again.graph.rows, again.graph.uses) == (config.graph.rows, config.graph.uses)
 
 
+def test_wrong_formula_makes_no_right_channel_unknown(rig_text: str) -> None:
+    wrong = GOOD.replace("rig.wheel_radius - cart.speed", "rig.wheel_radios - cart.speed")
+    interlocks = (
+        "interlocks:\n  - {name: runs, source: cart.speed, high: 2 m/s, action: stop, "
+        "message: The cart runs.}\n"
+        "  - {name: races, source: carriage.position, high: cart.speed, action: stop, "
+        "message: The carriage runs.}\n"
+    )
+    text = with_derived(rig_text, wrong).replace("interlocks:\n", interlocks, 1)
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    assert "wheel_radios" in str(caught.value)
+    assert not caught.value.others
+
+
 def test_interlock_may_watch_a_derived_channel(rig_text: str) -> None:
     interlock = (
         "interlocks:\n  - {name: slips, source: wheel.slip, high: 2 m/s, action: stop, "
