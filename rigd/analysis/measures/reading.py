@@ -14,6 +14,7 @@ from rigd.analysis.measures.mean import mean_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import TrialReading
 from rigd.analysis.resample import stale_rows
+from rigd.derived.driver import DERIVED
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
 from rigd.procedure.condition_text import describe_until
@@ -181,12 +182,24 @@ class TrialReader:
         if not len(values):
             raise Unread(f"no sample of {measure.channel} in {measure.window}")
         if missing := int((~np.isfinite(values)).sum()):
-            raise Unread(f"{missing} of {len(values)} samples of {measure.channel} have no value")
+            raise Unread(
+                f"{missing} of {len(values)} samples of {measure.channel} have no value"
+                f"{self._left_out(measure.channel)}"
+            )
         least = _LEAST.get(measure.kind, 1)
         if len(values) < least:
             raise Unread(f"{len(values)} sample of {measure.channel}: {least} are needed")
         self._refuse_saturated(measure.channel, span)
         return times, values
+
+    def _left_out(self, name: str) -> str:
+        """Return why samples of a derived channel usually have no value, and what to do."""
+        if self.recording.streams[name.partition(".")[0]].source != DERIVED:
+            return ""
+        return (
+            ": a derived channel has none while its `where` does not hold; measure a part of the "
+            "trial in which it holds, or write 'hold(x, condition)' into its formula"
+        )
 
     def _refuse_saturated(
         self, name: str, span: tuple[int, int], at_s: float | None = None

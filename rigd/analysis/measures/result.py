@@ -168,7 +168,12 @@ def summary_of(
     std = low = high = None
     why = "" if n else "it could be read in no trial"
     if n == 1:
-        why = "one trial shows no repeatability: give 'repeats: 2' or more"
+        why = "one trial shows no repeatability: "
+        why += (
+            f"the other {len(readings) - 1} could not be read"
+            if len(readings) > 1
+            else "give 'repeats: 2' or more"
+        )
     spread, u = 0.0, None
     if n > 1 and mean is not None:
         std, spread = _std(values), _std(independent)

@@ -318,6 +318,16 @@ def test_sample_without_value_is_never_passed_over(tmp_path: Path) -> None:
     assert why == "3 of 800 samples of axis.force have no value"
 
 
+def test_derived_sample_without_value_names_where(tmp_path: Path) -> None:
+    def spoil(rows: np.ndarray) -> np.ndarray:
+        rows["load"][400:403] = np.nan
+        return rows
+
+    why = reason(tmp_path, "{mean: friction.mu, during: pull}", change={1: spoil})
+    assert why.startswith("3 of 800 samples of friction.mu have no value: a derived channel")
+    assert "write 'hold(x, condition)' into its formula" in why
+
+
 @pytest.mark.parametrize(
     ("measure", "words"),
     [

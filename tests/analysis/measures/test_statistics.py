@@ -137,7 +137,8 @@ def test_share_is_of_the_mean() -> None:
         # An interval wider than what is allowed is not outside.
         ([0.12, 0.2, 0.04], (0.119, 0.121), Judgement.UNDECIDED, "across a bound"),
         ([0.12], (0.10, 0.14), Judgement.UNDECIDED, "one trial shows no repeatability"),
-        ([0.5], (0.10, 0.14), Judgement.UNDECIDED, "one trial shows no repeatability"),
+        ([0.5], (0.10, 0.14), Judgement.UNDECIDED, "repeatability: give 'repeats: 2' or more"),
+        ([0.12, None], (0.10, 0.14), Judgement.UNDECIDED, "the other 1 could not be read"),
         ([0.12, 0.121, None], (0.10, 0.14), Judgement.UNDECIDED, "1 of 3 trials could not be"),
         ([None, None], (0.10, 0.14), Judgement.UNDECIDED, "in no trial"),
         # A step of the sensor, or a simulation without noise: no scatter is no certainty.
