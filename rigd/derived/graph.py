@@ -123,7 +123,7 @@ class Graph:
     def is_conditional(self, name: str) -> bool:
         """Return whether ``name``, or a derived channel in it, has a value under a condition only.
 
-        That is so after the key `where`.
+        That is so after the key `where`, and behind `hold` until its condition holds.
         """
         waiting, seen = [self.outputs[name]], set[int]()
         while waiting:
@@ -132,7 +132,7 @@ class Graph:
             if place in seen or row.op in (Op.CONSTANT, Op.INPUT):
                 continue
             seen.add(place)
-            if row.op is Op.WHERE and self._is_unknown(row.c):
+            if row.op is Op.HOLD or (row.op is Op.WHERE and self._is_unknown(row.c)):
                 return True
             waiting += (row.a, row.b, row.c)  # one that it lacks is row 0, which uses no other
         return False

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.doctor.bare_cycle import Lateness
 from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.statistics import Statistics
@@ -138,7 +139,7 @@ def _unknown(check: Check, group: DerivedConfig) -> Check:
     A device that gives none fails by its own channel.
     """
     if group.graph.is_conditional(check.name):
-        return replace(check, found=f"{check.found}: its `where` does not hold")
+        return replace(check, found=f"{check.found}: its `where` or `hold` does not hold")
     advice = (
         "its formula has no value there: a division by 0, a root of a negative number, a value "
         "outside a table, or a channel in it that fails above?"
@@ -179,6 +180,7 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         found += "one value"
     limit = device.limits.get(channel.name)
     rests = limit is not None and seen.low == limit.rest == seen.high  # an open relay reads 0
+    rests = rests or isinstance(device.config, ControllerConfig)  # all are at an end, or at 0
     if not rests and (seen.low <= channel.low or seen.high >= channel.high):
         end = channel.low if seen.low <= channel.low else channel.high
         shown = format_quantity(end, channel.shown_in)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigd.config.loader import load_rig, parse_rig
-from rigd.config.rig import DeviceConfig
+from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.rig import Reason, split_reasons
 from rigd.daemon.doctor.statistics import Statistics
@@ -85,29 +85,41 @@ DERIVED = """\
 derived:
   motion.speed: {is: derivative(carriage.position), where: carriage.position > 1 m}
   motion.twice: {is: 2 * motion.speed}
+  motion.last: {is: "hold(carriage.position, carriage.position > 1 m)"}
   motion.share: {is: carriage.position / wheel_encoder.angle}
+controllers:
+  place: {measured: carriage.position, output: longitudinal_belt.speed, kp: 2 1/s}
 interlocks:
 """
 
 
 @pytest.fixture(scope="module")
-def motion() -> DeviceConfig:
+def rig() -> RigConfig:
     path = shipped_folder("configs") / "sim_lugre.yaml"
-    text = path.read_text("utf-8").replace("interlocks:\n", DERIVED, 1)
-    return parse_rig(text, path).devices["motion"]
+    return parse_rig(path.read_text("utf-8").replace("interlocks:\n", DERIVED, 1), path)
+
+
+def test_controller_at_rest_is_not_saturated(rig: RigConfig) -> None:
+    place = rig.devices["place"]
+    for active in place.channels:
+        seen = Statistics()
+        seen.add(np.zeros(10))
+        assert judge_channel("channels", place, active, seen).verdict is CheckVerdict.OK
 
 
 @pytest.mark.parametrize(
     ("name", "verdict", "said"),
     [
-        ("speed", CheckVerdict.OK, "`where` does not hold"),
-        ("twice", CheckVerdict.OK, "`where` does not hold"),
+        ("speed", CheckVerdict.OK, "`where` or `hold` does not hold"),
+        ("twice", CheckVerdict.OK, "`where` or `hold` does not hold"),
+        ("last", CheckVerdict.OK, "`where` or `hold` does not hold"),
         ("share", CheckVerdict.WARN, "1 of 2 values are not a number"),
     ],
 )
 def test_derived_channel_without_value_is_fit(
-    motion: DeviceConfig, name: str, verdict: CheckVerdict, said: str
+    rig: RigConfig, name: str, verdict: CheckVerdict, said: str
 ) -> None:
+    motion = rig.devices["motion"]
     seen = Statistics()
     seen.add(np.array([math.nan, 1.0]))
     (channel,) = (item for item in motion.channels if item.name == name)
