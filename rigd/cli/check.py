@@ -164,6 +164,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     from rigd.config.following import blind_below, unsupervised
     from rigd.config.lab import load_lab
     from rigd.config.loader import load_rig
+    from rigd.config.sibling import COMPUTED
 
     if kind == "calibration":
         calibration = load_calibration(Path(given))
@@ -192,7 +193,8 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             checked.plant.config.files()
         sibling = _sibling_text(checked)
         channels = sum(len(device.channels) for device in checked.devices.values())
-        parts = [f"rig {checked.name}", f"{len(checked.devices)} devices", f"{channels} channels"]
+        devices = sum(not isinstance(item.config, COMPUTED) for item in checked.devices.values())
+        parts = [f"rig {checked.name}", f"{devices} devices", f"{channels} channels"]
         if checked.calibration is not None:
             held = checked.calibration.held
             if held is None:

@@ -21,7 +21,8 @@ from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
 from rigd.observers.driver import ObserverConfig
 
-_COMPUTED = (ControllerConfig, DerivedConfig, ObserverConfig)
+#: What is in the devices of a rig, and no device: it stands elsewhere in the file.
+COMPUTED = (ControllerConfig, DerivedConfig, ObserverConfig)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Sibling:
         """
         devices: dict[str, DeviceConfig] = {}
         for name, device in rig.devices.items():
-            if isinstance(device.config, _COMPUTED):
+            if isinstance(device.config, COMPUTED):
                 devices[name] = device
             elif name in self.rig.devices:
                 devices[name] = replace(self.rig.devices[name], limits=device.limits)
@@ -169,7 +170,7 @@ class _Names:
     def _used(self, name: str, path: KeyPath, use: str) -> None:
         device = name.partition(".")[0]
         known = self.rig.devices.get(device)
-        if known is None or isinstance(known.config, _COMPUTED):
+        if known is None or isinstance(known.config, COMPUTED):
             return
         channel, found = self.rig.channel(name), self.sibling.channel(name)
         if channel is None or (found is not None and alike(found, channel)):
@@ -208,7 +209,7 @@ class _Names:
 def _devices(rig: RigConfig) -> Iterator[DeviceConfig]:
     """Yield the devices that are not computed of others."""
     for device in rig.devices.values():
-        if not isinstance(device.config, _COMPUTED):
+        if not isinstance(device.config, COMPUTED):
             yield device
 
 

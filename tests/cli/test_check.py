@@ -178,6 +178,19 @@ def test_setpoint_that_interlock_cannot_see_is_named(capsys: pytest.CaptureFixtu
     assert "wheel_servo.current is 0.15 A there, within its band of 0.2 A" in out
 
 
+def test_derived_channels_count_as_no_device(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (shipped_folder("configs") / "sim_lugre.yaml").read_text("utf-8")
+    more = "derived: {half.angle: {is: wheel_encoder.angle / 2}}\ninterlocks:\n"
+    counts = set()
+    for name, written in (("plain", text), ("more", text.replace("interlocks:\n", more, 1))):
+        (tmp_path / f"{name}.yaml").write_text(written, "utf-8")
+        _, out, _ = check(str(tmp_path / f"{name}.yaml"), capsys=capsys)
+        counts.add(re.findall(r"\d+ devices", out)[0])
+    assert len(counts) == 1
+
+
 def test_shipped_rig_is_found_by_its_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
