@@ -35,6 +35,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_missing_package_is_named_with_its_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pythonfmu3.builder", None)
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(EXAMPLES / "build_fmus"))
+    assert "pip install 'rigd[fmu]' pythonfmu pythonfmu3" in str(end.value.code)
+
+
 def device_on(fmu: Path, options: Mapping[str, Any], **start: str) -> FmuDevice:
     config = FmuConfig.model_validate({"file": str(fmu), "start": start})
     plant = FmuPlant(config, period_ns=MS, seed=1)
