@@ -36,6 +36,8 @@ LEAST_READINGS: Final = 8
 MOST_SCATTER: Final = 0.2
 #: Share of a swing that the output may be above its middle.
 DUTY: Final = (0.3, 0.7)
+#: Lags in degrees that show a rig which only integrates.
+INTEGRATOR: Final = (75.0, 105.0)
 #: The lag at the swing, in degrees: at 135 the hysteresis is 0.7 of the amplitude of the swing.
 LAG: Final = (135.0, 200.0)
 
@@ -164,13 +166,20 @@ def unsteady(swings: Swings) -> str:
             "begin at the output that the setpoint needs; its limits may hold the middle"
         )
     lag = _lag(complex(np.mean(swings.measured / swings.output)))
-    if not LAG[0] <= lag <= LAG[1]:
-        return (
-            f"the measured value lags by {lag:.0f} degrees behind the output at the swing, gains "
-            f"need {LAG[0]:.0f} to {LAG[1]:.0f}: give a smaller hysteresis or a larger relay; is "
-            "'output' what was set, and 'measured' what the controller measures?"
+    if LAG[0] <= lag <= LAG[1]:
+        return ""
+    integrates = INTEGRATOR[0] <= lag <= INTEGRATOR[1]
+    return (
+        f"the measured value lags by {lag:.0f} degrees behind the output at the swing, gains "
+        f"need {LAG[0]:.0f} to {LAG[1]:.0f}: give a smaller hysteresis or a larger relay; "
+        + (
+            "if it then stays near 90 degrees the rig integrates, as a force by a speed does, and "
+            "no relay finds gains: set kp to 1 / (slope of the measured value per output * time "
+            "in which an error shall fade)"
+            if integrates
+            else "check that 'output' is what was set and 'measured' what the controller measures"
         )
-    return ""
+    )
 
 
 def _result(

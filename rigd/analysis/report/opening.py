@@ -24,7 +24,8 @@ def opening_of(sections: Sequence[ReportSection]) -> Opening:
 
 def joined(parts: Iterable[str], nothing: str) -> str:
     """Return ``parts`` as the end of a sentence, empty ones left out; ``nothing`` without any."""
-    return f"{'; '.join(part for part in parts if part) or nothing}."
+    text = "; ".join(part for part in parts if part) or nothing
+    return text if text.endswith("?") else f"{text}."
 
 
 def listed(names: Sequence[str]) -> str:

@@ -108,6 +108,7 @@ def _dead(signals: Signals) -> Signals:
         (swing(noise=0.15, hysteresis=0.05, seconds=3), "larger hysteresis"),
         (swing(noise=0.05, hysteresis=0.06, seconds=3), "above the noise"),
         (swing(hysteresis=3.0, seconds=20), "smaller hysteresis"),
+        (swing(hysteresis=3.0, seconds=20), "near 90 degrees the rig integrates"),
     ],
 )
 def test_swing_without_gains_is_refused(tmp_path: Path, signals: Signals, why: str) -> None:
@@ -115,6 +116,7 @@ def test_swing_without_gains_is_refused(tmp_path: Path, signals: Signals, why: s
     assert not found.result.measured
     assert any(why in reason for reason in found.result.refusals), found.result.refusals
     assert "no tuning" in str(found.terminal_report()[0])
+    assert not found.opening.not_usable.endswith("?.")
 
 
 def test_lopsided_swing_is_refused(tmp_path: Path) -> None:
