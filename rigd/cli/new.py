@@ -137,13 +137,22 @@ def _new_rig(name: str, source: Path | None, target: Path) -> int:
     from rigd.cli.new_rig.folder import DESCRIPTION, write_rig
     from rigd.cli.new_rig.questions import Asker, described
     from rigd.config.document import read_document
+    from rigd.model.errors import ConfigError
 
     asker = Asker()
     if source is None:
         text, named = described(name, asker.ask), Path(DESCRIPTION)
     else:
         text, named = read_document(source).text, source
-    under_git = write_rig(name, text, named, target)
+    try:
+        under_git = write_rig(name, text, named, target)
+    except ConfigError as error:
+        if source is not None:
+            raise
+        said = "; ".join(item.message for item in (error, *error.others))
+        raise ConfigError(  # no file has the line that it names
+            f"the answers make no rig: {said}", hint="nothing is written: give other answers"
+        ) from error
     if asker.defaults:
         print(asker.defaults, file=sys.stderr)
     git = ", under version control (nothing is committed yet)" if under_git else ""

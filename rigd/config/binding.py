@@ -109,7 +109,8 @@ def _note(
     elif kind in ("literal_error", "enum"):
         choices = str(context["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
         message = f"{written} is not one of {', '.join(choices)}"
-        hint = suggest(str(document.get(where)), choices)
+        near = suggest(str(document.get(where)), choices)
+        hint = near if near.startswith("did you mean") else spot.doc  # all stand above
     elif kind == "string_pattern_mismatch":
         rule = NAME_RULES.get(context["pattern"], f"it must match {context['pattern']}")
         message = f"{written} is not a valid name: {rule}"

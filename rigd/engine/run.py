@@ -155,7 +155,9 @@ class Run:
             if self.control.asked is None:
                 self._to(RunEvent.BLOCK)
                 raise
-            stopped = Outcome(self.control.asked, f"{self.control.reason} ({error.message})")
+            own = [item for item in error.reasons if item.startswith(self.control.reason)]
+            reason = own[0] if own else f"{self.control.reason} ({error.message})"
+            stopped = Outcome(self.control.asked, reason)
         if stopped is not None:
             return stopped
         self._begun_s = self.host.run_s

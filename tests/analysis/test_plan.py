@@ -52,6 +52,17 @@ def test_a_plan_that_lacks_something_is_refused(plan: IdentifyPlan, words: str) 
         analysis_of(plan)
 
 
+def test_model_without_constants_says_there_are_none() -> None:
+    analysis = find_analysis("relay")
+    plan = IdentifyPlan(
+        model="relay", signals={name: f"a.{name}" for name in analysis.needs.signals},
+        constants={"mass": "1 kg"}, group_by=(), reference={},
+    )  # fmt: skip
+    with pytest.raises(ConfigError) as caught:
+        analysis_of(plan)
+    assert caught.value.hint == "there are none"
+
+
 def test_signal_that_is_not_recorded_is_refused() -> None:
     streams = {channel.partition(".")[0] for channel in SIGNALS.values()}
     analysis_of(PLAN, recorded=streams)

@@ -183,6 +183,13 @@ def test_wrong_answer_from_a_pipe_is_refused(tmp_path: Path, answer: str, words:
     assert not (tmp_path / "mine").exists()
 
 
+def test_answers_that_do_not_fit_name_no_file(tmp_path: Path) -> None:
+    done = piped("30 mm\n6e-3 kg m^2\n60 rad/s\n10 mN m\n", tmp_path)
+    assert done.returncode == 2
+    assert "the answers make no rig: the drive cannot reach 60 rad/s" in done.stderr
+    assert "rig.yaml" not in done.stderr
+
+
 def test_every_default_answer_is_accepted() -> None:
     for question in QUESTIONS:
         question.accepted("")

@@ -133,6 +133,13 @@ def test_problem_is_reported_at_its_place_in_file(
         assert part in shown
 
 
+def test_choices_are_listed_once(rig_text: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(rig_text.replace("action: abort", "action: halt", 1), FILE)
+    assert "'halt' is not one of warn, end_trial" in str(caught.value)
+    assert str(caught.value).count("end_trial") == 1
+
+
 def test_all_problems_are_reported_in_order_of_file(rig_text: str) -> None:
     text = (
         rig_text.replace("cycle: 1 kHz", "cycle: 1 s")

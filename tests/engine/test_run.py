@@ -509,6 +509,15 @@ def test_preflight_blocks_on_mute_device_and_delayed_violation() -> None:
         Bench(interlocks=(slow,)).run(procedure([move("one", 0.5)])).execute()
 
 
+def test_stop_while_devices_open_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5)]))
+    bench.control.request(Severity.STOP, "stopped by Ctrl-C")
+    told = "stopped by Ctrl-C, while devices were opened"
+    monkeypatch.setattr(run.host, "open", lambda: (told,))
+    assert run.execute().reason == told
+
+
 def test_stop_during_preflight_is_stop_and_not_block() -> None:
     bench = Bench()
     bench.control.request(Severity.STOP, "button")
