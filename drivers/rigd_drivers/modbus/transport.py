@@ -11,6 +11,7 @@ import serial
 
 from rigd.sdk import LinkError
 from rigd.sdk.peers import connect
+from rigd.sdk.port.byte_port import cannot_open
 
 #: More than the largest frame of either kind (260 bytes on TCP, 256 on a serial line).
 _CHUNK: Final = 1024
@@ -130,11 +131,13 @@ class SerialTransport:
             )
             self._set_parity(self._serial)
             self._serial.reset_input_buffer()
-        except (serial.SerialException, OSError, ValueError) as error:
+        except OSError as error:  # SerialException is one
+            self.close()
+            raise cannot_open(self.where, error) from error
+        except ValueError as error:
             self.close()
             raise LinkError(
-                f"cannot open {self.where}: {error}",
-                hint="check the path and your right to it, and that no other program holds it",
+                f"cannot open {self.where}: {error}", hint="give another 'baud' or 'stop_bits'"
             ) from error
 
     def fileno(self) -> int:

@@ -185,7 +185,7 @@ class BytePort:
                 timeout=0, write_timeout=0, exclusive=True,
             )  # fmt: skip
         except serial.SerialException as error:
-            raise _cannot_open(config.port, error) from error
+            raise cannot_open(config.port, error) from error
         except (termios.error, ValueError) as error:
             raise LinkError(
                 f"{config.port} cannot be set to {config.baud} baud, {config.data_bits} data bits, "
@@ -242,7 +242,8 @@ def _hung_up(fd: int) -> bool:
     return bool(poll.poll(0))
 
 
-def _cannot_open(path: str, error: serial.SerialException) -> LinkError:
+def cannot_open(path: str, error: OSError) -> LinkError:
+    """Return why the serial port ``path`` cannot be opened, and what to do."""
     if error.errno == errno.ENOENT:
         present = sorted(str(item) for item in Path("/dev/serial/by-id").glob("*"))
         hint = f"present: {', '.join(present)}" if present else "no serial adapter is plugged in"
