@@ -270,6 +270,16 @@ def test_interlocks_are_called_clear_only_while_watched(
     expect(verdict).to_have_text("not known")
 
 
+def test_preflight_is_no_time_of_the_run(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["operator"])
+    expect(page.locator(".no-data")).to_contain_text("Traces begin with the next run.")
+    panel.rig.become("preflight")
+    expect(page.locator(".no-data")).to_contain_text("Traces begin with this run.")
+    expect(page.locator(".run .facts")).to_contain_text("counts once the rig is armed")
+    panel.rig.become("running")
+    expect(page.locator(".run .facts")).not_to_contain_text("counts once the rig is armed")
+
+
 def test_events_stand_once_after_a_reconnection(watched: Watched) -> None:
     ahead_ns = [1_000_000_000, 0, 2_000_000_000]  # two processes report: times are not in order
     rig = PlayedRig(wall=lambda: time.time_ns() + ahead_ns[0])

@@ -74,7 +74,9 @@ function draw(dots, status) {
 function describe(facts, status) {
   const lines = [
     ["Trials", `${status.trials_done} of ${status.trials_total} done`],
-    ["Time", status.left_s === null
+    ["Time", status.state === "preflight"
+      ? "counts once the rig is armed"
+      : status.left_s === null
       ? `${duration(status.run_s)} so far`
       : `${duration(status.run_s)} of about ${duration(status.run_s + status.left_s)}, ${Math.round(100 * share(status, 0))}\u202f%`],
     ["Step", status.step ?? "–"],

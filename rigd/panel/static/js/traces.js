@@ -36,7 +36,7 @@ export function mountTraces(root) {
       el("div", { class: "spans", role: "group", "aria-label": "Time shown" }, ...spans), hold, behind),
     area);
   const empty = el("p", { class: "empty" });
-  const noData = el("p", { class: "no-data" }, "Nothing has been measured yet. Traces begin with the next run.");
+  const noData = el("p", { class: "no-data" });
   root.append(noData);
   /** @type {Plot[]} */
   let plots = [];
@@ -156,6 +156,10 @@ export function mountTraces(root) {
   });
   watchChosen(rebuild);
   watch("describe", rebuild);
+  watch("status", () => {
+    const { run } = read("status");
+    setText(noData, `Nothing has been measured yet. Traces begin with ${run === null ? "the next" : "this"} run.`);
+  });
   watch("link", () => root.classList.toggle("stale", known.link !== "ok"));
   new ResizeObserver(() => {
     for (const part of parts()) part.resize();
