@@ -18,6 +18,13 @@ STATED: Final = (
     Wrong("guide friction stated", "stated.guide_friction", (1.1, 1.5, 0.0), "times"),
     Wrong("rolling resistance stated", "stated.rolling_resistance", (0.8, 0.5, 0.0), "times"),
     Wrong("roller transitions stated", "stated.roller_transitions", (17 / 18, 0.5, 2.0), "times"),
+    Wrong(
+        "radius rolled along a wrong measuring wheel",
+        "guide.gain",
+        (1.003, 1.007, 1.015),
+        "times",
+        same=("stated.wheel_radius",),
+    ),
 )
 #: Forces that the model does not have, or takes for small.
 FORCES: Final = (
@@ -45,6 +52,23 @@ FORCES: Final = (
     Wrong("gear has backlash", "physics.backlash", (0.001, 0.009, 0.035), "rad", program=BACK),
     Wrong("carriage springs", "physics.sprung_hz", (60.0, 30.0, 12.0), "Hz"),
     Wrong("carriage rolls at first", "physics.first_speed", (0.06, 0.12, 0.3), "m/s"),
+    Wrong("shaft winds up", "physics.shaft", (3000.0, 1000.0, 200.0), "N m/rad"),
+    Wrong("wheel creeps on its hub", "physics.hub", (0.004, 0.04, 0.2), "rad/s for each N m"),
+    Wrong("wheel grows with speed", "physics.swells", (1e-5, 1e-4, 5e-4), "m", ("grows",)),
+    Wrong("cable springs", "physics.spring", (0.03, 0.2, 1.0), "N/m", ("position",)),
+    Wrong("floor undulates", "physics.undulates", (0.01, 0.05, 0.2), "m/s^2"),
+    Wrong("floor has a joint", "physics.joint", (1.0, 5.0, 20.0), "N"),
+    Wrong("gear loses more at low load", "physics.load_loss", (0.03, 0.1, 0.3), "share"),
+    Wrong("gear's torque ripples", "physics.gear_ripple", (0.003, 0.02, 0.1), "share"),
+    Wrong("seal rubs more at rest", "physics.seal", (0.1, 0.5, 2.0), "share"),
+    Wrong("no-load torque falls over the trials", "idles", (0.1, 0.3, 0.6), "share"),
+    Wrong("guide rubs by place", "physics.guide_wave", (0.1, 0.3, 1.0), "share"),
+    Wrong("guide bears weight", "physics.guide_bears", (0.01, 0.05, 0.2), "share"),
+    Wrong("load on the wheel swings", "physics.rocks", (0.01, 0.05, 0.2), "share"),
+    Wrong("load on the wheel falls with speed", "physics.lifts", (0.005, 0.03, 0.1), "s/m"),
+    Wrong("one trial without a weight", "forgotten", (0.01, 0.05, 0.2), "share"),
+    Wrong("carriage is knocked", "knocked", (1.0, 5.0, 20.0), "N"),
+    Wrong("current flows at rest", "at_rest_a", (0.005, 0.02, 0.08), "A"),
 )
 #: Friction that is another one.
 FRICTION: Final = (
@@ -63,6 +87,10 @@ FRICTION: Final = (
     Wrong("mass changes", "loaded", (0.01, 0.05, 0.2), "share"),
     Wrong("trials on another floor", "swapped", (1, 2, 4), "trials"),
     Wrong("two floors", "edge_share", (0.03, 0.15, 1.0), "share"),
+    Wrong("dust", "physics.dust", (0.02, 0.1, 0.3), "1/m", ("position", "trial")),
+    Wrong("contact aged at rest", "physics.aged", (0.05, 0.2, 0.6), "share"),
+    Wrong("friction strengthens with slip", "physics.strengthens", (0.01, 0.05, 0.2), "1"),
+    Wrong("bristles of two kinds", "physics.soft", (0.05, 0.2, 0.5), "share"),
 )
 #: Sensors that sample late, or not at their stated time.
 TIMES: Final = (
@@ -85,6 +113,14 @@ TIMES: Final = (
     ),
     Wrong("brake acts before it is recorded", "held_late_s", (0.01, 0.05, 0.1), "s"),
     Wrong("samples cut out", "cut_s", (0.003, 0.03, 0.2), "s"),
+    Wrong("samples between the steps", "logger.late_s", (2e-4, 5e-4, 8e-4), "s"),
+    Wrong("logger's clock slow", "logger.slow", (2e-3, 0.007, 0.02), "1"),
+    Wrong("logger averages", "logger.smooth_s", (5e-3, 0.02, 0.1), "s"),
+    Wrong("logger interpolates", "logger.coarse_s", (2e-3, 0.01, 0.05), "s"),
+    Wrong("rows late in bursts", "logger.burst_s", (1e-3, 5e-3, 0.02), "s"),
+    Wrong("rows stand still", "logger.frozen_s", (3e-3, 0.01, 0.05), "s"),
+    Wrong("guide clock steps", "guide.step_s", (1e-3, 5e-3, 0.03), "s"),
+    Wrong("wheel clock steps", "wheel.step_s", (1e-3, 5e-3, 0.03), "s"),
 )
 #: Sensors that show something else.
 READINGS: Final = (
@@ -109,6 +145,61 @@ READINGS: Final = (
     Wrong("current clips", "current.clip", (1.45, 1.2, 0.8), "A"),
     Wrong("current hums", "current.hum", (0.01, 0.05, 0.2), "A"),
     Wrong("current noisy", "current.noise", (0.012, 0.03, 0.12), "A"),
+    Wrong("few digits", "logger.digits", (4.0, 3.0, 2.0), "digits"),
+    Wrong("guide encoder loses counts when fast", "guide.fast", (5e-4, 3e-3, 0.02), "share"),
+    Wrong("measuring wheel gives", "guide_gives", (3e-6, 3e-5, 3e-4), "s^2"),
+    Wrong("measuring wheel has play", "guide.play", (5e-5, 2e-4, 1e-3), "m", program=BACK),
+    Wrong("wheel encoder out of centre", "wheel.turns", (2e-4, 2e-3, 0.01), "rad"),
+    Wrong("accelerometer curved", "accelerometer.square", (3e-3, 0.01, 0.05), "s^2/m"),
+    Wrong("accelerometer uneven", "accelerometer.uneven", (0.01, 0.05, 0.2), "share", program=BACK),
+    Wrong("current has a deadband", "current.deadband", (0.005, 0.02, 0.08), "A"),
+    Wrong("current uneven", "current.uneven", (0.01, 0.03, 0.1), "share", program=BACK),
+    Wrong("current shows an alias", "current.alias", (0.005, 0.02, 0.1), "A"),
+    Wrong("current in another unit", "current.gain", (0.1, 10.0, 1000.0), "times"),
+    Wrong("acceleration in g", "accelerometer.gain", (0.5, 9.81, 1.0 / 9.81), "times"),
+    Wrong("angle in degrees", "wheel.gain", (0.5, 2.0, 57.29577951308232), "times"),
+    Wrong("current's sign", "current.gain", (-1.01, -0.99, -1.0), "times"),
+    Wrong("accelerometer's sign", "accelerometer.gain", (-1.01, -0.99, -1.0), "times"),
+    Wrong("wheel encoder's sign", "wheel.gain", (-1.001, -0.999, -1.0), "times"),
+    Wrong("columns swapped, or rows sorted", "crossed", (1, 2, 3), ""),
+)
+#: Two things at once.
+PAIRS: Final = (
+    Wrong(
+        "radius and delay",
+        "stated.wheel_radius",
+        (1.003, 1.01, 1.05),
+        "times",
+        also=(("guide.delay_s", 2e-3),),
+    ),
+    Wrong(
+        "slope and drag", "physics.slope", (0.05, 0.2, 0.6), "m/s^2", also=(("physics.drag", 0.3),)
+    ),
+    Wrong(
+        "torque constant and mass",
+        "stated.torque_constant",
+        (1.02, 1.05, 1.2),
+        "times",
+        also=(("stated.mass", 1.02),),
+    ),
+    Wrong(
+        "accelerometer's gain and slope",
+        "accelerometer.gain",
+        (1.03, 1.05, 1.2),
+        "times",
+        also=(("physics.slope", 0.1),),
+    ),
+    Wrong(
+        "stain and eccentric measuring wheel",
+        "physics.stain",
+        (0.05, 0.1, 0.3),
+        "share",
+        also=(("guide_eccentric", 1e-4),),
+    ),
+    Wrong("wear and warming", "worn", (0.03, 0.1, 0.3), "share", also=(("physics.warming", 0.05),)),
+    Wrong(
+        "both encoders' scales", "guide.gain", (1.002, 1.01, 1.05), "times", same=("wheel.gain",)
+    ),
 )
 GROUPS: Final = {
     "constants stated": STATED,
@@ -116,6 +207,7 @@ GROUPS: Final = {
     "friction": FRICTION,
     "times of sensors": TIMES,
     "readings of sensors": READINGS,
+    "two at once": PAIRS,
 }
 KINDS: Final = tuple(kind for group in GROUPS.values() for kind in group)
 SIZES: Final = ("small", "medium", "large")

@@ -24,6 +24,10 @@ class Sensor:
     (a share), and ``jump`` at once in the middle of the second trial. A share ``repeats`` of the
     samples shows the one before. Beyond ``KNEE`` it loses a share ``bend`` of what is more; its
     mount rings at ``ring_hz``; ``lines`` counts are missing in half of each ``TURN``.
+    ``deadband`` at zero is not seen; it sees a share ``uneven`` less below zero, and ``square``
+    times the square more. An ``alias`` of a switching frequency, at 24 Hz, comes with the reading;
+    ``turns`` is an error once in 2 pi. It loses a share ``fast`` of what it turns faster than half
+    its top speed, has a ``play``, and its clock steps by ``step_s`` in mid-trial.
     """
 
     noise: float = 0.0
@@ -43,6 +47,14 @@ class Sensor:
     bend: float = 0.0
     ring_hz: float = 0.0
     lines: float = 0.0
+    deadband: float = 0.0
+    uneven: float = 0.0
+    square: float = 0.0
+    alias: float = 0.0
+    fast: float = 0.0
+    play: float = 0.0
+    step_s: float = 0.0
+    turns: float = 0.0
 
     def show(
         self, t: FloatArray, values: FloatArray, at: FloatArray, trial: int,
@@ -53,13 +65,26 @@ class Sensor:
         ``trial`` counts from 0; ``offset`` is where between two counts zero lies.
         """
         when = at * (1.0 + self.drift) - self.delay_s
+        when = when - self.step_s * (at > 0.5 * at[-1])
         if self.jitter_s:
             when = when + self.jitter_s * rng.standard_normal(len(at))
         if self.lowpass_hz:
             values = _lowpass(values, 2.0 * np.pi * self.lowpass_hz * float(t[1] - t[0]))
         if self.ring_hz:
             values = _ringing(values, self.ring_hz, float(t[1] - t[0]))
-        shown = self.gain * np.interp(when, t, values) + self.zero + self.fading * at
+        if self.play:
+            values = _with_play(values, self.play)
+        if self.fast:
+            speed = np.abs(np.gradient(values, t))
+            lost = self.fast * np.maximum(speed - 0.5 * np.max(speed), 0.0)
+            values = values - np.cumsum(lost) * float(t[1] - t[0])
+        seen = np.interp(when, t, values)
+        seen = seen * (1.0 - self.uneven * (seen < 0.0)) + self.square * seen * np.abs(seen)
+        seen = np.sign(seen) * np.maximum(np.abs(seen) - self.deadband, 0.0)
+        seen = (
+            seen + self.turns * np.sin(seen) + self.alias * np.tanh(seen / 0.1) * np.sin(150.0 * at)
+        )
+        shown = self.gain * seen + self.zero + self.fading * at
         shown = shown - self.bend * np.sign(shown) * np.maximum(np.abs(shown) - KNEE, 0.0)
         shown = shown - self.lines * self.count * (np.mod(shown + 0.25 * TURN, TURN) > 0.5 * TURN)
         shown = shown + self.hum * np.sin(2.0 * np.pi * 50.0 * at + trial)
@@ -75,6 +100,59 @@ class Sensor:
             fresh = rng.random(len(at)) >= self.repeats
             fresh[0] = True
             shown = shown[np.maximum.accumulate(np.where(fresh, np.arange(len(at)), 0))]
+        return np.asarray(shown)
+
+
+def _with_play(values: FloatArray, play: float) -> FloatArray:
+    """Return what follows ``values`` through a play: it moves only at either end."""
+    out = np.empty_like(values)
+    last = values[0]
+    for k, value in enumerate(values):
+        last = min(max(last, value - 0.5 * play), value + 0.5 * play)
+        out[k] = last
+    return out
+
+
+@dataclass(frozen=True)
+class Logger:
+    """What becomes of all channels together between the sensors and the file.
+
+    Each is averaged over ``smooth_s``; only one sample in each ``coarse_s`` is kept, with lines
+    between; ``digits`` significant ones are written; for 50 ms in each 0.3 s rows are read
+    ``burst_s`` late; each 0.25 s rows stand still for ``frozen_s``; the clock is ``slow`` by this
+    share, and reads ``late_s`` behind the steps of the command.
+    """
+
+    smooth_s: float = 0.0
+    coarse_s: float = 0.0
+    digits: float = 0.0
+    burst_s: float = 0.0
+    frozen_s: float = 0.0
+    slow: float = 0.0
+    late_s: float = 0.0
+
+    def times(self, at: FloatArray) -> FloatArray:
+        """Return when rows are read that are stamped ``at``."""
+        when = at + self.slow * (at - 0.35) + self.late_s - self.burst_s * (np.mod(at, 0.3) < 0.05)
+        if self.frozen_s:
+            begun = np.floor(at / 0.25) * 0.25
+            when = np.where((at - begun < self.frozen_s) & (begun > 0.0), begun, when)
+        return when
+
+    def write(self, at: FloatArray, shown: FloatArray) -> FloatArray:
+        """Return what stands in the file of ``shown`` (n,) at ``at`` (n,)."""
+        period = float(at[1] - at[0])
+        if self.smooth_s:
+            width = round(self.smooth_s / period)
+            padded = np.pad(shown, (width - 1, 0), mode="edge")
+            shown = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+        if self.coarse_s:
+            every = round(self.coarse_s / period)
+            shown = np.interp(at, at[::every], shown[::every])
+        if self.digits:
+            size = np.maximum(np.abs(shown), 1e-30)
+            unit = 10.0 ** (np.floor(np.log10(size)) - self.digits + 1.0)
+            shown = np.round(shown / unit) * unit
         return shown
 
 

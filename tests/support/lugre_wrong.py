@@ -12,7 +12,7 @@ import numpy as np
 from support import lugre_physics as physics
 from support.lugre_bench import FLOORS, Floor, known_rig
 from support.lugre_physics import FloatArray, Physics
-from support.lugre_sensors import Sensor
+from support.lugre_sensors import Logger, Sensor
 
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
@@ -36,6 +36,7 @@ ACCELEROMETER = Sensor(noise=0.03, count=0.0119682, zero=0.02)
 MONITOR = Sensor(noise=0.006, count=0.00305)
 WHEEL = Sensor(count=2.0 * math.pi / (1024 * 20.25))
 GUIDE = Sensor(count=3.0679616e-05)
+LOGGER = Logger()
 GUIDE_RADIUS_M = 0.02
 
 
@@ -68,6 +69,13 @@ class World:
     shrinks: float = 0.0  #: share of wheel radius lost from the first trial to the last
     turned: int = 0  #: trials in which the carriage encoder counts the other way
     held_late_s: float = 0.0  #: by which the brake acts before it is recorded
+    logger: Logger = LOGGER
+    at_rest_a: float = 0.0  #: which flow before the drive
+    forgotten: float = 0.0  #: share of mass that one trial lacks
+    knocked: float = 0.0  #: N for 50 ms in one trial
+    idles: float = 0.0  #: share of no-load torque lost over the trials, most of it at first
+    guide_gives: float = 0.0  #: s^2: by which the measuring wheel lags with each m/s^2
+    crossed: int = 0  #: 1: columns of current and acceleration, 2: order of rows, 3: both
     cut_s: float = 0.0  #: cut out of the middle of a trial, without a gap in its times
     stated: Mapping[str, float] = field(default_factory=dict)
     unknown: Mapping[str, float] = field(default_factory=dict)
@@ -75,12 +83,15 @@ class World:
     @property
     def truth(self) -> Mapping[str, float]:
         """Return what the identification is asked for, as far as it exists in this world."""
-        q, fresh = self.physics, 1.0 - 0.5 * self.worn
+        q, fresh = self.physics, self._mean_share
         if q.rigid:
             return {"sigma_2": q.s2}
+        if q.strengthens:
+            return {"mu_s": q.mu_s, "sigma_0": q.s0, "sigma_1": q.s1, "sigma_2": q.s2}
+        stiffness = q.s0 * (1.0 - 0.5 * self.softened) * (1.0 - 0.75 * q.soft)  # of new bristles
         return {
             "V_s": q.v_s, "mu_c": fresh * q.mu_c, "mu_s": fresh * q.mu_s,
-            "sigma_0": q.s0 * (1.0 - 0.5 * self.softened), "sigma_1": q.s1, "sigma_2": q.s2,
+            "sigma_0": stiffness, "sigma_1": q.s1, "sigma_2": q.s2,
             "sigma_1+sigma_2": q.s1 + q.s2, "mu_s-mu_c": fresh * (q.mu_s - q.mu_c),
         }  # fmt: skip
 
@@ -88,7 +99,13 @@ class World:
         """Return the friction at ``slip`` in m/s, the mean over what changes it."""
         q = self.physics
         curve = q.mu_c + (q.mu_s - q.mu_c) * np.exp(-((slip / q.v_s) ** q.exponent))
-        return np.asarray((1.0 - 0.5 * self.worn) * curve)
+        curve = curve * (1.0 + q.strengthens * np.log1p(slip / 0.01))
+        return np.asarray(self._mean_share * curve)
+
+    @property
+    def _mean_share(self) -> float:
+        """Return the mean of what changes all friction, over the trials and the track."""
+        return (1.0 - 0.5 * self.worn) * (1.0 + self.physics.dust * (0.5 * physics.TRACK_M - 0.5))
 
     @cached_property
     def constants(self) -> LugreConstants:
@@ -144,13 +161,15 @@ class World:
             mu_c=q.mu_c * (1.0 - self.worn * share),
             mu_s=q.mu_s * (1.0 - self.worn * share),
             s0=q.s0 * (1.0 - self.softened * share),
-            mass=q.mass * (1.0 + self.loaded * share),
+            mass=q.mass * (1.0 + self.loaded * share) * (1.0 - self.forgotten * (trial == 1)),
             torque_constant=q.torque_constant * (1.0 - self.fades * share),
             radius=q.radius * (1.0 - self.shrinks * share),
+            no_load=q.no_load * (1.0 - self.idles * (1.0 - math.exp(-3.0 * share))),
+            knock=self.knocked * (trial == 1),
         )
 
     def _trial(self, number: int, seed: int) -> LugreTrial:
-        commands = [np.zeros(REST)]
+        commands = [np.full(REST, self.at_rest_a)]
         commands += [np.full(round(s / PERIOD_S), a) for a, s in self.program[number]]
         rng = np.random.default_rng([seed, number])
         q = self._physics(number)._replace(first_angle=rng.uniform(0.0, 2.0 * math.pi))
@@ -161,18 +180,30 @@ class World:
         speed, a = rows[:, physics.SENSED_SPEED], rows[:, physics.SENSED_ACCELERATION]
         way = position - self.guide_slips * np.cumsum(np.abs(a) * speed) * (t[1] - t[0])
         around = rng.uniform(0.0, 2.0 * math.pi)
+        way = way - self.guide_gives * a
         way = way + self.guide_eccentric * np.sin(way / GUIDE_RADIUS_M + around)
         shake = self.shake * speed * np.sin(36.0 * rows[:, physics.WHEEL_ANGLE])
         felt = a * math.cos(self.tilt) + shake
         amps = rows[:, physics.WANTED if self.wanted else physics.CURRENT]
         offsets = rng.uniform(0.0, 1.0, 2)
+        when = self.logger.times(at)
         shown = {
-            "wheel_angle_rad": self.wheel.show(t, angle, at, number, rng, offsets[0]),
-            "carriage_position_m": self.guide.show(t, way, at, number, rng, offsets[1]),
-            "acceleration_m_s2": self.accelerometer.show(t, felt, at, number, rng),
-            "motor_current_a": self.current.show(t, amps, at, number, rng),
-            "held": np.interp(at - self.held_late_s, t, rows[:, physics.BRAKED]).round(),
+            "wheel_angle_rad": self.wheel.show(t, angle, when, number, rng, offsets[0]),
+            "carriage_position_m": self.guide.show(t, way, when, number, rng, offsets[1]),
+            "acceleration_m_s2": self.accelerometer.show(t, felt, when, number, rng),
+            "motor_current_a": self.current.show(t, amps, when, number, rng),
+            "held": np.interp(when - self.held_late_s, t, rows[:, physics.BRAKED]).round(),
         }
+        shown = {
+            name: values if name == "held" else self.logger.write(at, values)
+            for name, values in shown.items()
+        }
+        if self.crossed in (1, 3):
+            one, other = "acceleration_m_s2", "motor_current_a"
+            shown[one], shown[other] = shown[other], shown[one]
+        if self.crossed in (2, 3):
+            order = np.argsort(np.abs(shown["motor_current_a"]), kind="stable")
+            shown = {name: values[order] for name, values in shown.items()}
         if number >= len(self.program) - self.turned:
             shown["carriage_position_m"] = -shown["carriage_position_m"]
         kept = np.ones(len(at), dtype=np.bool_)
@@ -239,7 +270,8 @@ class Wrong:
     """A kind of wrongness: the field of :class:`World` that ``sizes`` (small to large) replace.
 
     ``field`` is dotted: ``physics.slope``, ``guide.delay_s``, ``stated.mass``. ``program`` is what
-    must be played for it to act. ``told`` are words one of which names it in a diagnosis.
+    must be played for it to act. ``told`` are words one of which names it in a diagnosis. ``also``
+    are other fields with a value each, ``same`` those that are replaced by the size too.
     """
 
     name: str
@@ -249,11 +281,13 @@ class Wrong:
     told: tuple[str, ...] = ()
     program: Program = CONSTANT
     also: tuple[tuple[str, float], ...] = ()
+    same: tuple[str, ...] = ()
 
     def world(self, base: World, size: float) -> World:
         """Return ``base`` with this wrong by ``size``."""
         base = replace(base, program=self.program)
-        for name, value in {**dict(self.also), self.field: size}.items():
+        given = {**dict(self.also), **dict.fromkeys((self.field, *self.same), size)}
+        for name, value in given.items():
             base = _changed(base, name, value)
         return base
 

@@ -46,7 +46,8 @@ def test_correct_world_agrees_with_the_bench(bench: Callable[..., Any]) -> None:
 
 
 def test_kinds_are_many_and_differ() -> None:
-    assert len({kind.name for kind in KINDS}) == len({kind.field for kind in KINDS}) >= 40
+    fields = {(kind.field, kind.sizes, kind.also, kind.same) for kind in KINDS}
+    assert len({kind.name for kind in KINDS}) == len(KINDS) == len(fields) >= 120
 
 
 @pytest.mark.parametrize("kind", some(KINDS, 3), ids=lambda kind: kind.name)
