@@ -241,6 +241,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_diagnosis.py": (
             "test_a_constant_on_its_way_is_not_suspected",
             "test_a_measuring_wheel_out_of_centre_is_named",
+            "test_a_shaft_that_winds_up_is_named",
+            "test_a_wheel_that_grows_is_named",
             "test_constant_is_named_not_a_law_without_size",
             "test_error_that_follows_slip_gives_no_number",
             "test_rig_with_correct_constants_fits",

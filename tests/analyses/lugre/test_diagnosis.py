@@ -46,6 +46,34 @@ def test_a_measuring_wheel_out_of_centre_is_named() -> None:
     assert stiffness.low <= world.physics.s0 <= stiffness.high
 
 
+def test_a_wheel_that_grows_is_named() -> None:
+    """It was taken for drag, and sigma_0 was off by 3.3 half widths."""
+    base = right("pvc")
+    world = replace(base, physics=base.physics._replace(swells=2e-5))
+    result = found(world, SLOW)
+    assert result.gate is not None
+    (first, *_) = result.gate.explanations
+    assert first.name == "a drive wheel that grows with the square of the speed"
+    assert first.size == pytest.approx(2e-5, rel=0.1)
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+def test_a_shaft_that_winds_up_is_named() -> None:
+    base = right("pvc")
+    world = replace(base, physics=base.physics._replace(shaft=1000.0))
+    result = found(world, CONSTANT)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.CORRECTED
+    (first, *_) = result.gate.explanations
+    assert first.name == "a shaft between motor and wheel that winds up"
+    assert first.size == pytest.approx(1.0 / 1000.0, rel=0.3)
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
 def test_error_that_follows_slip_gives_no_number() -> None:
     """A backlash of 1 mrad looks like an error of the wheel encoder that depends on the slip."""
     (kind,) = [kind for kind in KINDS if kind.name == "gear has backlash"]
@@ -54,6 +82,16 @@ def test_error_that_follows_slip_gives_no_number() -> None:
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.MISFIT
     assert not any(item.identifiable for item in (*result.parameters, *result.derived))
+
+
+@pytest.mark.parametrize("amps", [0.0, 0.02])
+def test_current_at_rest_makes_its_zero_uncertain(amps: float) -> None:
+    world = replace(right("pvc"), program=FEW[:3], at_rest_a=amps)
+    trials = world.trials(1)
+    parts, _ = sort_out(trials, [sampling_period_s(trial) for trial in trials], Settings())
+    shared = rig_system(parts, world.rig, np.array([0.01, 0.1, 0.2, 30.0, 0.2, 2.0])).shared
+    (zero,) = [item for item in shared if item.parameter.name == "current_zero"]
+    assert zero.u == pytest.approx(math.hypot(3e-3, amps), rel=0.02)
 
 
 @pytest.mark.parametrize("number", some(range(6), 6))

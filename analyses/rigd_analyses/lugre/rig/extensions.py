@@ -164,6 +164,12 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "the play of the gear and of the wheel's key",
         lambda m: 0.5 * np.sign(gain * m.current - named["no_load"] * np.sign(m.turning)),
     )
+    yield angle(
+        "a shaft between motor and wheel that winds up",
+        "rad/(N m)",
+        "the stiffness of the gear, the coupling and the key",
+        lambda m: gain * m.current,
+    )
     yield yielded(
         "a delay of the accelerometer",
         "s",
@@ -222,7 +228,13 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "a drive wheel out of centre",
         "m",
         "the runout of the wheel",
-        lambda k, m: _eccentric(rig, k),
+        lambda k, m: _other_radius(rig, k, _circle(m.angle)),
+    )
+    yield yielded(
+        "a drive wheel that grows with the square of the speed",
+        "s^2/m",
+        "whether its rollers and their bearings give way to the centrifugal force",
+        lambda k, m: _other_radius(rig, k, ((radius * m.turning) ** 2)[:, None]),
     )
     yield friction(
         "another exponent of the Stribeck effect", "a model with that exponent",
@@ -317,16 +329,15 @@ def _sliding(motion: Motion) -> FloatArray:
     return motion.slip - np.abs(motion.slip) * motion.bristle / motion.g
 
 
-def _eccentric(rig: Disturbed, trial: int) -> FloatArray:
-    """Return the outputs (n, 3, 2) for each metre of eccentricity, cosine and sine."""
+def _other_radius(rig: Disturbed, trial: int, more: FloatArray) -> FloatArray:
+    """Return the outputs (n, 3, c) for each metre by which the radius is larger, times ``more``."""
     motion, named = rig.motions[trial], rig.named
-    waves = np.stack([np.cos(motion.angle), np.sin(motion.angle)], axis=1)
     v_s, ratio = named["V_s"], named["ln(mu_s/mu_c)"]
     root = np.sqrt(np.abs(motion.slip) / v_s)
     bend = 0.5 * named["mu_c"] * np.expm1(ratio) * np.exp(-root) * root
     stress = motion.bristle / motion.g
     by_slip = 1.0 - np.sign(motion.slip) * stress * (1.0 + bend / motion.g)
-    slip = waves * motion.turning[:, None]
+    slip = more * motion.turning[:, None]
     moved = rig.rubbed(
         trial,
         traction=named["sigma_2"] * slip,
@@ -334,7 +345,7 @@ def _eccentric(rig: Disturbed, trial: int) -> FloatArray:
     )
     pull = motion.bristle + named["sigma_1"] * _sliding(motion) + named["sigma_2"] * motion.slip
     normal = rig.system.normal_force_n(trial)
-    return moved + rig.forced(trial, torque_nm=-(normal * pull)[:, None] * waves)
+    return moved + rig.forced(trial, torque_nm=-(normal * pull)[:, None] * more)
 
 
 def _by_exponent(rig: Disturbed, motion: Motion) -> FloatArray:

@@ -82,6 +82,7 @@ class DrivenTrial:
     """One trial from shortly before the current step until something else holds the carriage.
 
     All arrays (n,); angle as measured, ``turning_rad_s`` its rate; ``measured`` (n, 3) the outputs.
+    ``rest_a`` is what the monitor shows before the step.
     """
 
     label: str
@@ -93,6 +94,7 @@ class DrivenTrial:
     trial: LugreTrial
     part: slice
     current_noise_a: float
+    rest_a: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +256,7 @@ class RigSystem:
             _zero("drag", "N s/m", DRAG_N_S_M, "drag of a cable"),
             _zero("slope", "m/s^2", SLOPE_M_S2, "slope of the floor"),
             _positive("wheel_radius", "m", c.wheel_radius, "wheel radius"),
-            _zero("current_zero", "A", CURRENT_ZERO_A, "zero of the current"),
+            _zero("current_zero", "A", self._current_zero_u(), "zero of the current"),
             _zero("ripple_cos", "1/s", RIPPLE, "force of the rollers' transitions"),
             _zero("ripple_sin", "1/s", RIPPLE, "force of the rollers' transitions, sine"),
             _zero("wheel_delay", "s", DELAY_S, "delay of the wheel encoder"),
@@ -265,6 +267,10 @@ class RigSystem:
             _zero("shake_2_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos of twice"),
             _zero("shake_2_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin of twice"),
         )
+
+    def _current_zero_u(self) -> float:
+        """Return how well the zero is known: a current at rest may be one that flows."""
+        return math.hypot(CURRENT_ZERO_A, float(np.median([item.rest_a for item in self.trials])))
 
     def _mass(self, load: float) -> Unknown:
         stated = self.constants.mass
@@ -307,7 +313,7 @@ def driven_trial(trial: LugreTrial, part: slice, window: int, radius_m: float) -
     """Return the ``part`` of ``trial`` that is simulated, its current filtered over ``window``.
 
     Angle and position count from their means over the rest before the step, acceleration and
-    current too: the amplifier gives no current there.
+    current too: what the monitor shows there is taken for its zero.
     """
     rest = slice(part.start, part.start + LEAD)
     angle = trial.wheel_angle_rad[part] - float(np.mean(trial.wheel_angle_rad[rest]))
@@ -321,7 +327,7 @@ def driven_trial(trial: LugreTrial, part: slice, window: int, radius_m: float) -
     turning = savgol_filter(angle, TURNING_WINDOW, 2, deriv=1, delta=period_s)
     return DrivenTrial(
         trial.label, current.current_a, current.jumps, trial.wheel_angle_rad[part], turning,
-        measured, trial, part, current.noise_a,
+        measured, trial, part, current.noise_a, zero,
     )  # fmt: skip
 
 
