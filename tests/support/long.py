@@ -290,6 +290,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_recordings_begin_at_angles_of_their_own",
             "test_recordings_that_agree_are_pooled",
             "test_recordings_that_disagree_are_not_pooled",
+            "test_slow_trials_leave_friction_beyond_open",
             "test_unknown_gravity_is_named_where_it_decides",
             "test_wear_over_the_trials_gives_no_number",
         ),

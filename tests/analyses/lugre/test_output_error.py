@@ -277,6 +277,22 @@ def test_paperboard_ends_at_its_optimum(bench: Bench) -> None:
     assert begun.gate.outcome is FitOutcome.FITS
 
 
+def test_slow_trials_leave_friction_beyond_open(bench: Bench) -> None:
+    """The fit has no Stribeck effect; one with V_s above all slip, and half of mu_c, fits as well.
+
+    mu_c was given as 0.0658 to 0.0712 with 0.04 as the truth.
+    """
+    rig = bench("paperboard")
+    trials = [rig.trial(current, 3 + k) for k, current in enumerate((0.25, 0.27, 0.3))]
+    begun = fit_group(trials, rig.constants, known_rig(rig.constants))
+    result = conclude_group(begun)
+    assert begun.gate.outcome is FitOutcome.FITS
+    assert result.parameter("mu_c").low is None
+    static = result.parameter("mu_s")
+    assert static.low is not None and static.high is not None
+    assert static.low < rig.truth.mu_s < static.high
+
+
 def test_trial_that_cannot_be_simulated_is_named(bench: Bench) -> None:
     rig = bench("pvc")
     trials = [replace(trial, recording="run.mcap") for trial in rig.sweep(1, CURRENTS_A)]

@@ -61,7 +61,14 @@ from rigd_analyses.lugre.rig.found import (
 )
 from rigd_analyses.lugre.rig.parts import refuse_alike, sort_out
 from rigd_analyses.lugre.rig.result import result
-from rigd_analyses.lugre.rig.ridge import along_ridge, bent, effect_shown, on_ridge, without_effect
+from rigd_analyses.lugre.rig.ridge import (
+    along_ridge,
+    bent,
+    beyond,
+    effect_shown,
+    on_ridge,
+    without_effect,
+)
 from rigd_analyses.lugre.rig.system import (
     RigSystem,
     driven_trial,
@@ -350,13 +357,18 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
         lines["mu_c"] = (axis(count, MU_C), MU_C)
     if speed >= visited[0]:
         lines["mu_s"] = (axis(count, MU_C) + axis(count, RATIO), MU_C)
+    ridge = on_ridge(whole)
+    far = (
+        dict(zip(("mu_c", "mu_s"), beyond(whole.fit.theta, visited), strict=True)) if ridge else {}
+    )
     scans = {}
     for name, (direction, index) in lines.items():
+        others = (*whole.others, far[name]) if name in far else whole.others
         scans[name] = follow(
             whole.model, whole.fit, direction, whole.inverse,
-            (float(low[index]), float(high[index])), others=whole.others,
+            (float(low[index]), float(high[index])), others=others,
             none=0.0 if name == "ratio" else None,
-            bend=bent if name == "V_s" and on_ridge(whole) else None,
+            bend=bent if name == "V_s" and ridge else None,
         )  # fmt: skip
         if scans[name].better is not None:
             return scans

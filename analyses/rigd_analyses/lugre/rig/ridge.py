@@ -55,6 +55,29 @@ def with_speed(theta: FloatArray, speed: float) -> FloatArray:
     return out
 
 
+def beyond(theta: FloatArray, visited: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return points (p,) with half of mu_c, and with twice mu_s, that may fit as well.
+
+    With V_s far above, or below, the ``visited`` slip in m/s friction hardly changes within it, and
+    one of the two is g where no data are. No path leads there from a fit with mu_s = mu_c, at
+    which V_s means nothing.
+    """
+    friction_there = float(friction(theta[:FRICTION], np.array([visited[1]]))[0])
+    out = []
+    for index, share, speed in ((MU_C, 0.5, 10.0 * visited[1]), (RATIO, 2.0, 0.1 * visited[1])):
+        fallen = math.exp(-math.sqrt(visited[1] / speed))
+        if index == MU_C:
+            coulomb = share * friction_there
+            static = coulomb + (friction_there - coulomb) / fallen
+        else:
+            static = share * friction_there
+            coulomb = (friction_there - static * fallen) / (1.0 - fallen)
+        point = theta.copy()
+        point[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
+        out.append(point)
+    return out[0], out[1]
+
+
 def bent(theta: FloatArray, value: float) -> FloatArray:
     """Return ``theta`` (p,) with ln V_s = ``value``: where a refit of its profile begins."""
     return with_speed(theta, math.exp(value))
