@@ -151,6 +151,8 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--table", action="store_true", help="only print what --keep has")
     args = parser.parse_args()
+    if args.controls and (args.floor or args.only or args.size):
+        parser.error("--controls are worlds of their own: each third is of one floor")
     lines = args.keep.read_text().splitlines() if args.keep and args.keep.exists() else []
     rows: list[Row] = [json.loads(line) for line in lines]
     done = {row["case"] for row in rows}
