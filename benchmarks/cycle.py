@@ -247,7 +247,8 @@ class Kept:
             if "status" in (rows.dtype.names or ()):
                 stale[name] = int(np.count_nonzero(rows["status"] >> 31))
         cpu_us = 1e6 * seen.cpu_s["cycle"] / len(cycles)
-        late_us = (cycles["actual"] - cycles["scheduled"]) * 1e6
+        late_s = cycles["actual"] - cycles["scheduled"]
+        late_us = 1e6 * late_s
         lateness = Lateness.of(late_us, int(slots[-1] - slots[0]) + 1, cpu_us)
         return cls(lateness, own, cycles["spent"] * 1e6, lost, stale)
 

@@ -145,7 +145,9 @@ class _Choosing:
                 return counts
             have = self.sum(counts)
             gain = self._criteria(have) - self._criteria(have + self._each[fits])
-            counts[fits[np.argmax(gain / self.durations[fits] if by_time else gain)]] += 1
+            if by_time:
+                gain /= self.durations[fits]
+            counts[fits[int(np.argmax(gain))]] += 1
 
     def refined(self, counts: FloatArray) -> FloatArray:
         """Return ``counts`` after all exchanges that help: of one test, then of two at once."""

@@ -118,8 +118,9 @@ def _trials(recording: Recording, item: Filtered) -> list[dict[str, float | str]
         row: dict[str, float | str] = {"trial": name, "nis": nis}
         for channel in item.config.channels:
             if channel.name.endswith("_sd"):
-                sizes = part[channel.name][np.isfinite(part[channel.name])]
-                row[f"{channel.name} ({channel.unit})"] = float(np.max(sizes, initial=0.0))
+                sizes = part[channel.name]
+                largest = np.max(sizes, where=np.isfinite(sizes), initial=0.0)
+                row[f"{channel.name} ({channel.unit})"] = float(largest)
         rows.append(row)
     return rows
 

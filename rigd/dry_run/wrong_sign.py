@@ -70,7 +70,8 @@ class Departures:
         self._changes += int(np.count_nonzero(changes))
         self._squares += float(np.square(changes).sum())
         anew = np.flatnonzero((moving[1:] > moving[:-1]) | (np.diff(active) != 0.0)) + 1
-        crossed = np.flatnonzero(np.diff(np.sign(rows["error"])) != 0.0) + 1
+        side = np.sign(rows["error"])
+        crossed = np.flatnonzero(side[1:] != side[:-1]) + 1
         if self._last is None:
             anew = np.concatenate(([0], anew))
         for at, until in zip([0, *anew], [*anew, len(rows)], strict=True):

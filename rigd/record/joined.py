@@ -146,7 +146,8 @@ def _period_ns(recording: Recording, stream: str) -> float:
     rows = next(recording.batches(stream), None)
     if rows is None or len(rows) < 2:
         return 0.0
-    return float(np.median(np.diff(np.sort(rows[TIME_FIELD]))))
+    times = np.sort(rows[TIME_FIELD])
+    return float(np.median(np.diff(times)))
 
 
 def _values(

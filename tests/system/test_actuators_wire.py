@@ -57,7 +57,8 @@ def test_supply_follows_and_is_off_after_the_run(bench: WireRig, tmp_path: Path)
     ran = rigd(*words, cwd=tmp_path)
     assert ran.code == Exit.OK, ran.err
     rows = Recording.open(tmp_path / "run.mcap").read("supply")
-    assert {2.0, 8.0} <= set(np.round(rows["voltage"], 3))
+    voltages = np.round(rows["voltage"], 3)
+    assert {2.0, 8.0} <= set(voltages)
     assert np.nanmax(np.abs(rows["current"] - rows["voltage"] / 10.0)) < 1e-3
     supply = bench.parts()["supply"]
     assert not supply["output"]

@@ -115,7 +115,8 @@ def test_each_run_is_sampled_from_command_to_stop(whole: Path) -> None:
         assert np.abs(np.diff(rows["device_time"]) - 1 / RATE_HZ).max() < 1e-9
         assert command_ns - rows["t_ns"][0] >= 140_000_000
         assert 50_000_000 <= rows["t_ns"][-1] - stop_ns < 70_000_000
-        at_stop = rows["platform_position"][np.searchsorted(rows["t_ns"], stop_ns)]
+        stop = int(np.searchsorted(rows["t_ns"], stop_ns))
+        at_stop = rows["platform_position"][stop]
         # A block of 10 ms, its latency, and the cycle: at 2.5 m/s at most.
         assert 0.29 < at_stop < 0.3 + 2.5 * 0.05
         rest = rows[rows["t_ns"] < command_ns]
