@@ -23,7 +23,7 @@ from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck, settings
-from support import long, warm
+from support import compile_once, long, warm
 
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
@@ -61,6 +61,7 @@ os.environ["RIGD_STATE"] = str(STATE)
 os.environ["XDG_CACHE_HOME"] = str(STATE / "cache")  # the indexes of folders of recordings
 
 warm.offer()
+compile_once.install(warm.shared_folder())
 HERE = Path(__file__).parent
 
 

@@ -31,8 +31,8 @@ spent_s = 0.0
 
 #: What the process is: a loop that forks a command for each connection, until the suite ends.
 _SERVER = """
-import atexit, gc, importlib, json, os, pkgutil, select, signal, socket, sys, threading, time
-import warnings
+import atexit, gc, importlib, json, os, pkgutil, runpy, select, signal, socket, sys, threading
+import pathlib, time, warnings
 
 
 def import_all():
@@ -43,6 +43,7 @@ def import_all():
             for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
                 if not module.name.endswith("__main__"):
                     importlib.import_module(module.name)
+    runpy.run_path(sys.argv[1])["install"](pathlib.Path(sys.argv[2]))
     gc.collect()
     gc.freeze()
 
@@ -117,7 +118,7 @@ def end(main):
     os._exit(code or 0)
 
 
-request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[1:]))
+request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[3:]))
 
 if "python" in request:
     warnings.simplefilter("error")
@@ -160,6 +161,10 @@ sys.exit(code)
 _PLACE = "RIGD_TESTS_ASK_AT"
 
 
+#: What that process installs once it has imported rigd, and with it numba.
+_COMPILE_ONCE = str(Path(__file__).with_name("compile_once.py"))
+
+
 def offer() -> None:
     """Start the process of this suite, which a worker has from the suite that started it."""
     if _PLACE in os.environ:
@@ -172,7 +177,7 @@ def offer() -> None:
         waiting.listen(64)
         passed = [waiting.fileno(), theirs.fileno()]
         server = subprocess.Popen(
-            [sys.executable, "-c", _SERVER, *map(str, passed)],
+            [sys.executable, "-c", _SERVER, _COMPILE_ONCE, folder, *map(str, passed)],
             pass_fds=passed,
             cwd="/",
             start_new_session=True,
@@ -185,6 +190,11 @@ def _end(server: subprocess.Popen[bytes], suite: socket.socket, folder: str) -> 
     suite.close()
     server.wait()
     shutil.rmtree(folder)
+
+
+def shared_folder() -> Path:
+    """Return the folder of the suite."""
+    return Path(os.environ[_PLACE]).parent
 
 
 def offered() -> bool:
