@@ -58,6 +58,10 @@ class Counter(BlockDriver[CounterConfig, None]):
         self.identity, self.rate_hz = "counter 1", self.config.rows / self.config.period
 
     def start(self) -> None:
+        if self.config.fault == "no start":
+            raise DeviceError("it cannot sample", hint="lower its rate")
+        if self.config.fault == "slow start":
+            threading.Event().wait(0.3)
         self.count = self.number = 0
         self.t_ns = time.monotonic_ns()
 

@@ -21,7 +21,7 @@ from rigd.model.channels import Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError, RigdError
 from rigd.model.system import readable
 
-#: Longest time for opening: connect to a device server, set up a card.
+#: Longest time for opening: connect to a device server, set up a card and start it.
 OPEN_S: Final = 30.0
 #: A helper without a sign of life for this time hangs in its library.
 SILENCE_S: Final = 2.0
@@ -86,7 +86,7 @@ class BlockHelper:
         return 0 if self._child is None else self._child.pid
 
     def start(self, timeout_s: float = OPEN_S) -> None:
-        """Start the process and wait until the device is open; rows follow at once.
+        """Start the process and wait until the device is open and samples.
 
         Raises:
             LinkError: the device cannot be reached, or is not open in time.
@@ -139,7 +139,8 @@ class BlockHelper:
         if silent_ns > self._silence_ns:
             return (
                 f"{self.name}: its process {self.pid} gave no sign of life for "
-                f"{silent_ns / 1e9:.1f} s: its library hangs, or the process was stopped"
+                f"{silent_ns / 1e9:.1f} s: its library hangs, the process was "
+                "stopped, or other programs leave it no time"
             )
         return None
 

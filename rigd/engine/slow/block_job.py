@@ -39,7 +39,7 @@ class BlockJob:
 
 @dataclass(frozen=True)
 class Opened:
-    """From the helper: the device is open; ``arming_blockers`` are the reasons not to arm it."""
+    """From the helper: the device samples; ``arming_blockers`` are the reasons not to arm it."""
 
     identity: str
     rate_hz: float

@@ -98,8 +98,9 @@ def _run(job: BlockJob, link: socket.socket, stop: threading.Event) -> None:
     try:
         driver.open()
         opened = Opened(driver.identity, driver.rate_hz, tuple(driver.preflight()))
-        link.send(pickle.dumps(opened))
         driver.start()
+        publisher.beat()  # from here on its silence is judged; a slow start is none
+        link.send(pickle.dumps(opened))
         try:
             while not stop.is_set():
                 publisher.beat()

@@ -68,6 +68,20 @@ def test_device_that_cannot_open_reports_reason(placed: Placed) -> None:
     assert not alive(place.helper.pid)
 
 
+def test_device_that_cannot_start_is_refused(placed: Placed) -> None:
+    place = placed(counter(fault="no start"))
+    with pytest.raises(DeviceError, match=r"^daq: it cannot sample"):
+        place.helper.start()
+    assert not alive(place.helper.pid)
+
+
+def test_helper_lives_before_it_is_judged(placed: Placed) -> None:
+    """A device may start more slowly than a hang is allowed to last."""
+    place = placed(counter(fault="slow start"))
+    place.helper.start()
+    assert place.slot.beat_ns > 0
+
+
 def test_helper_not_open_in_time_is_ended(placed: Placed) -> None:
     place = placed(counter())
     with pytest.raises(LinkError, match="daq was not open within 0 s"):
