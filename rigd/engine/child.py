@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -96,7 +97,14 @@ class Child:
         kill it executes no more of its own code. Fencing twice is silent.
         """
         self._process.kill()
-        return self.wait(timeout_s)
+        return self.leave(timeout_s)
+
+    def leave(self, timeout_s: float | None) -> bool:
+        """Wait as :meth:`wait` does; whatever it returns, no defunct process is left in the end."""
+        if self.wait(timeout_s):
+            return True
+        threading.Thread(target=self._process.wait, name="reaper", daemon=True).start()
+        return False
 
     def terminate(self) -> None:
         """Request it to end (SIGTERM)."""

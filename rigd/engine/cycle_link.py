@@ -141,4 +141,4 @@ class CycleLink:
     def close(self) -> None:
         """Close the socket; a process that still runs takes this as the end of the daemon."""
         self._socket.close()
-        self._child.wait(FENCE_S)
+        self._child.leave(FENCE_S)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.blocks import until
 
 from rigd.engine.child import Child, how_ended
 
@@ -52,6 +53,19 @@ def test_child_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
     assert child.fence(PATIENCE_S)
     assert child.ended == "signal SIGKILL"
     child.close_stdin()
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_child_that_ends_late_is_reaped(killed: bool) -> None:
+    child = Child(python("import sys; sys.stdin.read()"), stdin=True)
+    if killed:
+        child.fence(0.0)
+    else:
+        assert not child.leave(0.0)
+    child.close_stdin()
+    until(lambda: not Path(f"/proc/{child.pid}").exists(), 20.0)
+    assert child.wait(PATIENCE_S)
+    assert child.ended == ("signal SIGKILL" if killed else "exit code 0")
 
 
 def test_child_inherits_only_given_descriptors() -> None:

@@ -133,6 +133,8 @@ class RecorderProcess:
                     raise self._death()
                 self.restart()
             if time.monotonic() > deadline:
+                if self._child is not None:
+                    self._child.leave(0.0)
                 raise RecordingError(
                     f"the recorder has not closed the recording within {timeout_s:g} s",
                     hint="The recorder continues; `rigd recover` reports the result.",
