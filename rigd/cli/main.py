@@ -11,7 +11,7 @@ import re
 import sys
 from collections.abc import Sequence
 from types import ModuleType
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from rigd import __version__
 from rigd.cli import (
@@ -117,7 +117,17 @@ exit codes:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that suggests a command if the given command is missing or unknown."""
+    """A parser that suggests a command if the given command is missing or unknown.
+
+    The parser of a command refuses itself what it does not know, below its own usage.
+    """
+
+    def parse_known_args(self, *args: Any, **named: Any) -> tuple[Any, list[str]]:
+        """Return the options; exit with the error if there are arguments beside them."""
+        known, unknown = super().parse_known_args(*args, **named)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return known, unknown
 
     def error(self, message: str) -> NoReturn:
         """Exit with the error; without a command, print the help."""

@@ -36,6 +36,19 @@ def test_help_names_every_command_and_every_exit_code(tmp_path: Path) -> None:
         assert f"{int(code)}  " in shown
 
 
+@pytest.mark.parametrize(
+    ("command", "given"),
+    [("import", "x.csv --map m.yaml"), ("remote list", ""), ("can eds", "drive.eds")],
+)
+def test_unknown_option_shows_usage_of_its_command(
+    command: str, given: str, tmp_path: Path
+) -> None:
+    shown = rigd(*command.split(), *given.split(), "--force", cwd=tmp_path)
+    assert shown.code == Exit.BAD_INPUT
+    assert shown.err.startswith(f"usage: rigd {command} [-h]")
+    assert f"rigd {command}: error: unrecognized arguments: --force" in shown.err
+
+
 def test_every_option_has_a_help_of_its_own() -> None:
     texts = [
         (parser.prog, action.help)
