@@ -54,13 +54,13 @@ from rigd.sdk import BlockDriver, SlowDriver
 _CYCLES_OF_SILENCE: Final = 3
 
 
-def load_rig(given: str | Path) -> RigConfig:
+def load_rig(given: str | Path, recorded: bytes | None = None) -> RigConfig:
     """Return the rig of a file, or of a rig's name (see :func:`find_file`).
 
     Raises:
         ConfigError: the file is missing or wrong; the error names every problem with its place.
     """
-    found = find_file(given, "configs")
+    found = find_file(given, "configs", recorded)
     rig = build_rig(read_document(found))
     return replace(rig, source=replace(rig.source, location=location(given, found, "configs")))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -19,11 +20,12 @@ def is_path(given: str | Path) -> bool:
     return isinstance(given, Path) or "/" in given or given.endswith((".yaml", ".yml"))
 
 
-def find_file(given: str | Path, kind: Kind) -> Path:
+def find_file(given: str | Path, kind: Kind, recorded: bytes | None = None) -> Path:
     """Return the file that ``given`` means: a path, or the name inside a file.
 
     A path means exactly that file, with one exception: ``procedures/quick.yaml``, as in the
-    documentation, is the shipped file if the current folder has no ``procedures``.
+    documentation, is the shipped file if the current folder has no ``procedures``. If two files of
+    one folder have the name, the one with the text ``recorded`` is meant.
 
     Raises:
         ConfigError: the file is missing, or two files of one folder have the name.
@@ -42,6 +44,8 @@ def find_file(given: str | Path, kind: Kind) -> Path:
             names.update(found.values())
             matches = [file for file, name in found.items() if str(given) in (name, file.stem)]
             if len(matches) > 1:
+                matches = [file for file in matches if _text(file) == recorded][:1] or matches
+            if len(matches) > 1:
                 both = " and ".join(map(str, matches))
                 raise ConfigError(f"{given!s} could be {both}", hint="give the path of the file")
             if matches:
@@ -59,6 +63,11 @@ def find_file(given: str | Path, kind: Kind) -> Path:
         "the shipped files",
         hint=suggest(path.stem, names),
     )
+
+
+def _text(file: Path) -> bytes:
+    """Return the text of a file as a recording has it."""
+    return file.read_bytes().removeprefix(BOM_UTF8)
 
 
 def find_beside(name: str, folder: Path) -> Path:

@@ -49,13 +49,14 @@ def requested(
             ``pace`` or ``start_ns`` is given for real devices, or
             ``resume`` began with other files.
     """
-    loaded = load_rig(rig)
+    texts: Mapping[str, bytes] = {} if resume is None else resume.texts
+    loaded = load_rig(rig, texts.get("rig.yaml"))
     if loaded.plant is None and (pace not in (None, 1.0) or start_ns is not None):
         raise ConfigError(
             f"rig {loaded.name} is not simulated in process: its devices run in real time",
             hint="remove --pace and --start",
         )
-    source = load_procedure(procedure)
+    source = load_procedure(procedure, texts.get("procedure.yaml"))
     done = frozenset[int]() if resume is None else resume.done
     unplayed = left_out(loaded, pace, done)
     compiled = compile_procedure(source, loaded, overrides, done=unplayed)

@@ -33,13 +33,13 @@ class Procedure:
         return SourceFile(self.document.path, self.document.text, self.location)
 
 
-def load_procedure(given: str | Path) -> Procedure:
+def load_procedure(given: str | Path, recorded: bytes | None = None) -> Procedure:
     """Return the procedure of a file, or of a procedure's name (see :func:`find_file`).
 
     Raises:
         ConfigError: the file is missing or wrong; the error names every problem with its place.
     """
-    found = find_file(given, "procedures")
+    found = find_file(given, "procedures", recorded)
     return replace(_bind(read_document(found)), location=location(given, found, "procedures"))
 
 

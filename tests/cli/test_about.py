@@ -57,6 +57,18 @@ def test_note_and_metadata_are_recorded_and_found(
         assert text in page.split("<main>")[0]
 
 
+def test_resume_finds_rig_beside_a_changed_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = (shipped_folder("configs") / "sim_lugre.yaml").read_bytes()
+    (tmp_path / "a.yaml").write_bytes(rig + b"# changed\n")
+    (tmp_path / "b.yaml").write_bytes(rig)
+    path = tmp_path / "run.mcap"
+    assert main(["run", "quick", "--rig", "b.yaml", "--quiet", "--output", str(path)]) == 0
+    assert main(["run", "--resume", str(path)]) == 0
+
+
 def test_same_words_and_seed_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "two"):
         assert run(tmp_path / f"{name}.mcap", *SAID) == 0
