@@ -114,6 +114,15 @@ def test_each_impossible_description_has_its_place(
     assert "\n" not in found[0]
 
 
+def test_contact_pressed_by_a_pull_is_refused(tmp_path: Path) -> None:
+    text = GOOD.replace("load: 2 kg", "pressed_by: arm")
+    assert problems(tmp_path, text.replace("5 N s/m}", "5 N s/m, preload: -3 N}")) == []
+    (found,) = problems(tmp_path, text.replace("5 N s/m}", "5 N s/m, preload: 3 N}"))
+    assert found.startswith("8:80: "), found
+    assert "3 N pulls, and the compression of arm presses contact" in found
+    assert "write '-3 N'" in found
+
+
 def test_massless_body_between_two_springs_is_named(tmp_path: Path) -> None:
     text = GOOD.replace("  pin: {mass: 0.2 kg}", "  pin: {mass: 0.2 kg}\n  joint: {mass: 0 kg}")
     text = text.replace("friction:", textwrap.indent(

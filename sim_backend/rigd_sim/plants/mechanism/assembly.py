@@ -185,6 +185,12 @@ class _Builder:
                 raise notes.refuse(
                     (*path, "pressed_by"), f"{item.pressed_by} has a torque, which presses nothing"
                 )
+            if spring.at_start > 0.0:
+                raise notes.refuse(
+                    ("springs", item.pressed_by, "preload"),
+                    f"{spring.at_start:g} N pulls, and the compression of {item.pressed_by} "
+                    f"presses {name}, which would have no friction: write '-{spring.at_start:g} N'",
+                )
             return max(0.0, -spring.at_start), 0.0, "N"
         if item.load is None:
             if item.most_load is not None:
