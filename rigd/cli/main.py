@@ -92,7 +92,7 @@ COMMANDS: tuple[ModuleType, ...] = (
 #: The error of argparse for an unknown command.
 _NO_CHOICE: Final = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")
 
-#: What a person at a terminal sees while the first start after an installation compiles.
+#: What a person reads on the error output while the first start after an installation compiles.
 COMPILING: Final = "rigd: compiles its functions, once after an installation: half a minute"
 
 EPILOG = """\
@@ -188,8 +188,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
-    if sys.stderr.isatty():
-        compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
+    compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
         if isinstance(getattr(args, "files", None), list):
             args.files = expanded(args.files)

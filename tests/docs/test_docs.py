@@ -30,6 +30,7 @@ from support import warm
 from support.command import rigd
 from support.served_lugre import served_lugre
 
+from rigd.cli.main import COMPILING
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.source import RigSource
@@ -224,7 +225,7 @@ def _ended(command: list[str], folder: Path, expected: int, path: str) -> str:
     )
     assert done.returncode == expected, done.stdout
     assert "Traceback" not in done.stdout, done.stdout
-    return done.stdout
+    return done.stdout.replace(f"{COMPILING}\n", "")  # shown once, wherever that is
 
 
 def is_shown(printed: str, shown: str) -> bool:
