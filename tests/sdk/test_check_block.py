@@ -74,7 +74,23 @@ class Good(BlockDriver[DriverConfig, Wire]):
 def test_a_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, peer=card)
     assert report.findings == ()
-    assert report.skipped == {}
+    assert report.skipped.keys() == {"rows are true", "quiet after close"}  # the peer shows nothing
+
+
+class Patchy(Good):
+    """A library that returns an empty block where another returns None."""
+
+    turn = False
+
+    def read_block(self, timeout_s: float) -> Block | None:
+        self.turn = not self.turn
+        if self.turn:
+            return Block(np.zeros(0, np.int64), np.zeros((0, 2)))
+        return super().read_block(timeout_s)
+
+
+def test_empty_blocks_are_no_mistake() -> None:
+    assert examine_driver(Patchy, peer=card).findings == ()
 
 
 class Closed(Good):
@@ -138,6 +154,13 @@ class Waiting(Good):
     def read_block(self, timeout_s: float) -> Block | None:
         time.sleep(2.0)
         return None
+
+
+class Patient(Good):
+    def read_block(self, timeout_s: float) -> Block | None:
+        if self.link.fault == "silent":
+            time.sleep(1.5)
+        return super().read_block(timeout_s)
 
 
 class CloseOnce(Good):
@@ -204,7 +227,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("blocks", Backward, "do not increase"),
     ("blocks", WallClock, "CLOCK_MONOTONIC stands at"),
     ("blocks", Rows, "returns list"),
-    ("blocks", Empty, "no block in"),
+    ("blocks", Empty, "no block with rows in"),
     ("newest row", Short, "newest_row gives 1 values, expected 2"),
     ("newest row", Greedy, "newest_row of a block of 1 raises IndexError"),
     ("time-out", Waiting, "read_block(0.2) takes"),
@@ -214,6 +237,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("dead", Inventive, "still gives rows"),
     ("dead", BadWords, "read_block raises OSError"),
     ("silent", Inventive, "still gives rows"),
+    ("silent", Patient, "read_block(0.2) takes"),
     ("not there", Pretending, "open() succeeds"),
     ("not there", Curt, "without a hint"),
 ]

@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from support.memory_wire import Wire, assert_found, each_mistake
@@ -21,7 +22,7 @@ from rigd.sdk import (
     Row,
     SlowDriver,
 )
-from rigd.sdk.check import Peer, check_driver, examine_driver
+from rigd.sdk.check import Observed, Peer, check_driver, examine_driver
 from rigd.sdk.check.slow import RULES
 
 
@@ -85,7 +86,34 @@ class Good(SlowDriver[DriverConfig, Wire]):
 def test_a_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, peer=thermometer)
     assert report.findings == ()
-    assert report.skipped == {}
+    assert report.skipped.keys() == {
+        "actions are done",
+        "rows are true",
+        "no row twice",
+    }  # the peer shows nothing
+
+
+def test_measured_value_of_no_channel_is_found() -> None:
+    @contextmanager
+    def misspelt() -> Iterator[Peer]:
+        with thermometer() as peer:
+            yield replace(peer, observed=lambda: Observed(measured={"temprature": 293.15}))
+
+    report = examine_driver(Good, peer=misspelt, only=["rows are true"])
+    assert_found(report, "rows are true", "the peer measures 'temprature', which is no channel")
+
+
+class Heater(Good):
+    async def write(self, setpoints: Sequence[float]) -> None:
+        """Write."""
+
+    async def make_safe(self) -> None:
+        """Do something."""
+
+
+def test_slow_driver_says_what_safe_means() -> None:
+    report = examine_driver(Heater, only=["safe is described"])
+    assert_found(report, "safe is described", "no docstring states what safe means")
 
 
 class Closed(Good):

@@ -59,6 +59,20 @@ class BlockBench:
         """Return how one read_block ended; it may take its time-out."""
         return self.call(lambda: self.driver.read_block(TIMEOUT_S), OPEN_S)
 
+    def next(self) -> Any:
+        """Return the block of one read_block; None if it has no rows.
+
+        Raises:
+            UnfitSubject: it raises, or returns something else.
+        """
+        block = self.must("read_block", lambda: self.driver.read_block(TIMEOUT_S))
+        if block is None:
+            return None
+        shape = getattr(getattr(block, "values", None), "shape", ())
+        if len(shape) != 2:  # n rows, k columns
+            raise UnfitSubject(f"read_block returns {type(block).__name__} of {shape}")
+        return block if len(block.values) else None
+
 
 @contextmanager
 def bench(subject: Subject, fault: str = "") -> Iterator[tuple[BlockBench, Callable[[], object]]]:
@@ -89,10 +103,10 @@ def _blocks(subject: Subject) -> Iterator[str]:
             if outcome.error is not None:
                 yield f"read_block raises {described(outcome.error)}"
                 return
-            if outcome.value is not None:
+            if outcome.value is not None and _rows_of(outcome.value) != 0:
                 blocks.append(outcome.value)
         if not blocks:
-            yield f"no block in {BLOCKS_S:g} s"
+            yield f"no block with rows in {BLOCKS_S:g} s"
             return
         problems = [problem for block in blocks for problem in _block_problems(found.driver, block)]
         yield from sorted(set(problems))
@@ -103,6 +117,11 @@ def _blocks(subject: Subject) -> Iterator[str]:
             now_ns = time.monotonic_ns()
             if abs(now_ns - int(times[-1])) > 60e9:
                 yield f"the last row is of {times[-1]} ns, CLOCK_MONOTONIC stands at {now_ns} ns"
+
+
+def _rows_of(block: object) -> int | None:
+    """Return the number of rows of a block; None if it is no block."""
+    return len(block.times_ns) if isinstance(block, Block) else None
 
 
 def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
@@ -140,11 +159,8 @@ def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:
     end = time.monotonic() + for_s
     latest = time.monotonic() + BLOCKS_S
     while time.monotonic() < (end if len(blocks) > 1 else latest):
-        block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
+        block = found.next()
         if block is not None:
-            shape = getattr(getattr(block, "values", None), "shape", ())
-            if len(shape) != 2:  # n rows, k columns
-                raise UnfitSubject(f"read_block returns {type(block).__name__} of {shape}")
             blocks.append(block)
             came_ns.append(time.monotonic_ns())
     if len(blocks) < 2:  # an interval has two ends
@@ -236,7 +252,7 @@ def _newest_row(subject: Subject) -> Iterator[str]:
         end = time.monotonic() + BLOCKS_S
         block: Any = None
         while block is None and time.monotonic() < end:
-            block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
+            block = found.next()
         if block is None:
             raise UnfitSubject(f"no block in {BLOCKS_S:g} s")
         declared = found.driver.declaration
@@ -302,7 +318,10 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
                         yield f"read_block raises {described(outcome.error)}"
                     lost = True
                     break
-                if outcome.value is not None and time.monotonic() > began + TAIL_S:
+                if fault != "dead" and outcome.took_s > TIMEOUT_S + ROOM_S:
+                    yield f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s"
+                    break
+                if _rows_of(outcome.value) and time.monotonic() > began + TAIL_S:
                     yield f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
                     break
             if fault == "dead" and not lost:
@@ -359,6 +378,7 @@ RULES: Final = (
         "and none comes twice",
         _true_rows,
         "",
+        observes=True,
     ),
     Rule(
         "newest row",
@@ -373,7 +393,7 @@ RULES: Final = (
         _opened_twice,
         "",
     ),
-    Rule("quiet after close", "close() ends the stream of the device", _quiet, ""),
+    Rule("quiet after close", "close() ends the stream of the device", _quiet, "", observes=True),
     Rule("closed twice", "close() may come twice, silently", _closed_twice, ""),
     Rule("lets go", "close() lets go of the device: the next session opens it", _reopens, ""),
     Rule(
@@ -384,7 +404,7 @@ RULES: Final = (
     ),
     Rule(
         "silent",
-        "with the device silent read_block() returns None or raises a DeviceError",
+        "with the device silent read_block() returns None at its time-out or raises a DeviceError",
         _lost("silent"),
         "silent",
     ),
@@ -408,7 +428,7 @@ RULES: Final = (
     ),
     Rule(
         "garbled at open",
-        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
         _garbled_at_open,
         "garbled",
     ),

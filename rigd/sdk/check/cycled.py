@@ -348,7 +348,7 @@ RULES: Final = (
     ),
     Rule(
         "garbled at open",
-        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
         _opens_in_words("garbled"),
         "garbled",
     ),

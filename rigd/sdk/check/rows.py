@@ -53,7 +53,11 @@ def beyond_range(channel: Channel, value: float) -> str:
 
 def untrue(declared: Declaration, row: Sequence[float], measured: Mapping[str, float]) -> list[str]:
     """Return the problems of a row whose device measures ``measured``, by channel in its unit."""
-    return [
+    names = {channel.name for channel in declared.channels}
+    unknown = [
+        f"the peer measures {name!r}, which is no channel" for name in measured.keys() - names
+    ]
+    return unknown + [
         f"{channel.name} is {value:g} {channel.unit}, and the device measures "
         f"{measured[channel.name]:g} {channel.unit}"
         for channel, value in zip(declared.channels, row, strict=False)

@@ -406,18 +406,21 @@ RULES: Final = (
         "act() returns when the device has done the action",
         _scene(_acted),
         "",
+        observes=True,
     ),
     Rule(
         "rows are true",
         "a row has what the device measures, in the unit of its channel: check factor and sign",
         _scene(_true_rows),
         "",
+        observes=True,
     ),
     Rule(
         "no row twice",
         "emit a row only when the device has sent a new reading; never the last one again",
         _scene(_repeated),
         "",
+        observes=True,
     ),
     Rule(
         "quiet after close",
@@ -482,7 +485,7 @@ RULES: Final = (
     ),
     Rule(
         "garbled at open",
-        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
         _scene(_opens_in_words("garbled"), opened=False),
         "garbled",
     ),
