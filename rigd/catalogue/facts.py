@@ -65,7 +65,7 @@ class Listing:
     state: str
     trials: int
     planned: str
-    duration_s: float
+    duration_s: float | None
     size: int
     set: str
     specimen: str
@@ -88,7 +88,7 @@ def line_of(info: RunInfo, file: str) -> Listing:
         state=info.state,
         trials=info.trials_done,
         planned=info.metadata.get("run", {}).get("trials", "?"),
-        duration_s=info.duration_s,
+        duration_s=info.took_s,
         size=info.size,
         set=assigned(info.metadata.get("overrides", {})),
         specimen=info.specimen.get("name", ""),
@@ -132,7 +132,8 @@ def _facts(info: RunInfo, line: Listing) -> Iterator[Fact]:
     yield Fact("trials", value_of(str(line.trials)))
     if line.planned.isdecimal():
         yield Fact("planned", value_of(line.planned))
-    yield Fact("duration", Value(f"{info.duration_s:g} s", info.duration_s, "s"))
+    if line.duration_s is not None:
+        yield Fact("duration", Value(f"{line.duration_s:g} s", line.duration_s, "s"))
     yield Fact("size", value_of(str(info.size)))
     for trial in info.trials:
         for name in trial.parameters:

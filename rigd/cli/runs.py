@@ -139,7 +139,7 @@ def _print(folder: Path, lines: Sequence[Listing]) -> None:
             line.rig,
             line.state,
             f"{line.trials}/{line.planned}",
-            f"{line.duration_s:.0f}",
+            "" if line.duration_s is None else f"{line.duration_s:.0f}",
             f"{line.size / 1e6:.1f}",
             *(shorten(plain(getattr(line, name)), _MOST_LETTERS) for name in stated),
         )

@@ -358,7 +358,7 @@ declare namespace Api {
     procedure: string;
     state: string;
     started_ns: number;
-    duration_s: number;
+    duration_s: number | null;
     trials_done: number;
     trials_total: number;
     size: number;

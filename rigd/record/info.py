@@ -60,6 +60,12 @@ class RunInfo:
     size: int  #: bytes
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
     other_topics: tuple[str, ...] = ()  #: of another program, which rigd cannot read as columns
+    began: bool = True  #: whether preflight was passed, so that the rig was to be armed
+
+    @property
+    def took_s(self) -> float | None:
+        """How long the run took; None if it ended before the rig was armed."""
+        return self.duration_s if self.began else None
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -133,6 +139,7 @@ def info_of(
     """Return the summary that metadata and events give: without streams and attachments."""
     run = metadata.get("run", {})
     state, reason = run_state(events)
+    kinds = {event.kind for event in events}
     return RunInfo(
         path=path,
         procedure=run.get("procedure", ""),
@@ -152,6 +159,7 @@ def info_of(
         start_ns=start_ns,
         duration_s=(end_ns - start_ns) * 1e-9,
         size=size,
+        began="run_start" in kinds or "run_end" not in kinds,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rigd.cli.main import main
 from rigd.model import Stream
 from rigd.record import Event, Recording, RecordingWriter, run_info, trials
 from rigd.record.info import run_state
@@ -52,6 +53,29 @@ def test_run_info_summarises_a_recording(
     assert info.duration_s == pytest.approx(4.0)
     assert info.attachments == ("rig.yaml",)
     assert info.size == (tmp_path / "run.mcap").stat().st_size
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_only_an_armed_run_takes_time(
+    armed: bool,
+    create: Create,
+    rows: MakeRows,
+    servo: Stream,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A run that is stopped in preflight has recorded rows, and nothing of it was played."""
+    with create() as writer:
+        start = int(rows(servo, 1)["t_ns"][0])
+        if armed:
+            writer.event(start, "run_start")
+        writer.write("wheel_servo", rows(servo, 4_001))
+        writer.event(start + 4_000_000_000, "run_end", None, {"state": "stopped"})
+    took_s = run_info(Recording.open(tmp_path / "run.mcap")).took_s
+    assert took_s == (pytest.approx(4.0) if armed else None)
+    assert main(["runs", str(tmp_path)]) == 0
+    *_, seconds, _megabytes = capsys.readouterr().out.splitlines()[1].split()
+    assert seconds == ("4" if armed else "0/?")
 
 
 def test_trial_has_the_last_value_of_each_quantity() -> None:

@@ -61,7 +61,7 @@ def facts(
     missed = sum(_whole(event.data.get("missed_slots")) for event in events if event.kind == "late")
     stale = sum(samples.stale.values())
     found = [
-        ("Took", f"{info.duration_s:.1f} s"),
+        ("Took", "never armed" if info.took_s is None else f"{info.took_s:.1f} s"),
         ("Samples", count(sum(stream.rows for stream in info.streams))),
         ("Size of the file", f"{info.size / 1e6:.1f} MB"),
         ("Interlocks that acted", _counted(acted) or "none"),

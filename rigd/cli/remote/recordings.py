@@ -68,7 +68,7 @@ def _print(found: RunList, where: str, again: str) -> None:
             run.state if run.problem is None else run.problem,
             began if run.started_ns else "",
             f"{run.trials_done}/{run.trials_total}",
-            f"{run.duration_s:.0f}",
+            "" if run.duration_s is None else f"{run.duration_s:.0f}",
             f"{run.size / 1e6:.1f}",
             "yes" if run.has_report else "",
         )

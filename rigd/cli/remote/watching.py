@@ -90,7 +90,7 @@ def _conclusion(last: LastRun, recorded: RunView | None, target_options: str) ->
         exit_code=last.exit_code,
         trials_done=line.trials_done,
         trials_total=line.trials_total,
-        run_s=line.duration_s,
+        run_s=line.duration_s or 0.0,
         advice=advice,
     )
 

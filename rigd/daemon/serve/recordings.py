@@ -267,7 +267,7 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         procedure=info.procedure,
         state=info.state,
         started_ns=_started_ns(info),
-        duration_s=info.duration_s,
+        duration_s=info.took_s,
         trials_done=info.trials_done,
         trials_total=_total(info),
         size=info.size,

@@ -274,7 +274,8 @@ class RunLine(Message):
     """How it ended."""
     started_ns: Nanoseconds
     """When it began, by the calendar; of a run in virtual time, when its file was made."""
-    duration_s: float
+    duration_s: float | None
+    """How long it took; None if it ended before the rig was armed."""
     trials_done: Count
     trials_total: Count
     size: Count
