@@ -1,16 +1,14 @@
-"""Reads recordings into numpy: first the index, then the rows of a stream chunk by chunk."""
+"""Reads recordings into numpy: the rows of a stream chunk by chunk, by the index of the file."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,35 +19,38 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.model.system import read_at
-from rigd.record.access import how_to_recover, require_regular, share
-from rigd.record.chunks import ChunkHead, blob_dtype, parse_chunk, unpack_chunk
-from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
+from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
+from rigd.record.contents import Contents, rows_of
 from rigd.record.crc import crc32
 from rigd.record.decode import Channels, KeptMessages, Messages
 from rigd.record.events import Event, parse_event
 from rigd.record.file import RecordingInUse
-from rigd.record.gaps import Gap, gaps_from_json, with_losses
+from rigd.record.gaps import Gap, with_losses
+from rigd.record.index import (
+    channels_by_topic,
+    damaged,
+    gaps_in,
+    indexed,
+    metadata_in,
+    opened,
+    record_in,
+    require_same,
+    streams_in,
+    walked,
+)
 from rigd.record.prefix import (
     FORMAT_METADATA,
-    GAPS_KEY,
-    RECOVERY_METADATA,
     START_KEY,
     Attachment,
 )
-from rigd.record.scan import Scan, scan
 from rigd.record.schema import (
     EVENTS_STREAM,
     EVENTS_TOPIC,
-    STREAM_KEY,
-    TRIAL_TOPIC,
-    stream_from_json,
-    stream_from_schema,
 )
 from rigd.record.tables import Table, stream_table
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
-from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
+from rigd.record.wire import Malformed, decode
 
 if TYPE_CHECKING:
     from rigd.record.info import RunInfo
@@ -92,16 +93,16 @@ class Recording:
             RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
         """
         path = Path(path)
-        with _opened(path) as fd:
+        with opened(path) as fd:
             try:
-                found = _walked(fd) if partial else None
+                found = walked(fd) if partial else None
                 if found is not None:
                     contents, problem, end = found.contents, found.problem, found.data_end
                 else:
-                    (contents, end), problem = _indexed(fd), ""
-                metadata = _metadata(fd, contents)
-                streams, others = _streams(contents)
-                gaps = found.gaps() if found is not None else _gaps(metadata)
+                    (contents, end), problem = indexed(fd), ""
+                metadata = metadata_in(fd, contents)
+                streams, others = streams_in(contents)
+                gaps = found.gaps() if found is not None else gaps_in(metadata)
             except Malformed as error:
                 raise damaged(path, error) from error
             size = os.fstat(fd).st_size
@@ -278,7 +279,7 @@ class Recording:
     ) -> Iterator[NDArray[np.void]]:
         """Yield the rows of each chunk with ``low <= t_ns < high``, as times and blobs."""
         channels, blob = self._channels(stream), self._blob(stream)
-        with _opened(self.path) as fd:
+        with opened(self.path) as fd:
             for index in self._chunks(channels, low, high):
                 messages = self._unpack(fd, index, check_crc=check_crc)
                 try:
@@ -305,7 +306,7 @@ class Recording:
         events: list[Event] = []
         if channels is None:
             return events
-        with _opened(self.path) as fd:
+        with opened(self.path) as fd:
             for index in self._chunks(channels, 0, _LAST_NS):
                 messages = self._unpack(fd, index, check_crc=True)
                 try:
@@ -387,10 +388,10 @@ class Recording:
 
         """
         found: dict[str, Attachment] = {}
-        with _opened(self.path) as fd:
+        with opened(self.path) as fd:
             for index in self.contents.attachments:
                 try:
-                    record = _record(fd, index.offset, index.length, Opcode.ATTACHMENT)
+                    record = record_in(fd, index.offset, index.length, Opcode.ATTACHMENT)
                     content = decode(mcap.Attachment, record.content)
                 except Malformed as error:
                     raise self._damaged(error) from error
@@ -413,7 +414,7 @@ class Recording:
 
     @cached_property
     def _numbers(self) -> Mapping[str, Channels]:
-        return _numbers(self.contents)
+        return channels_by_topic(self.contents)
 
     def _channels(self, stream: str) -> Channels:
         if stream not in self.streams:
@@ -437,9 +438,9 @@ class Recording:
 
     def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> Messages:
         try:
-            record = _record(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
+            record = record_in(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
             head = parse_chunk(record.content)
-            _require_same(head, index)
+            require_same(head, index)
             key = index.chunk_start_offset, head.size, head.crc or crc32(head.packed)
             if (kept := self._kept.get(key)) is not None:
                 return kept
@@ -476,164 +477,3 @@ def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recor
 
 def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:
     return 0 if start_ns is None else start_ns, _LAST_NS if end_ns is None else end_ns
-
-
-def damaged(path: Path, problem: object) -> RecordingError:
-    """Return the error for a file that cannot be read; a writer may be changing it."""
-    if is_written(path):
-        return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
-    message = f"{path} cannot be read: {problem}"
-    if not _may_be_mcap(path):
-        hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
-        return RecordingError(message, hint=hint)
-    return RecordingError(
-        message,
-        hint=f"`rigd verify {quote(str(path))}` lists the damage. {how_to_recover(path)}",
-    )
-
-
-def is_written(path: Path) -> bool:
-    """Return whether a writer has the file open."""
-    with path.open("rb", buffering=0) as file:
-        return not share(file.fileno())
-
-
-def _may_be_mcap(path: Path) -> bool:
-    """Return whether a file that cannot be read is named, begins or ends like a recording."""
-    with path.open("rb") as file:
-        begin = file.read(len(MAGIC))
-        file.seek(-min(len(MAGIC), os.fstat(file.fileno()).st_size), os.SEEK_END)
-        return path.suffix == ".mcap" or MAGIC in (begin, file.read())
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[int]:
-    """Open a file that is not empty, for positioned reads.
-
-    It is not mapped: if its writer cut a mapped file shorter, the system would kill the reader.
-
-    Raises:
-        RecordingError: missing, not readable, or empty.
-
-    """
-    try:
-        require_regular(path)
-        with path.open("rb", buffering=0) as file:
-            if os.fstat(file.fileno()).st_size == 0:
-                raise RecordingError(
-                    f"{path} is empty", hint="Nothing was recorded; the file can be deleted."
-                )
-            yield file.fileno()
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror}") from error
-
-
-def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
-    size = os.fstat(fd).st_size
-    if offset + length > size:
-        raise Malformed(f"its index points to byte {offset + length}, behind its end at {size}")
-    return memoryview(read_at(fd, length, offset))
-
-
-def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
-    record = record_at(_bytes_at(fd, offset, length), 0)
-    if record.opcode != opcode:
-        raise Malformed(f"the record at byte {offset} does not agree with its index")
-    return record
-
-
-def _require_same(head: ChunkHead, index: ChunkIndex) -> None:
-    """Raise unless a chunk is the one of the index.
-
-    A writer replaces the open chunks at the end of its file, also by those of other channels.
-
-    Raises:
-        Malformed: it is another one.
-    """
-    found = head.start_ns, head.end_ns, head.size, head.compression, len(head.packed)
-    if found != (
-        index.message_start_time,
-        index.message_end_time,
-        index.uncompressed_size,
-        index.compression,
-        index.compressed_size,
-    ):
-        raise Malformed(f"the chunk at byte {index.chunk_start_offset} is not that of the index")
-
-
-def _walked(fd: int) -> Scan | None:
-    """Return a scan of the whole file, or None while a writer holds it."""
-    return scan(map_file(fd)) if share(fd) else None
-
-
-def _indexed(fd: int) -> tuple[Contents, int]:
-    size, ending = os.fstat(fd).st_size, FOOTER.size + len(MAGIC)
-    if read_at(fd, len(MAGIC), 0) != MAGIC:
-        raise Malformed("it does not begin like an MCAP file")
-    start, crc = parse_footer(memoryview(read_at(fd, ending, max(size - ending, 0))))
-    if start == 0:
-        raise Malformed("it has no summary")
-    if not len(MAGIC) <= start <= size - ending:
-        raise Malformed("its footer points outside of the file")
-    summary = _bytes_at(fd, start, size - start)
-    if crc and crc32(summary[: -len(MAGIC) - 4]) != crc:
-        raise Malformed("the CRC of its summary does not match")
-    contents = parse_summary(summary[:-ending])
-    if contents.messages > sum(map(rows_of, contents.chunks)):
-        raise Malformed("its messages are not in indexed chunks")
-    return contents, start
-
-
-def _metadata(fd: int, contents: Contents) -> dict[str, dict[str, str]]:
-    """Return the metadata by name; for a repeated name, later values replace earlier values."""
-    found: dict[str, dict[str, str]] = {}
-    for index in contents.metadata:
-        record = _record(fd, index.offset, index.length, Opcode.METADATA)
-        content = decode(mcap.Metadata, record.content)
-        found.setdefault(content.name, {}).update(content.metadata)
-    return found
-
-
-def _gaps(metadata: Mapping[str, Mapping[str, str]]) -> tuple[Gap, ...]:
-    try:
-        return gaps_from_json(metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
-    except ValueError as error:
-        raise Malformed(str(error)) from error
-
-
-def _streams(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
-    streams: dict[str, Stream] = {}
-    others: list[str] = []
-    for channel in contents.channels.values():
-        stream = _stream(channel, contents)
-        if stream is not None and f"/{stream.name}" == channel.topic:
-            if streams.setdefault(stream.name, stream) != stream:
-                others.append(channel.topic)
-        elif channel.topic not in (EVENTS_TOPIC, TRIAL_TOPIC):
-            others.append(channel.topic)
-    return streams, tuple(others)
-
-
-def _numbers(contents: Contents) -> dict[str, Channels]:
-    """Return the channels of each topic: the first, and those that give the same stream.
-
-    A file that another program merged has several of one topic.
-    """
-    found: dict[str, Channels] = {}
-    for number, channel in contents.channels.items():
-        same = found.setdefault(channel.topic, ())
-        if not same or _stream(channel, contents) == _stream(contents.channels[same[0]], contents):
-            found[channel.topic] = (*same, number)
-    return found
-
-
-def _stream(channel: mcap.Channel, contents: Contents) -> Stream | None:
-    schema = contents.schemas.get(channel.schema_id)
-    if STREAM_KEY in channel.metadata:
-        try:
-            return stream_from_json(channel.metadata[STREAM_KEY])
-        except ValueError as error:
-            raise Malformed(f"channel {channel.topic}: {error}") from error
-    if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
-        return None
-    return stream_from_schema(channel.topic, schema.data.decode(errors="replace"))

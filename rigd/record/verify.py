@@ -13,7 +13,8 @@ from rigd.model import RecordingError
 from rigd.record.access import require_regular, share
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gap_text, gaps_json
-from rigd.record.reader import Recording, damaged
+from rigd.record.index import damaged
+from rigd.record.reader import Recording
 from rigd.record.scan import Damage, Scan, scan
 from rigd.record.trials import TrialInfo
 from rigd.record.wire import Malformed, map_file

@@ -28,9 +28,10 @@ from rigd.model import RecordingError
 from rigd.record.export import export
 from rigd.record.export.part import Measures
 from rigd.record.file import RecordingInUse
+from rigd.record.index import is_written
 from rigd.record.info import RunInfo
 from rigd.record.moment import is_virtual, recorded_at
-from rigd.record.reader import Recording, is_written
+from rigd.record.reader import Recording
 
 SPECIFICATION: Final = "https://w3id.org/ro/crate/1.2"
 METADATA_FILE: Final = "ro-crate-metadata.json"

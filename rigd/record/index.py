@@ -1,0 +1,221 @@
+"""Opens a recording and reads its index: what stands in the file, and where.
+
+:class:`~rigd.record.reader.Recording` reads the rows by it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
+
+from mcap import records as mcap
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+
+from rigd.model import RecordingError, Stream
+from rigd.model.system import read_at
+from rigd.record.access import how_to_recover, require_regular, share
+from rigd.record.chunks import ChunkHead
+from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
+from rigd.record.crc import crc32
+from rigd.record.decode import Channels
+from rigd.record.file import RecordingInUse
+from rigd.record.gaps import Gap, gaps_from_json
+from rigd.record.prefix import GAPS_KEY, RECOVERY_METADATA
+from rigd.record.scan import Scan, scan
+from rigd.record.schema import (
+    EVENTS_TOPIC,
+    STREAM_KEY,
+    TRIAL_TOPIC,
+    stream_from_json,
+    stream_from_schema,
+)
+from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
+
+
+def damaged(path: Path, problem: object) -> RecordingError:
+    """Return the error for a file that cannot be read; a writer may be changing it."""
+    if is_written(path):
+        return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
+    message = f"{path} cannot be read: {problem}"
+    if not _may_be_mcap(path):
+        hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
+        return RecordingError(message, hint=hint)
+    return RecordingError(
+        message,
+        hint=f"`rigd verify {quote(str(path))}` lists the damage. {how_to_recover(path)}",
+    )
+
+
+def is_written(path: Path) -> bool:
+    """Return whether a writer has the file open."""
+    with path.open("rb", buffering=0) as file:
+        return not share(file.fileno())
+
+
+def _may_be_mcap(path: Path) -> bool:
+    """Return whether a file that cannot be read is named, begins or ends like a recording."""
+    with path.open("rb") as file:
+        begin = file.read(len(MAGIC))
+        file.seek(-min(len(MAGIC), os.fstat(file.fileno()).st_size), os.SEEK_END)
+        return path.suffix == ".mcap" or MAGIC in (begin, file.read())
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[int]:
+    """Open a file that is not empty, for positioned reads.
+
+    It is not mapped: if its writer cut a mapped file shorter, the system would kill the reader.
+
+    Raises:
+        RecordingError: missing, not readable, or empty.
+
+    """
+    try:
+        require_regular(path)
+        with path.open("rb", buffering=0) as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise RecordingError(
+                    f"{path} is empty", hint="Nothing was recorded; the file can be deleted."
+                )
+            yield file.fileno()
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
+    size = os.fstat(fd).st_size
+    if offset + length > size:
+        raise Malformed(f"its index points to byte {offset + length}, behind its end at {size}")
+    return memoryview(read_at(fd, length, offset))
+
+
+def record_in(fd: int, offset: int, length: int, opcode: int) -> Record:
+    """Return the record that the index names.
+
+    Raises:
+        Malformed: another one is there.
+    """
+    record = record_at(_bytes_at(fd, offset, length), 0)
+    if record.opcode != opcode:
+        raise Malformed(f"the record at byte {offset} does not agree with its index")
+    return record
+
+
+def require_same(head: ChunkHead, index: ChunkIndex) -> None:
+    """Raise unless a chunk is the one of the index.
+
+    A writer replaces the open chunks at the end of its file, also by those of other channels.
+
+    Raises:
+        Malformed: it is another one.
+    """
+    found = head.start_ns, head.end_ns, head.size, head.compression, len(head.packed)
+    if found != (
+        index.message_start_time,
+        index.message_end_time,
+        index.uncompressed_size,
+        index.compression,
+        index.compressed_size,
+    ):
+        raise Malformed(f"the chunk at byte {index.chunk_start_offset} is not that of the index")
+
+
+def walked(fd: int) -> Scan | None:
+    """Return a scan of the whole file, or None while a writer holds it."""
+    return scan(map_file(fd)) if share(fd) else None
+
+
+def indexed(fd: int) -> tuple[Contents, int]:
+    """Return what the index at the end of the file names, and where it begins.
+
+    Raises:
+        Malformed: the file has none, or it is damaged.
+    """
+    size, ending = os.fstat(fd).st_size, FOOTER.size + len(MAGIC)
+    if read_at(fd, len(MAGIC), 0) != MAGIC:
+        raise Malformed("it does not begin like an MCAP file")
+    start, crc = parse_footer(memoryview(read_at(fd, ending, max(size - ending, 0))))
+    if start == 0:
+        raise Malformed("it has no summary")
+    if not len(MAGIC) <= start <= size - ending:
+        raise Malformed("its footer points outside of the file")
+    summary = _bytes_at(fd, start, size - start)
+    if crc and crc32(summary[: -len(MAGIC) - 4]) != crc:
+        raise Malformed("the CRC of its summary does not match")
+    contents = parse_summary(summary[:-ending])
+    if contents.messages > sum(map(rows_of, contents.chunks)):
+        raise Malformed("its messages are not in indexed chunks")
+    return contents, start
+
+
+def metadata_in(fd: int, contents: Contents) -> dict[str, dict[str, str]]:
+    """Return the metadata by name; for a repeated name, later values replace earlier values.
+
+    Raises:
+        Malformed: a record is not where the index names it.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for index in contents.metadata:
+        record = record_in(fd, index.offset, index.length, Opcode.METADATA)
+        content = decode(mcap.Metadata, record.content)
+        found.setdefault(content.name, {}).update(content.metadata)
+    return found
+
+
+def gaps_in(metadata: Mapping[str, Mapping[str, str]]) -> tuple[Gap, ...]:
+    """Return the rows that a recovery of the file has stated as lost.
+
+    Raises:
+        Malformed: they are not stated as rigd states them.
+    """
+    try:
+        return gaps_from_json(metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
+    except ValueError as error:
+        raise Malformed(str(error)) from error
+
+
+def streams_in(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
+    """Return the streams by name, and the topics that are none.
+
+    Raises:
+        Malformed: a channel states a stream that is none.
+    """
+    streams: dict[str, Stream] = {}
+    others: list[str] = []
+    for channel in contents.channels.values():
+        stream = _stream(channel, contents)
+        if stream is not None and f"/{stream.name}" == channel.topic:
+            if streams.setdefault(stream.name, stream) != stream:
+                others.append(channel.topic)
+        elif channel.topic not in (EVENTS_TOPIC, TRIAL_TOPIC):
+            others.append(channel.topic)
+    return streams, tuple(others)
+
+
+def channels_by_topic(contents: Contents) -> dict[str, Channels]:
+    """Return the channels of each topic: the first, and those that give the same stream.
+
+    A file that another program merged has several of one topic.
+    """
+    found: dict[str, Channels] = {}
+    for number, channel in contents.channels.items():
+        same = found.setdefault(channel.topic, ())
+        if not same or _stream(channel, contents) == _stream(contents.channels[same[0]], contents):
+            found[channel.topic] = (*same, number)
+    return found
+
+
+def _stream(channel: mcap.Channel, contents: Contents) -> Stream | None:
+    schema = contents.schemas.get(channel.schema_id)
+    if STREAM_KEY in channel.metadata:
+        try:
+            return stream_from_json(channel.metadata[STREAM_KEY])
+        except ValueError as error:
+            raise Malformed(f"channel {channel.topic}: {error}") from error
+    if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
+        return None
+    return stream_from_schema(channel.topic, schema.data.decode(errors="replace"))
