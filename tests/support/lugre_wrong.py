@@ -199,8 +199,8 @@ class World:
             for name, values in shown.items()
         }
         if self.crossed in (1, 3):
-            one, other = "acceleration_m_s2", "motor_current_a"
-            shown[one], shown[other] = shown[other], shown[one]
+            felt, amps = shown["acceleration_m_s2"], shown["motor_current_a"]
+            shown |= {"acceleration_m_s2": amps, "motor_current_a": felt}
         if self.crossed in (2, 3):
             order = np.argsort(np.abs(shown["motor_current_a"]), kind="stable")
             shown = {name: values[order] for name, values in shown.items()}
