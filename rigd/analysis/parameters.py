@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from shlex import quote
 from typing import Final, TypeVar
@@ -12,6 +13,8 @@ from typing import Final, TypeVar
 from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.joint_account import JointAccount
+from rigd.analysis.measures.ranges import changed_formula
+from rigd.analysis.measures.recorded import formulas_behind
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import file_sha256, provenance
 from rigd.analysis.report import (
@@ -360,7 +363,8 @@ def complete_groups(
     ``pooled`` names parameters that do not separate groups, although `group_by` names them.
 
     Raises:
-        DataError: a recording has no complete trial, or a group is of several rigs.
+        DataError: a recording has no complete trial, or a group is of several rigs, or of signals
+            from derived channels with several formulas.
     """
     for sweep in sweeps:
         if not sweep.trials:
@@ -371,6 +375,7 @@ def complete_groups(
     found = groups(sweeps, by_recording=options.by_recording, pooled=pooled)
     for label, trials in found.items():
         _refuse_different_rigs(trials)
+        _refuse_different_formulas(trials)
         notify(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
         yield Group(label, trials, tuple(pooled))
 
@@ -459,6 +464,28 @@ def _refuse_different_rigs(trials: Trials) -> None:
                 f"{first.info.rig!r}",
                 hint="identify the recordings of each rig by themselves, with a command each or "
                 "with `--group-by recording`",
+            )
+
+
+def _refuse_different_formulas(trials: Trials) -> None:
+    """Refuse trials with a signal that two formulas derive: one fit of them is of neither.
+
+    Raises:
+        DataError: there are two.
+    """
+    sweeps = {sweep.path: sweep for sweep, _ in trials}.values()
+    known = [
+        (sweep.path, formulas_behind(sweep.recording, sweep.plan.signals.values()))
+        for sweep in sweeps
+    ]
+    for (first, mine), (second, theirs) in combinations(known, 2):
+        channel = changed_formula(mine, theirs)
+        if channel is not None:
+            raise DataError(
+                f"signals rest on {channel}, which is {mine[channel]!r} in {first} and "
+                f"{theirs[channel]!r} in {second}",
+                hint="identify the recordings of each formula by themselves, with a command each "
+                "or with `--group-by recording`",
             )
 
 

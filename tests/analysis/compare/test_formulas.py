@@ -1,4 +1,4 @@
-"""Campaigns that are identified from derived channels: of one formula, or not compared."""
+"""Data that rest on derived channels: of one formula, or not fitted together, not compared."""
 
 from __future__ import annotations
 
@@ -75,3 +75,22 @@ def test_saved_result_of_another_formula_is_refused(tmp_path: Path) -> None:
 def test_signals_of_one_formula_are_compared(tmp_path: Path) -> None:
     first = recorded(tmp_path / "a.mcap", "axis.load / 2", 1)
     assert compared(first, recorded(tmp_path / "b.mcap", "axis.load/2", 2)) > 0
+
+
+def test_signals_of_two_formulas_are_not_fitted_together(tmp_path: Path) -> None:
+    first = recorded(tmp_path / "a.mcap", "axis.load / 2", 1)
+    second = recorded(tmp_path / "b.mcap", "axis.load / 3", 2)
+    with pytest.raises(DataError) as refused:
+        identify([first, second])
+    assert refused.value.message == (
+        f"signals rest on half.load, which is 'axis.load / 2' in {first} and 'axis.load / 3' in "
+        f"{second}"
+    )
+    apart = identify([first, second], by_recording=True)
+    assert len(apart.to_json()["groups"]) == 2
+
+
+def test_signals_of_one_formula_are_fitted_together(tmp_path: Path) -> None:
+    first = recorded(tmp_path / "a.mcap", "axis.load / 2", 1)
+    again = recorded(tmp_path / "b.mcap", "axis.load/2", 2)
+    assert len(identify([first, again]).to_json()["recordings"]) == 2
