@@ -16,6 +16,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from rigd.analysis import DataError
 from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, Preprocessing, TrialRejection
+from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.drive import MIN_REST_S, Drive, find_drive
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
 
@@ -84,10 +85,12 @@ def process(
 ) -> ProcessedSweep:
     """Return slip and traction of every trial that moved.
 
-    Raises DataError for unusable recordings, a reversed sign, and too few moving trials.
+    Raises DataError for unusable recordings, a reversed sign, too few moving trials, and trials
+    that are all the same test.
     """
     guards = Guards() if guards is None else guards
     kept: list[ProcessedTrial] = []
+    driven: list[tuple[LugreTrial, slice]] = []
     rejected: list[TrialRejection] = []
     for trial in trials:
         outcome = process_trial(trial, constants, guards)
@@ -95,6 +98,7 @@ def process(
             rejected.append(outcome)
         else:
             kept.append(outcome)
+            driven.append((trial, slice(outcome.drive.start, outcome.drive.end)))
     if len(kept) < guards.min_trials:
         reasons = "; ".join(f"{r.label}: {r.reason}" for r in rejected)
         raise DataError(
@@ -103,6 +107,7 @@ def process(
             hint="record a sweep of currents that move the carriage",
         )
     _check_sign(kept)
+    refuse_alike(driven)
     return ProcessedSweep(tuple(kept), constants, guards, _account(kept, rejected, guards))
 
 

@@ -9,9 +9,11 @@ import pytest
 from support.lugre_wrong import CONSTANT, Program, right
 
 from rigd.analysis import DataError
+from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig.identify import fit_group
-from rigd_analyses.lugre.rig.parts import refuse_alike, sort_out
+from rigd_analyses.lugre.rig.parts import sort_out
 
 
 @pytest.mark.parametrize(
@@ -28,6 +30,14 @@ def test_one_current_in_many_trials_is_refused() -> None:
     world = right("pvc", program=(((1.2, 3.0),),) * 10)
     with pytest.raises(DataError, match="all 10 trials are the same test"):
         fit_group(world.trials(2), world.constants, world.rig)
+
+
+@pytest.mark.parametrize("current", [0.25, 0.75])
+def test_slip_force_refuses_trials_of_one_current(current: float) -> None:
+    """On stone they gave mu_c 64 %, or sigma_2 65 % too low, within 6 % and 18 %."""
+    world = right("stone", program=(((current, 3.0),),) * 3)
+    with pytest.raises(DataError, match="all 3 trials are the same test"):
+        process(world.trials(1), world.constants)
 
 
 @pytest.mark.parametrize(

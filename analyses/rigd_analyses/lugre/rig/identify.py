@@ -36,6 +36,7 @@ from rigd.analysis.result import (
     TrialRejection,
 )
 from rigd.analysis.system import Diverged
+from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.curve import SLIDING, TRIM
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import (
@@ -59,7 +60,7 @@ from rigd_analyses.lugre.rig.found import (
     beside,
     slip,
 )
-from rigd_analyses.lugre.rig.parts import refuse_alike, sort_out
+from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import (
     along_ridge,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.result import FloatArray, RowsUsed, TrialRejection
+from rigd.analysis.result import RowsUsed, TrialRejection
 from rigd_analyses.lugre.drive import find_drive
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import window_samples
@@ -15,8 +15,6 @@ from rigd_analyses.lugre.rig.system import LEAD
 from rigd_analyses.lugre.trial import LugreTrial
 
 LEAST_TRIALS = 3
-ALIKE = 0.05  #: relative difference of currents, or loads, up to which trials are one test
-MEAN_OF = 20  #: samples
 MARGIN = 5  #: samples before the end of a drive that the current alone shows
 LEAST_TRAVEL_M = 0.02
 LEAST_SPEED_M_S = 0.03  #: a carriage that creeps sticks and slips, which no law of sliding has
@@ -71,39 +69,6 @@ def sort_out(
             hint="record a sweep of currents that move the carriage",
         )
     return kept, rejected
-
-
-def refuse_alike(parts: Sequence[tuple[LugreTrial, slice]]) -> None:
-    """Refuse trials of one and the same test.
-
-    In a single motion, other friction with other constants moves the rig alike: three trials of
-    0.45 A gave sigma_2 20 % too low, within intervals of 4 %.
-
-    Raises:
-        DataError: current and load are the same in all of them.
-    """
-    first, part = parts[0]
-    mine = _course(first, part)
-    apart = 0.0
-    for trial, other in parts[1:]:
-        its = _course(trial, other)
-        count = min(len(mine), len(its))
-        rms = np.sqrt(np.mean((its[:count] - mine[:count]) ** 2) / np.mean(mine[:count] ** 2))
-        apart = max(apart, float(rms), abs(trial.load / first.load - 1.0))
-    if apart < ALIKE:
-        raise DataError(
-            f"all {len(parts)} trials are the same test: their currents differ by "
-            f"{100.0 * apart:.2g} % at most, and friction in a single motion is explained by many "
-            "parameters",
-            hint="record trials with other currents too",
-        )
-
-
-def _course(trial: LugreTrial, part: slice) -> FloatArray:
-    """Return the current over the part, as means over so many samples that little noise is left."""
-    current = trial.motor_current_a[part]
-    whole = len(current) // MEAN_OF * MEAN_OF
-    return np.asarray(np.mean(current[:whole].reshape(-1, MEAN_OF), axis=1))
 
 
 def _top_speed(trial: LugreTrial, part: slice, period_s: float) -> float:
