@@ -18,6 +18,7 @@ from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, Preprocessing, TrialRejection
 from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.drive import MIN_REST_S, Drive, find_drive
+from rigd_analyses.lugre.rows import jump
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
 
 FORWARD, REVERSE = 1.0, -1.0
@@ -130,6 +131,9 @@ def process_trial(
         )
     if end - drive.start < 2 * window:
         return TrialRejection(trial.label, "the drive is shorter than two filter windows")
+    jumped = jump(trial, slice(max(drive.start - window, 0), end))
+    if jumped:
+        return TrialRejection(trial.label, jumped)
     rim = direction * constants.wheel_radius_m * trial.wheel_angle_rad[:end]
     rest = _rest(position, drive.start - window, guards, period)
     if (rest.stop - rest.start) * period < MIN_REST_S:

@@ -12,6 +12,7 @@ from rigd_analyses.lugre.drive import find_drive
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import window_samples
 from rigd_analyses.lugre.rig.system import LEAD
+from rigd_analyses.lugre.rows import jump
 from rigd_analyses.lugre.trial import LugreTrial
 
 LEAST_TRIALS = 3
@@ -59,6 +60,8 @@ def sort_out(
                     len(trial.t_s),
                 )
             )
+        elif jumped := jump(trial, part):
+            rejected.append(TrialRejection(trial.label, jumped, len(trial.t_s)))
         else:
             kept.append((trial, part))
     if len(kept) < LEAST_TRIALS:
