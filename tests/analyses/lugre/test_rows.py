@@ -12,6 +12,8 @@ from support.lugre_wrong import BACK, CONSTANT, World, control, right
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import Guards, process_trial
 from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.rows import jump
+from rigd_analyses.lugre.trial import LugreTrial
 
 JUMP = "both encoders jump by the way of"
 FEW = (*CONSTANT[3:5], *CONSTANT[6:8])
@@ -43,6 +45,19 @@ def test_late_or_repeated_rows_are_told(change: Any) -> None:
     trials = world.trials(3)
     outcomes = [process_trial(trial, world.constants, Guards()) for trial in trials]
     assert all(JUMP in getattr(item, "reason", "") for item in outcomes)
+
+
+def slower(trial: LugreTrial, every: int) -> LugreTrial:
+    names = ("t_s", "wheel_angle_rad", "carriage_position_m", "acceleration_m_s2")
+    names = (*names, "motor_current_a", "held")
+    return replace(trial, **{name: getattr(trial, name)[::every] for name in names})
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_braking_at_low_rate_is_no_jump(every: int) -> None:
+    trials = [slower(trial, every) for trial in right("stone", program=BACK).trials(3)]
+    found = [jump(trial, slice(10, len(trial.t_s) - 150 // every)) for trial in trials]
+    assert found == [""] * len(trials)
 
 
 @pytest.mark.parametrize(
