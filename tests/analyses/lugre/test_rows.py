@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from support.lugre_sensors import Logger
 from support.lugre_wrong import BACK, CONSTANT, World, control, right
@@ -48,9 +49,10 @@ def test_late_or_repeated_rows_are_told(change: Any) -> None:
 
 
 def slower(trial: LugreTrial, every: int) -> LugreTrial:
-    names = ("t_s", "wheel_angle_rad", "carriage_position_m", "acceleration_m_s2")
-    names = (*names, "motor_current_a", "held")
-    return replace(trial, **{name: getattr(trial, name)[::every] for name in names})
+    arrays: dict[str, Any] = {
+        name: x[::every] for name, x in vars(trial).items() if isinstance(x, np.ndarray)
+    }
+    return replace(trial, **arrays)
 
 
 @pytest.mark.parametrize("every", [2, 5, 10])
