@@ -47,8 +47,8 @@ def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray
     """Return the mean of ``values`` (n,) within half a period around each of ``centres`` (k,).
 
     The period is that of ``centres``. This is a moving average of one period: it passes what is
-    slow, has no delay, and lets nothing through at the rate of ``centres`` itself. Times in ns,
-    ascending.
+    slow, has no delay, and lets nothing through at the rate of ``centres`` itself. A sample at an
+    edge counts by half, in this mean and in that beside it. Times in ns, ascending.
 
     Raises:
         DataError: around one of ``centres`` less than half of the samples are there, or there are
@@ -61,10 +61,13 @@ def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray
             f"there is a sample every {own / 1e6:.4g} ms, need at least {LEAST_RATIO:g} in every "
             f"{period / 1e6:.4g} ms to take their mean"
         )
-    half = round(period / 2)
-    first = np.searchsorted(times, centres - half)
-    last = np.searchsorted(times, centres + half)
-    counts = last - first
+    half, near = round(period / 2), round(ON_GRID * own)
+    windows = [
+        (np.searchsorted(times, centres - half + off), np.searchsorted(times, centres + half + off))
+        for off in (-near, near)  # a sample at an edge is in one of the two
+    ]
+    of_each = np.array([last - first for first, last in windows])
+    counts = of_each.min(axis=0)
     if counts.min() < ratio // 2:
         worst = int(counts.argmin())
         raise DataError(
@@ -73,7 +76,8 @@ def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray
         )
     level = float(values.mean())  # sums of differences keep their digits
     sums = np.concatenate([[0.0], np.cumsum(values - level)])
-    means: FloatArray = level + (sums[last] - sums[first]) / counts
+    total = np.sum([sums[last] - sums[first] for first, last in windows], axis=0)
+    means: FloatArray = level + total / of_each.sum(axis=0)
     return means
 
 

@@ -29,10 +29,9 @@ def fast(rate_hz: float = 9600.0, *, start_ms: float = -5.0) -> Times:
 def test_means_are_those_of_the_samples_around() -> None:
     times = fast()
     values = np.random.default_rng(1).normal(size=len(times))
-    expected = [
-        values[(times >= centre - MS // 2) & (times < centre + MS // 2)].mean()
-        for centre in CENTRES
-    ]
+    beside = [np.abs(times - centre) - MS // 2 for centre in CENTRES]
+    weights = [np.where(np.abs(item) < 9, 0.5, item < 0) for item in beside]  # by half at an edge
+    expected = [np.average(values, weights=item) for item in weights]
     assert means_around(CENTRES, times, values) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
@@ -42,6 +41,13 @@ def test_means_of_a_line_stay_on_it() -> None:
     seconds = (times - CENTRES[0]) * 1e-9
     found = means_around(CENTRES, times, 3.0 + 2.0 * seconds)
     assert found == pytest.approx(3.0 + 2.0 * np.arange(100) * 1e-3, abs=2.0 * 0.5 / 9600)
+
+
+def test_means_of_aligned_samples_have_no_delay() -> None:
+    """Where a sample stands at each edge, half of both counts, not the earlier one alone."""
+    times = fast(10_000.0)
+    found = means_around(CENTRES, times, (times - CENTRES[0]) * 1e-9)
+    assert found == pytest.approx(np.arange(100) * 1e-3, abs=1e-9)
 
 
 def test_a_large_level_keeps_its_digits() -> None:
