@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -57,8 +58,9 @@ class Summary:
     standard uncertainty of what measures it, which no repeat makes smaller. None: not determined.
     ``runs`` is the number of recordings if there are several with more than one trial: ``mean`` and
     the interval are then those of their means. ``u`` is the standard uncertainty of ``mean`` from
-    repeatability, with ``freedom`` degrees of freedom; 0 if all are equal. ``trend`` is the drift
-    over the trials in their order of play, if there is one.
+    repeatability, with ``freedom`` degrees of freedom, and from a step of the sensor that hides
+    it; 0 if all are equal. ``trend`` is the drift over the trials in their order of play, if there
+    is one.
     """
 
     measure: Measure
@@ -151,7 +153,8 @@ def summary_of(
     systematic part count as infinite. s and n are those of the trials of one run. Trials of one
     run share what differs from run to run, hence those of several count through the mean of their
     run: s^2 / n is the variance of the mean of a one-way layout with random effects, for runs of
-    equal length (Scheffe, The Analysis of Variance, 1959, 7.2).
+    equal length (Scheffe, The Analysis of Variance, 1959, 7.2). What a step of the sensor hides
+    of the scatter counts beside it.
     """
     values = [item.value for item in readings if item.value is not None]
     by_run: dict[Path, list[float]] = {}
@@ -174,15 +177,18 @@ def summary_of(
             if len(readings) > 1
             else "give 'repeats: 2' or more"
         )
-    spread, u = 0.0, None
+    spread, u, fixed = 0.0, None, systematic or 0.0
     if n > 1 and mean is not None:
         std, spread = _std(values), _std(independent)
         if spread <= _EQUAL * abs(mean):
             spread = 0.0
+        hidden = _hidden(values)
+        fixed = math.hypot(fixed, hidden)
         u = spread / math.sqrt(n)
-        if spread or systematic:
-            half = _half_width(u, n - 1, systematic or 0.0)
+        if spread or fixed:
+            half = _half_width(u, n - 1, fixed)
             low, high = mean - half, mean + half
+            u = math.hypot(u, hidden)
         else:
             std = std if runs else 0.0
             which = "runs gave the same mean" if runs else "trials gave the same value"
@@ -191,7 +197,7 @@ def summary_of(
     if measure.is_judged:
         judgement, why = _judge(measure, readings, low, high, why)
         if judgement is Judgement.UNDECIDED and not why and mean is not None and std is not None:
-            why = _advice(measure, mean, spread, n, systematic or 0.0, "runs" if runs else "trials")
+            why = _advice(measure, mean, spread, n, fixed, "runs" if runs else "trials")
     trend = trend_of([item.value for item in _played(readings) if item.value is not None])
     return Summary(
         measure, setpoints, tuple(readings), mean, std, systematic, low, high, judgement, why,
@@ -216,6 +222,20 @@ def _std(values: Sequence[float]) -> float:
     mean = math.fsum(values) / len(values)
     # No square is made: those of values beyond 1e154 are no numbers.
     return math.hypot(*(value - mean for value in values)) / math.sqrt(len(values) - 1)
+
+
+def _hidden(values: Sequence[float]) -> float:
+    """Return the standard uncertainty in what a step of the sensor hides; 0 if scatter shows.
+
+    Values that come again are rounded. If they scatter by less than half the step between them,
+    their mean may be off by up to half of it, as one value may (JCGM 100:2008, F.2.2.1).
+    """
+    ordered = sorted(values)
+    apart = [after - value for value, after in itertools.pairwise(ordered)]
+    steps = [gap for gap in apart if gap > _EQUAL * max(abs(ordered[0]), abs(ordered[-1]))]
+    if not steps or len(steps) == len(apart) or not _std(values) < 0.5 * min(steps):
+        return 0.0
+    return min(steps) / math.sqrt(12.0)
 
 
 def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float, what: str) -> str:

@@ -185,6 +185,28 @@ def test_stated_u_gives_equal_trials_an_interval() -> None:
     assert summary.high == pytest.approx(0.12 + 1.96e-3, rel=1e-3)
 
 
+@pytest.mark.parametrize("noise", [0.02, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("n", [4, 6, 10])
+def test_step_above_the_scatter_leaves_intervals_right(noise: float, n: int) -> None:
+    """Nearly all of the values are one: the truth lies up to half a step beside it."""
+    rng, held = np.random.default_rng([6, n]), []
+    while len(held) < 200:
+        truth = rng.uniform(1.0, 2.0)
+        values = np.round(truth + noise * rng.standard_normal(n))
+        if np.ptp(values) > 0.0:  # else there is no interval
+            found = summary_of(measure(), {}, readings(*values.tolist()))
+            assert found.low is not None
+            assert found.high is not None
+            held.append(found.low <= truth <= found.high)
+    assert np.mean(held) >= 0.92
+
+
+def test_hidden_scatter_never_cancels_in_comparisons() -> None:
+    stated = summary_of(measure(u=Uncertainty(0.3)), {}, readings(*[5.0] * 9, 6.0))
+    assert stated.u is not None
+    assert stated.u > 1 / math.sqrt(12)  # of the group alone, beside what all groups share
+
+
 def test_trend_has_its_stated_rate_of_false_alarms() -> None:
     rng = np.random.default_rng(5)
     for n in (4, 6, 12):
