@@ -187,7 +187,7 @@ def fit(
             evaluations += 1
             if np.isfinite(after.cost):
                 ratio = gain / predicted if predicted > 0.0 else 1.0
-                damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
                 growth = 2.0
                 w, now, whole = target, after, there
                 continue

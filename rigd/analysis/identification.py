@@ -21,6 +21,7 @@ from rigd.analysis import residuals as tests
 from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit, Loss, multi_start, named, robust_fit
 from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge, log_sd
+from rigd.analysis.lasting import lasting
 from rigd.analysis.model import FitParameter, Model, scaled_bounds, to_scaled
 from rigd.analysis.profile import ProfileScan, axis, natural_ends, scan
 from rigd.analysis.result import (
@@ -49,6 +50,9 @@ from rigd.analysis.uncertainty import (
 #: A profile reaches so many standard errors to either side, in so many steps.
 _REACH: Final = 6.0
 _STEPS: Final = 25
+#: Relative: costs of fits that the data do not tell apart, whatever they are. At 10,000 samples
+#: that are independent it is 2 in -2 ln L.
+ALIKE: Final = 2e-4
 _LAGS: Final = 50
 _LJUNG_BOX_LAGS: Final = 20
 _MOVED: Final = "(The choice of the processing moves it that far.)"
@@ -79,8 +83,9 @@ class FittedSubject:
     accounted for. ``others`` returns the natural parameters refitted to data that were processed
     in other ways; ``biases`` are sentences on parameters whose place the method is known to move.
     ``memory_s`` is how long the processing alone lets residuals remember: a model whose residuals
-    remember longer does not fit. None: it is not known. Nor does one that any of ``rivals``, models
-    of the same data by name, beats by far (:mod:`.selection`).
+    remember longer does not fit. None: it is not known, and errors that last longer widen the
+    intervals (:mod:`.lasting`); ``scale`` times a residual is in ``unit``. Nor does one fit that
+    any of ``rivals``, models of the same data by name, beats by far (:mod:`.selection`).
     """
 
     model: Model
@@ -98,6 +103,8 @@ class FittedSubject:
     others: Callable[[Fit], Sequence[FloatArray]] = lambda _: ()
     biases: Mapping[str, str] = field(default_factory=dict)
     memory_s: float | None = None
+    scale: float = 1.0
+    unit: str = ""
     rivals: Mapping[str, Model] = field(default_factory=dict)
 
 
@@ -139,7 +146,13 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     error = model.residuals(best.theta)
     inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
     gate = _gate(subject, fits[0], inflation, options)
-    known = gate is None or gate.outcome is FitOutcome.FITS
+    lasts = None
+    if subject.memory_s is None:
+        lasts = lasting(error, model.mask, model.trial_slices, len(model.parameters), block)
+    if lasts is not None and lasts.inflation > inflation:
+        cov = replace(cov, coloured=cov.coloured * lasts.spread / inflation)
+        inflation, gate = lasts.inflation, lasts.gate(subject.unit, subject.scale)
+    known = gate is None or gate.outcome is not FitOutcome.MISFIT
     others = subject.others(best) if known else ()
     left_out = leave_one_trial_out(model, best) if known and subject.jackknife else ()
     doubts = _Doubts(
@@ -147,7 +160,8 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
         tuple(to_scaled(model.parameters, theta) for theta in others),
     )
     count = len(model.parameters) if known else 0
-    scans = [_scan(model, best, cov, inflation, index) for index in range(count)]
+    alike = [item.theta for item in fits if item.cost <= best.cost * (1.0 + ALIKE)]
+    scans = [_scan(model, best, cov, inflation, index, alike) for index in range(count)]
     pieces = [error[part][model.mask[part] > 0.0] for part in model.trial_slices]
     together = np.concatenate(pieces)
     shortest = min(len(piece) for piece in pieces)
@@ -232,16 +246,25 @@ def _better(subject: FittedSubject, squares: Fit, memory_s: float, options: Opti
     return f"{name} fits them far better, ΔBIC {gains[name]:+.1f}."
 
 
-def _scan(model: Model, best: Fit, cov: Covariance, inflation: float, index: int) -> ProfileScan:
-    """Return the profile of a parameter over what its standard error suggests, within its box."""
+def _scan(
+    model: Model, best: Fit, cov: Covariance, inflation: float, index: int,
+    alike: Sequence[FloatArray],
+) -> ProfileScan:  # fmt: skip
+    """Return the profile of a parameter over what its standard error suggests, within its box.
+
+    It reaches over the parameters (p,) of all that fit ``alike``: another one may be without effect
+    in some of them, so that no refit leads from one to the other.
+    """
     bounds = scaled_bounds(model.parameters)
     least, most = float(bounds[0][index]), float(bounds[1][index])
     sd = float(np.sqrt(cov.coloured[index, index]))
     if sd > 0.0:
-        centre = float(best.scaled[index])
-        least, most = max(least, centre - _REACH * sd), min(most, centre + _REACH * sd)
+        ends = [float(to_scaled(model.parameters, theta)[index]) for theta in alike]
+        ends.append(float(best.scaled[index]))
+        least, most = max(least, min(ends) - _REACH * sd), min(most, max(ends) + _REACH * sd)
     grid = np.linspace(least, most, _STEPS)
-    return scan(model, best, axis(len(model.parameters), index), grid, inflation=inflation)
+    direction = axis(len(model.parameters), index)
+    return scan(model, best, direction, grid, inflation=inflation, others=alike)
 
 
 def _estimate(

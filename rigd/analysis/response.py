@@ -185,6 +185,8 @@ def identify_response(
         curve=lambda best, cov, _: _curve(model, best, cov, wording, (low, high)),
         trials=lambda theta: _trial_fits(model, theta, wording),
         block_s=block_s,
+        scale=model.scale,
+        unit=wording.y.unit,
     )
     result = identify_model(subject, options)
     common = _agreement(model, result, max(1, round(block_s / period_s)))

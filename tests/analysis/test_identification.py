@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import t
 
 from rigd.analysis import Options
 from rigd.analysis.fit import Fit
@@ -74,7 +75,7 @@ def test_trials_that_differ_widen_an_interval() -> None:
 
     plain = subject(polynomial(0, 10, offset))
     offsets = [float(np.mean(trial.measured)) for trial in polynomial(0, 10, offset).trials]
-    known = Z_95 * float(np.std(offsets, ddof=1)) / math.sqrt(10.0)
+    known = float(t.ppf(0.975, 9)) * float(np.std(offsets, ddof=1)) / math.sqrt(10.0)
     found = half_width(identified(replace(plain, jackknife=True, block_s=5e-3)).parameters[0])
     assert found == pytest.approx(known, rel=0.02)
 

@@ -11,6 +11,7 @@ import pytest
 from rigd.analysis import DataError, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
 from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.result import FitOutcome
 from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 from rigd_analyses.static.evaluation import friction, steady
@@ -35,6 +36,62 @@ def test_static_law_passes_check_analysis(tmp_path: Path) -> None:
     high = Case([stroke(0.1, 0.4, 9)], {}, fast, unknown=("F_s", "v_s"))
     report = check_analysis(StaticFrictionAnalysis, [whole, high], tmp_path)
     assert report.skipped == {}
+
+
+def scaled(trial: SimulatedTrial, factor: float) -> SimulatedTrial:
+    """A stroke under another load, which nobody measures."""
+    signals = {**trial.signals, "force": factor * trial.signals["force"]}
+    return replace(trial, signals=signals)
+
+
+def with_exponent(speed_m_s: float, exponent: float, seed: int) -> SimulatedTrial:
+    """A stroke of another law: the friction falls with another power of the speed."""
+    trial = stroke(speed_m_s, speed_m_s, seed)
+    speed = trial.signals["speed"]
+    drop = np.exp(-((speed / TRUTH["v_s"]) ** exponent)) - np.exp(-((speed / TRUTH["v_s"]) ** 2))
+    force = trial.signals["force"] + (TRUTH["F_s"] - TRUTH["F_c"]) * drop * (speed > 0.0)
+    return replace(trial, signals={"force": force, "speed": speed})
+
+
+SPEEDS_M_S = (0.0005, 0.001, 0.002, 0.004, 0.01, 0.03, 0.1)
+LOADS = 1.0 + 0.03 * np.random.default_rng(1).standard_normal(len(SPEEDS_M_S))
+
+
+@pytest.mark.parametrize(
+    ("trials", "most"),
+    [
+        ([scaled(stroke(v, v, k), LOADS[k]) for k, v in enumerate(SPEEDS_M_S)], 1.0),
+        # Another law is no chance; F_s lies below the lowest speed.
+        ([with_exponent(v, 1.0, k) for k, v in enumerate(SPEEDS_M_S)], 1.5),
+    ],
+    ids=["load", "law"],
+)
+def test_errors_of_whole_trials_widen_the_intervals(
+    trials: list[SimulatedTrial], most: float, tmp_path: Path
+) -> None:
+    """Counted by samples, intervals of 0.5 % stood up to 11 half widths beside the truth."""
+    path = write_case(tmp_path / "a.mcap", StaticFrictionAnalysis, Case(trials, {}, TRUTH))
+    evaluation = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+    assert isinstance(evaluation, ParameterEvaluation)
+    (section,) = evaluation.sections
+    assert section.result.gate is not None
+    assert section.result.gate.outcome is FitOutcome.CORRECTED
+    assert "trials lie" in section.result.warnings[0]
+    for name, value in TRUTH.items():
+        entry = section.result.parameter(name)
+        if entry.low is not None and entry.high is not None:
+            middle, half = 0.5 * (entry.low + entry.high), 0.5 * (entry.high - entry.low)
+            assert abs(value - middle) <= most * half, name
+
+
+def test_two_speeds_give_no_number(tmp_path: Path) -> None:
+    """Four parameters fit two forces in many ways; in some of them one is without effect."""
+    case = Case([stroke(v, v, seed) for seed, v in enumerate((0.001, 0.1))], {}, TRUTH)
+    path = write_case(tmp_path / "a.mcap", StaticFrictionAnalysis, case)
+    evaluation = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+    assert isinstance(evaluation, ParameterEvaluation)
+    (section,) = evaluation.sections
+    assert not any(item.identifiable for item in section.result.parameters)
 
 
 def at_rate(speed_m_s: float, rate_hz: float, seed: int) -> SimulatedTrial:
