@@ -189,7 +189,8 @@ def test_stated_u_gives_equal_trials_an_interval() -> None:
 @pytest.mark.parametrize("n", [4, 6, 10])
 def test_step_above_the_scatter_leaves_intervals_right(noise: float, n: int) -> None:
     """Nearly all of the values are one: the truth lies up to half a step beside it."""
-    rng, held = np.random.default_rng([6, n]), []
+    rng = np.random.default_rng([6, n])
+    held: list[bool] = []
     while len(held) < 200:
         truth = rng.uniform(1.0, 2.0)
         values = np.round(truth + noise * rng.standard_normal(n))
