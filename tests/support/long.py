@@ -222,6 +222,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_turned_lateral_speed_is_named",
         ),
         "analyses/lugre/lateral/test_speeds.py": (),
+        "analyses/lugre/lateral/test_system.py": ("test_starts_suit_a_floor_of_little_friction",),
         "analyses/lugre/lateral/test_reduced.py": ("test_either_law_is_held_by_intervals",),
         "analyses/lugre/test_by_law.py": (
             "test_a_floor_of_the_paper_supports_4_parameters",

@@ -6,20 +6,33 @@ The speed of the carriage alone determines that friction in each trial to some p
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.speeds import lacking_force, speeds
 from rigd_analyses.lugre.lateral.system import LateralSystem
-from rigd_analyses.lugre.model import V_S
+from rigd_analyses.lugre.model import MU_C, V_S
 
 SPEEDS_M_S = (5e-3, 0.1)  #: V_s of starts
+#: mu_c of starts: from 0.1 alone a fit ends far off on a floor with 0.04, where the wheel slips.
+FRICTIONS = (0.04, 0.1)
 
 
 def starts(system: LateralSystem) -> list[FloatArray]:
-    """Return parameters (p,) of :class:`.loads.FreeLoads`, with some V_s if it is not known."""
-    point = np.array([item.parameter.start for item in system.shared])
+    """Return parameters (p,) of :class:`.loads.FreeLoads`, some for what is not known."""
+    shared = np.array([item.parameter.start for item in system.shared])
+    free = [math.isinf(system.shared[place].u) for place in (V_S, MU_C)]
+    speeds_m_s = SPEEDS_M_S if free[0] else (float(shared[V_S]),)
+    frictions = FRICTIONS if free[1] else (float(shared[MU_C]),)
+    return [_start(system, shared, *values) for values in product(speeds_m_s, frictions)]
+
+
+def _start(system: LateralSystem, shared: FloatArray, speed_m_s: float, mu_c: float) -> FloatArray:
+    """Return parameters (p,) with such a V_s and mu_c, and the frictions that go with them."""
+    point = shared.copy()
+    point[V_S], point[MU_C] = speed_m_s, mu_c
     local = np.array([item.parameter.start for item in system.local])
     stated = system.rig.constants.guide_friction.value
     of_trials = []
@@ -27,10 +40,4 @@ def starts(system: LateralSystem) -> list[FloatArray]:
         traces = speeds(system, point, local, trial)
         lacking = lacking_force(traces.measured - traces.ignored, system, trial)
         of_trials.append([*local, stated - lacking])
-    straight = point[: len(system.rig.shared)]
-    found = []
-    for speed in SPEEDS_M_S if math.isinf(system.shared[V_S].u) else (float(point[V_S]),):
-        shared = straight.copy()
-        shared[V_S] = speed
-        found.append(np.concatenate([shared, np.ravel(of_trials)]))
-    return found
+    return np.concatenate([point[: len(system.rig.shared)], np.ravel(of_trials)])

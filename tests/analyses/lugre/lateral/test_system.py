@@ -6,12 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.lateral_wrong import Sweep, right
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
+from rigd.analysis.fit import fit
+from rigd.analysis.output_error import ROUGH
 from rigd.analysis.result import FloatArray
+from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralTrial
+from rigd_analyses.lugre.lateral.identify import ITERATIONS
+from rigd_analyses.lugre.lateral.loads import FreeLoads
 from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
+from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
@@ -128,3 +135,23 @@ def test_backward_drive_has_error_of_forward_one(
     back = cell(trial, 0.65, speeds(mirrored, shared, local, 0)).error_ignored_m_s
     assert forwards > 0.01
     assert back == pytest.approx(forwards, rel=1e-2)
+
+
+def test_starts_suit_a_floor_of_little_friction() -> None:
+    """Paperboard, mu_c 0.05: from 0.1 the best of rough fits had frictions that are 1.9 N off."""
+    sweep = right(5)
+    system = made(sweep.trials(), sweep.bench, sweep.rig)
+    free, ends = FreeLoads.of(system), []
+    for start in starts(system):
+        model = OutputErrorModel(free, noise_at(free, start))
+        ended = fit(model, start, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+        ends.append((ended.cost - sum(noise.log_scale for noise in model.noise), ended.theta))
+    _, theta = min(ends, key=lambda end: end[0])
+    found = theta[len(free.shared) :].reshape(len(system.speeds), -1)[:, -1]
+    true = {0.2: (0.18, 0.54), 0.5: (0.13, 0.59)}  # N, to either side
+    expected = [true[abs(v)][v < 0.0] for v in _asked(sweep)]
+    assert np.max(np.abs(found - expected)) < 0.6
+
+
+def _asked(sweep: Sweep) -> list[float]:
+    return [sign * v for sign in (1, -1) for v in sweep.speeds for _ in sweep.currents]
