@@ -53,6 +53,7 @@ _STEPS: Final = 25
 #: Relative: costs of fits that the data do not tell apart, whatever they are. At 10,000 samples
 #: that are independent it is 2 in -2 ln L.
 ALIKE: Final = 2e-4
+APART: Final = 0.01  #: in scaled coordinates: nearer ends are one
 _LAGS: Final = 50
 _LJUNG_BOX_LAGS: Final = 20
 _MOVED: Final = "(The choice of the processing moves it that far.)"
@@ -160,7 +161,12 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
         tuple(to_scaled(model.parameters, theta) for theta in others),
     )
     count = len(model.parameters) if known else 0
-    alike = [item.theta for item in fits if item.cost <= best.cost * (1.0 + ALIKE)]
+    alike = [
+        item.theta
+        for item in fits
+        if item.cost <= best.cost * (1.0 + ALIKE)
+        and np.max(np.abs(item.scaled - best.scaled)) > APART
+    ]
     scans = [_scan(model, best, cov, inflation, index, alike) for index in range(count)]
     pieces = [error[part][model.mask[part] > 0.0] for part in model.trial_slices]
     together = np.concatenate(pieces)
