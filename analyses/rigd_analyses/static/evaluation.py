@@ -35,8 +35,10 @@ from rigd.analysis.source import RecordedSweep, TrialInfo
 
 #: Below this share of the highest speed of a trial the body may be at rest.
 REST_SHARE: Final = 0.01
-#: The speed changes fast if it changes by this share of the highest one ...
+#: The speed changes fast if it changes by this share of the highest one, ...
 CHANGE_SHARE: Final = 0.1
+#: ... or by this share of itself, as it does while a drive settles after a stop, ...
+OWN_SHARE: Final = 0.4
 #: ... within this time in s.
 CHANGE_S: Final = 0.1
 SLOWER: Final = "Play strokes from a hundredth of the speed on, in small steps."
@@ -162,7 +164,9 @@ def steady(t_s: FloatArray, speed: FloatArray, top: float) -> BoolArray:
     size = max(1, round(CHANGE_S / float(t_s[1] - t_s[0])))
     if size >= len(speed):
         return np.ones(len(speed), np.bool_)
-    slow = np.abs(speed[size:] - speed[:-size]) < CHANGE_SHARE * top
+    change = np.abs(speed[size:] - speed[:-size])
+    faster = np.maximum(np.abs(speed[size:]), np.abs(speed[:-size]))
+    slow = (change < CHANGE_SHARE * top) & (change < OWN_SHARE * faster)
     edge = np.ones(size, np.bool_)
     both: BoolArray = np.concatenate([edge, slow]) & np.concatenate([slow, edge])
     return both
@@ -173,12 +177,14 @@ def account(trials: Sequence[ResponseTrial]) -> Preprocessing:
     return Preprocessing(
         statements=(
             f"Samples count while the speed is above {100 * REST_SHARE:g} % of its highest value "
-            f"and changes by less than {100 * CHANGE_SHARE:g} % of it within {CHANGE_S:g} s.",
+            f"and changes by less than {100 * CHANGE_SHARE:g} % of it, and less than "
+            f"{100 * OWN_SHARE:g} % of itself, within {CHANGE_S:g} s.",
             "Force and speed are taken in the direction of motion.",
         ),
         settings={
             "rest_share": REST_SHARE,
             "change_share": CHANGE_SHARE,
+            "own_share": OWN_SHARE,
             "change_s": CHANGE_S,
         },
         per_trial={trial.label: {} for trial in trials},

@@ -193,6 +193,27 @@ def test_trials_without_steady_speed_are_refused(tmp_path: Path) -> None:
         StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
 
 
+def test_drive_that_settles_spoils_no_parameter(tmp_path: Path) -> None:
+    trials = []
+    for seed, speed_m_s in enumerate((0.0005, 0.001, 0.002, 0.004, 0.01, 0.03, 0.1)):
+        played = stroke(speed_m_s, speed_m_s, seed)
+        speed, force = played.signals["speed"], played.signals["force"]
+        after_s = np.arange(0.01, 1.0, 0.01)  # it creeps on while its spring lets go of it
+        creep = 0.04 * speed_m_s * np.exp(-after_s / 0.1)
+        signals = {
+            "speed": np.concatenate([speed, creep]),
+            "force": np.concatenate([force, np.zeros(len(after_s))]),
+        }
+        trials.append(SimulatedTrial(np.concatenate([TIMES_S, TIMES_S[-1] + after_s]), signals))
+    path = write_case(tmp_path / "run.mcap", StaticFrictionAnalysis, Case(trials, {}, TRUTH))
+    evaluation = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+    assert isinstance(evaluation, ParameterEvaluation)
+    found = evaluation.sections[0].result.parameters
+    for item in found:
+        assert item.low is not None and item.high is not None
+        assert item.low < TRUTH[item.name] < item.high
+
+
 def test_derivatives_are_those_of_the_law() -> None:
     theta = np.array([60.0, 75.0, 0.002, 300.0])
     speed = np.array([0.0005, 0.002, 0.01])
