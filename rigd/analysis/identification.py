@@ -47,7 +47,8 @@ from rigd.analysis.uncertainty import (
     leave_one_trial_out,
 )
 
-#: A profile reaches so many standard errors to either side, in so many steps.
+#: A profile reaches so many standard errors to either side, in so many steps; if it does not come
+#: to its threshold there, so many of the errors that the inflation gives.
 _REACH: Final = 6.0
 _STEPS: Final = 25
 #: Relative: costs of fits that the data do not tell apart, whatever they are. At 10,000 samples
@@ -258,19 +259,27 @@ def _scan(
 ) -> ProfileScan:  # fmt: skip
     """Return the profile of a parameter over what its standard error suggests, within its box.
 
-    It reaches over the parameters (p,) of all that fit ``alike``: another one may be without effect
-    in some of them, so that no refit leads from one to the other.
+    Residuals that swing cancel in the block sums of the standard error and not in the inflation.
+    The profile reaches over the parameters (p,) of all that fit ``alike``: another one may be
+    without effect in some of them, so that no refit leads from one to the other.
     """
     bounds = scaled_bounds(model.parameters)
-    least, most = float(bounds[0][index]), float(bounds[1][index])
-    sd = float(np.sqrt(cov.coloured[index, index]))
-    if sd > 0.0:
-        ends = [float(to_scaled(model.parameters, theta)[index]) for theta in alike]
-        ends.append(float(best.scaled[index]))
-        least, most = max(least, min(ends) - _REACH * sd), min(most, max(ends) + _REACH * sd)
-    grid = np.linspace(least, most, _STEPS)
+    ends = [float(to_scaled(model.parameters, theta)[index]) for theta in alike]
+    ends.append(float(best.scaled[index]))
     direction = axis(len(model.parameters), index)
-    return scan(model, best, direction, grid, inflation=inflation, others=alike)
+
+    def over(variance: float) -> ProfileScan:
+        least, most = float(bounds[0][index]), float(bounds[1][index])
+        if variance > 0.0:
+            reach = _REACH * float(np.sqrt(variance))
+            least, most = max(least, min(ends) - reach), min(most, max(ends) + reach)
+        grid = np.linspace(least, most, _STEPS)
+        return scan(model, best, direction, grid, inflation=inflation, others=alike)
+
+    near, far = float(cov.coloured[index, index]), inflation * float(cov.white[index, index])
+    found = over(near)
+    open_end = found.low is None or found.high is None
+    return over(far) if open_end and 0.0 < near < far else found
 
 
 def _estimate(

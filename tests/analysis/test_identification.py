@@ -80,6 +80,19 @@ def test_trials_that_differ_widen_an_interval() -> None:
     assert found == pytest.approx(known, rel=0.02)
 
 
+def test_parameter_below_a_vibration_has_an_interval() -> None:
+    """Swings of 20 ms cancel in blocks of 100 ms, so that the standard error is far too small."""
+
+    def vibration(k: int) -> FloatArray:
+        swing = 0.3 * np.sin(2.0 * np.pi * np.arange(SAMPLES) / 20.0)
+        return np.asarray(white(1, sd=0.001)(k) + swing)
+
+    (found,) = identified(subject(polynomial(0, 10, vibration))).parameters
+    assert found.verdict is Verdict.IDENTIFIABLE
+    assert found.low is not None and found.high is not None
+    assert found.low < 1.0 < found.high
+
+
 def test_a_bias_of_the_method_withholds_the_number() -> None:
     plain = subject(polynomial(1, 10, white(1), slope=0.5))
     found = identified(replace(plain, biases={"c1": "The filter bends it."})).parameters
