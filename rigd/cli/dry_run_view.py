@@ -81,8 +81,8 @@ def print_dry_run(dry_run: DryRunFigures) -> None:
     if dry_run.differences:
         console.print(_differences(dry_run))
         console.print(
-            "plant, channels and ranges were those of the sibling; limits, rates, interlocks, "
-            "cycle and constants those of the rig file\n"
+            "plant, channels, their ranges and their pace were those of the sibling; limits, "
+            "rates, interlocks, cycle and constants those of the rig file\n"
         )
     for note in dry_run.notes:
         console.print(f"note: {escape(note)}", soft_wrap=True)

@@ -11,6 +11,7 @@ from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.model.channels import Channel
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.units import format_difference, format_quantity, parse_unit
+from rigd.sdk import SlowDriver
 
 #: In place of what one of the files has not.
 MISSING = "none"
@@ -28,7 +29,8 @@ class Difference:
 def differences(rig: RigConfig, sibling: RigConfig) -> Iterator[Difference]:
     """Yield what differs, in the order: cycle, devices, interlocks, constants.
 
-    Of the devices: channels that one of them has not, units, ranges, limits and rates.
+    Of the devices: when readings come, channels that one of them has not, units, ranges, limits
+    and rates.
     """
     yield from _text("cycle", _hertz(rig), _hertz(sibling))
     for name in dict.fromkeys((*rig.devices, *sibling.devices)):
@@ -62,6 +64,7 @@ def _device(
     if here is None or there is None:
         yield Difference(f"device {name}", _device_text(here), _device_text(there))
         return
+    yield from _text(f"readings of {name}", pace(here), pace(there))
     for side, other, sides in (
         (here, there, ("measured", MISSING)),
         (there, here, (MISSING, "measured")),
@@ -84,6 +87,15 @@ def _device(
         yield from _range(f"range of the setpoint {full}", setpoint, theirs[setpoint.name])
         limits = here.limits[setpoint.name], there.limits[setpoint.name]
         yield from _limit(full, setpoint, *limits)
+
+
+def pace(device: DeviceConfig) -> str:
+    """Return when readings of a device come, for a person."""
+    declared = device.declaration
+    if declared.oldest_s > 0.0:
+        return f"in blocks, up to {1e3 * declared.oldest_s:.3g} ms old"
+    slow = issubclass(device.driver_class, SlowDriver) or not declared.every_cycle
+    return "at a pace of their own" if declared.channels and slow else "in each cycle"
 
 
 def alike(channel: Channel, other: Channel) -> bool:

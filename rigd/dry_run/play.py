@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rigd.config.differences import Difference
+from rigd.config.differences import Difference, pace
 from rigd.config.following import unseen_levels
 from rigd.config.rig import RigConfig
 from rigd.config.sibling import read_sibling
@@ -119,8 +119,21 @@ def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunR
         physics="sibling",
         sibling=f"{sibling.rig.name} ({sibling.rig.source.path})",
         differences=sibling.differences,
-        notes=_faults_note(faults),
+        notes=(*_faults_note(faults), *_pace_notes(real, sibling.rig)),
     )
+
+
+def _pace_notes(rig: RigConfig, sibling: RigConfig) -> Iterator[str]:
+    """Yield the controllers whose readings come otherwise on the rig than they did here."""
+    configs = [device.config for device in rig.devices.values()]
+    for config in (item for item in configs if isinstance(item, ControllerConfig)):
+        for name in sorted({item.partition(".")[0] for item in rig.readings_in(config.measured)}):
+            here, there = pace(rig.devices[name]), pace(sibling.devices[name])
+            if here != there:
+                yield (
+                    f"{config.name}: readings of {name} come {here} on the rig, and {there} in the "
+                    "sibling: gains that are too high for that show on the rig alone"
+                )
 
 
 def _written(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:

@@ -214,3 +214,23 @@ def test_prompts_are_counted_without_sibling() -> None:
     assert [(step.name, step.timing) for step in found.steps] == [
         ("weight", "at_most"), ("settled", "at_most")
     ]  # fmt: skip
+
+
+def test_controller_of_blocks_of_readings_is_named(tmp_path: Path) -> None:
+    """The card gives readings in blocks; its stand-in gives one in each cycle."""
+    held = """\
+controllers:
+  hold: {measured: accelerometer.acceleration, output: wheel_servo.current, kp: 0.01 A s^2/m,
+         output_limits: [-1 A, 1 A], limits: {low: 0 m/s^2, high: 1 m/s^2}, stale_after: 1 s}
+interlocks:
+"""
+    for name in ("wire_lugre", "sim_lugre"):
+        text = (CONFIGS / f"{name}.yaml").read_text()
+        assert "interlocks:\n" in text
+        (tmp_path / f"{name}.yaml").write_text(text.replace("interlocks:\n", held))
+    real = played(load_rig(tmp_path / "wire_lugre.yaml"))
+    (note,) = (note for note in real.notes if note.startswith("hold: "))
+    assert "readings of accelerometer come in blocks" in note
+    assert "in each cycle in the sibling" in note
+    assert not any("readings of" in note for note in played(REAL).notes)
+    assert any(item.what == "readings of accelerometer" for item in real.differences)
