@@ -161,7 +161,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         ConfigError: the file is wrong.
     """
     from rigd.config.calibration import load_calibration
-    from rigd.config.following import blind_below, unsupervised
+    from rigd.config.following import blind_below, trip_without_value, unsupervised
     from rigd.config.lab import load_lab
     from rigd.config.loader import load_rig
     from rigd.config.sibling import COMPUTED
@@ -207,7 +207,9 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             f"\n  no interlock follows {name}: a drive that does not act on it is not noticed"
             for name in unsupervised(checked)
         )
-        free += "".join(f"\n  {text}" for text in blind_below(checked))
+        free += "".join(
+            f"\n  {text}" for text in (*blind_below(checked), *trip_without_value(checked))
+        )
         return f"{', '.join(parts)}: right{sibling}{free}"
     return _check_procedure(given, rig)
 

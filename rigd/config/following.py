@@ -1,4 +1,4 @@
-"""Reads interlocks that compare a measured value with its setpoint, and finds what has none."""
+"""Reads interlocks that follow a setpoint, and finds what no interlock or a wrong one watches."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import read_difference
 from rigd.config.rig import RigConfig
 from rigd.config.source import InterlockSource
+from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import Channel
 from rigd.model.limits import Interlock
 from rigd.model.units import format_difference, parse_unit
@@ -101,6 +102,22 @@ def blind_below(rig: RigConfig) -> Sequence[str]:
         for lock, setpoint, most in _followed(rig)
         if lock.band > _SMALL_BAND * most
         for shown in [format_difference(lock.band, setpoint.shown_in)]
+    ]
+
+
+def trip_without_value(rig: RigConfig) -> Sequence[str]:
+    """Return in words which interlocks watch a channel that has a value under a condition only."""
+    graphs = {
+        name: device.config.graph
+        for name, device in rig.devices.items()
+        if isinstance(device.config, DerivedConfig)
+    }
+    return [
+        f"interlock {lock.name} trips wherever {lock.source} has no value, by its `where` or "
+        "`hold`, also at rest: watch one with `where(condition, x, 0)` in its formula instead"
+        for lock in rig.interlocks
+        for group in [lock.source.partition(".")[0]]
+        if group in graphs and graphs[group].is_conditional(lock.source)
     ]
 
 

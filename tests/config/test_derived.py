@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rigd.config.following import trip_without_value
 from rigd.config.loader import channel_names, parse_rig
 from rigd.derived.driver import DerivedConfig
 from rigd.engine.wiring import streams_of
@@ -125,3 +126,21 @@ def test_wrong_derived_channel_names_its_place(
     if token not in ("ab:", "never"):
         assert place.column == at - text[:at].rfind("\n")
     assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("formula", "count"),
+    [
+        ("{is: carriage.position, where: carriage.position > 1 m}", 1),
+        ('{is: "hold(carriage.position, carriage.position > 1 m)"}', 1),
+        ('{is: "where(carriage.position > 1 m, carriage.position, 0 m)"}', 0),
+    ],
+)
+def test_interlock_on_conditional_channel_is_named(rig_text: str, formula: str, count: int) -> None:
+    interlock = (
+        "interlocks:\n  - {name: far, source: far.way, high: 2 m, action: stop, message: Far.}\n"
+    )
+    text = rig_text.replace("interlocks:\n", f"derived:\n  far.way: {formula}\n{interlock}", 1)
+    named = trip_without_value(parse_rig(text, FILE))
+    assert len(named) == count
+    assert all("interlock far trips wherever far.way has no value" in line for line in named)
