@@ -88,7 +88,9 @@ class RunDisplay:
         number = position.trial
         label = position.label or f"trial {number}"
         if number is not None and number != self._trial and not self._console.is_terminal:
-            which = f"trial {position.trials_done + 1}/{position.trials_total}"
+            place = position.trials_done + 1
+            named = "" if number == place else f" (number {number})"
+            which = f"trial {place}/{position.trials_total}{named}"
             self._console.print(escape(f"{which}: {label}"))
         if position.state in ("held", "paused") and position.state != self._state:
             self.report(f"{position.state}; {self._paused}")
