@@ -135,6 +135,18 @@ def test_siblings_have_the_same_names_limits_and_interlocks(tmp_path: Path) -> N
     assert (lab / "rig.yaml").read_text("utf-8") == TEXT
 
 
+def test_siblings_show_channels_in_the_same_units(tmp_path: Path) -> None:
+    """The real drive also has a torque, which the mechanism does not measure here."""
+    old = ", torque: torque}\n    setpoints: {speed: spindle}\n"
+    new = "}\n    setpoints: {speed: spindle}\n    display: {speed: rpm, torque: mN m}\n"
+    lab = made(tmp_path, spoilt(old, new))
+    real, sim = load_rig(lab / "real.yaml"), load_rig(lab / "sim.yaml")
+    for name in ("spindle.speed", "spindle.angle"):
+        shown = [rig.channel(name).shown_in for rig in (real, sim)]  # type: ignore[union-attr]
+        assert shown[0] == shown[1]
+    assert sim.channel("spindle.speed").shown_in == "rpm"  # type: ignore[union-attr]
+
+
 def test_rigs_without_hardware_stand_stalls(tmp_path: Path) -> None:
     press = Path(__file__).parents[2] / "examples" / "press" / "press.yaml"
     text = press.read_text("utf-8").replace("watchdog: 100 ms", "watchdog: 60 ms")

@@ -161,6 +161,7 @@ def _sim(document: Document, name: str) -> dict[str, Any]:
             "driver": f"sim-{PLANT}",
             "options": {key: entry[key] for key in SIMULATED if key in entry},
             **({"limits": entry["limits"]} if "limits" in entry else {}),
+            **_display(entry),
         }
         for device, entry in data["devices"].items()
     }
@@ -173,6 +174,13 @@ def _sim(document: Document, name: str) -> dict[str, Any]:
         "devices": devices,
         **{key: data[key] for key in SHARED if key in data},
     }
+
+
+def _display(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the units for people of the channels that the simulated device has, if any."""
+    names = {name for key in SIMULATED for name in entry.get(key) or {}}
+    shown = {name: unit for name, unit in entry.get("display", {}).items() if name in names}
+    return {"display": shown} if shown else {}
 
 
 def _document(document: Document, data: dict[str, Any], path: Path, *, is_real: bool) -> Document:
