@@ -161,9 +161,13 @@ class Cycle:
     def arming_blockers(self) -> Sequence[str]:
         """Return the reasons why the rig, at rest, cannot be armed; one sentence each."""
         reasons = [f"{name} gave no row" for name in sorted(self._silent)]
-        violated = self.interlocks.violated(Severity.END_TRIAL)
+        found = {item.name: why for item, why in self.interlocks.violated(Severity.END_TRIAL)}
+        reasons += [f"interlock {name} is violated at rest: {why}" for name, why in found.items()]
+        tripped = [trip for trip in self.trips if trip.interlock.action >= Severity.END_TRIAL]
         return reasons + [
-            f"interlock {item.name} is violated at rest: {why}" for item, why in violated
+            f"interlock {trip.interlock.name} tripped at rest: {trip.reason}"
+            for trip in tripped
+            if trip.interlock.name not in found
         ]
 
     def not_enabled(self) -> Sequence[str]:

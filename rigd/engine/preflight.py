@@ -42,8 +42,9 @@ def preflight(
         outcome = host.settle(PREFLIGHT_CYCLES)
         if outcome is not None and outcome.trip is None and outcome.severity is not Severity.FAULT:
             return outcome
-        reasons += [] if outcome is None else [outcome.reason]
-        reasons += host.arming_blockers()
+        if outcome is not None and outcome.trip is None:
+            reasons.append(outcome.reason)
+        reasons += host.arming_blockers()  # trips at rest among them
     if reasons:
         raise Blocked(list(dict.fromkeys(reasons)))
     return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import pytest
-from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
+from support.bench import PERIOD_NS, Axis, AxisRow, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.engine.control import Control
 from rigd.engine.cycle import CONFIRMING_NS
@@ -507,6 +507,25 @@ def test_preflight_blocks_on_mute_device_and_delayed_violation() -> None:
     slow = Interlock("load", "axis.load", high=0.5, delay_s=1.0, action=Severity.STOP)
     with pytest.raises(Blocked, match="load is violated"):
         Bench(interlocks=(slow,)).run(procedure([move("one", 0.5)])).execute()
+
+
+@pytest.mark.parametrize(
+    ("cycles", "told"), [(999, "load is violated at rest"), (3, "load tripped at rest")]
+)
+def test_trip_at_rest_blocks_and_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, cycles: int, told: str
+) -> None:
+    """Cycles go on after the trip, as they do in a process of their own; the load may go away."""
+    bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Severity.ABORT),))
+    loads = iter([9.0] * cycles)
+    bench.axis.answer = lambda _: AxisRow.of(position=0.0, load=next(loads, 1.0))
+    run = bench.run(procedure([move("one", 0.5)]))
+    settle = run.host.settle
+    monkeypatch.setattr(run.host, "settle", lambda n: [settle(n), settle(n), settle(n)][0])
+    with pytest.raises(Blocked) as blocked:
+        run.execute()
+    assert told in str(blocked.value)
+    assert str(blocked.value).count("interlock load") == 1
 
 
 def test_stop_while_devices_open_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
