@@ -72,7 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--pace",
         type=_pace,
         metavar="X",
-        help="run at X times real time instead of virtual time; 1 is real time",
+        help="run at X times real time (1 is real time), or in `virtual` time (default)",
     )
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="recording to write (default: a name in --runs)"
@@ -220,13 +220,18 @@ def _seed(text: str) -> int:
 
 
 def _pace(text: str) -> float:
+    """Return the pace, 0 for virtual time."""
+    if text == "virtual":
+        return 0.0
     try:
         value = float(text)
     except ValueError:
         value = 0.0
     if 0.01 <= value <= 100:
         return value
-    raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0.01 to 100, such as 0.5")
+    raise argparse.ArgumentTypeError(
+        f"{text!r} is neither a number from 0.01 to 100, such as 0.5, nor 'virtual'"
+    )
 
 
 def _time(text: str) -> int:

@@ -20,7 +20,7 @@ from rigd.config.shipped import titled
 from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
 from rigd.daemon.forms import RecordingSpec, RunSetup, in_process, processes
 from rigd.daemon.provenance import run_metadata
-from rigd.daemon.resume import ResumePoint
+from rigd.daemon.resume import ResumePoint, simulated_at
 from rigd.daemon.signals import handle_signals
 from rigd.daemon.trial_check import CheckApart, check_trial
 from rigd.engine.answers import Answers, OwnAnswers
@@ -317,8 +317,7 @@ def _start_ns(request: RunRequest, *, on_the_wall: bool) -> int:
 
 
 def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
-    pace = "virtual time" if request.pace is None else f"paced {request.pace:g} x"
-    mode = f"simulated, {pace}"
+    mode = simulated_at(request.pace)
     if request.rig.plant is None:
         mode = "hardware" if request.rig.simulation is None else "simulated at the wire"
     records = run_metadata(

@@ -42,7 +42,8 @@ def requested(
 ) -> RunRequest:
     """Return the request to run a procedure on a rig, by their files or names; nothing moves.
 
-    The others are as for :class:`RunRequest`; ``seed`` None is that of ``resume``, or 1.
+    The others are as for :class:`RunRequest`; ``seed`` None is that of ``resume``, or 1;
+    ``pace`` None is that of ``resume``, or virtual time, which 0 is in any case.
 
     Raises:
         ConfigError: a file is missing or wrong, the procedure does not fit the rig or its analysis,
@@ -56,6 +57,9 @@ def requested(
             f"rig {loaded.name} is not simulated in process: its devices run in real time",
             hint="remove --pace and --start",
         )
+    if pace is None and resume is not None:
+        pace = resume.pace
+    pace = pace or None
     source = load_procedure(procedure, texts.get("procedure.yaml"))
     done = frozenset[int]() if resume is None else resume.done
     unplayed = left_out(loaded, pace, done)

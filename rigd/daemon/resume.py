@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +22,8 @@ class ResumePoint:
     ``done`` are the numbers of complete trials; a trial that lost rows is not complete.
     ``overrides`` are its ``--set`` values. ``texts`` are its attached files by name.
     ``answered_by`` is the source of the last answer to a prompt, "" without prompts; ``given`` are
-    all answers in the complete trials, by their number.
+    all answers in the complete trials, by their number. ``pace`` is that of the run, None in
+    virtual time and on devices.
     """
 
     path: Path
@@ -35,6 +37,7 @@ class ResumePoint:
     answered_by: str = ""
     specimen: str = ""
     given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
+    pace: float | None = None
 
     def check_same(self, name: str, text: str) -> None:
         """Raise unless the attached file ``name`` is ``text``.
@@ -102,7 +105,19 @@ def read_resume_point(path: Path) -> ResumePoint:
             ]
             for number, trial in complete.items()
         },
+        pace=_pace_in(run.get("mode", "")),
     )
+
+
+def simulated_at(pace: float | None) -> str:
+    """Return the mode in the recording of a run that is simulated in process."""
+    return "simulated, virtual time" if pace is None else f"simulated, paced {pace:g} x"
+
+
+def _pace_in(mode: str) -> float | None:
+    """Return the pace in what :func:`simulated_at` made; None if there is none."""
+    found = re.fullmatch(r"simulated, paced (.+) x", mode)
+    return None if found is None else float(found[1])
 
 
 def left_out(rig: RigConfig, pace: float | None, done: frozenset[int]) -> frozenset[int]:

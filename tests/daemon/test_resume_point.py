@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rigd.daemon.execute import perform
+from rigd.daemon.requested import requested
 from rigd.daemon.resume import read_resume_point
+from rigd.engine.control import Control
 from rigd.model import RecordingError
+from rigd.model.about import About
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import row_dtype
+from rigd.model.severity import Severity
 from rigd.record import Recording, RecordingWriter
 
 AXIS = Stream("axis", tuple(Channel(f"c{i}", "m") for i in range(60)))
@@ -57,3 +62,21 @@ def test_recording_without_a_seed_is_not_resumed(tmp_path: Path, seed: str) -> N
     ).close()
     with pytest.raises(RecordingError, match="does not name its run, so it cannot be resumed"):
         read_resume_point(path)
+
+
+@pytest.mark.parametrize(
+    ("begun", "given", "pace"),
+    [(0.5, None, 0.5), (0.5, 2.0, 2.0), (0.5, 0.0, None), (None, None, None)],
+)
+def test_resumed_run_keeps_pace_unless_one_given(
+    tmp_path: Path, begun: float | None, given: float | None, pace: float | None
+) -> None:
+    path = tmp_path / "run.mcap"
+    asked = requested("quick", "lugre-1", overrides={}, about=About(), pace=begun, output=path)
+    control = Control()
+    control.request(Severity.STOP, "stopped by the test")
+    perform(asked, control)
+    resumed = requested(
+        "quick", "lugre-1", overrides={}, about=About(), pace=given, resume=read_resume_point(path)
+    )
+    assert resumed.pace == pace
