@@ -127,7 +127,7 @@ def execute(args: argparse.Namespace) -> int:
         then = f"rigd run {target / 'push.yaml'} --rig {target / 'rig.yaml'}"
     print(
         f"wrote {target}, {made} whose tests pass:\n  pip install -e '{target}[test]'\n  "
-        f"pytest {target}\n  {then}\nto adapt it to your device, read {target / 'README.md'}"
+        f"pytest {target}\n  {then}\nto make it yours, read {target / 'README.md'}"
     )
     return 0
 

@@ -119,6 +119,7 @@ def test_a_friction_law_passes_and_is_found(tmp_path: Path) -> None:
     made = rigd("new", "friction-law", "acme-rubber", "--folder", tmp_path, cwd=tmp_path)
     assert made.code == 0, made.err
     assert "rigd identify FILE --law acme-rubber" in made.out
+    assert "device" not in made.out
     site = installed(tmp_path / "acme-rubber", tmp_path)
     assert (site / "acme_rubber" / "py.typed").is_file()
     elsewhere = tmp_path / "elsewhere"
