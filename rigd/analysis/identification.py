@@ -45,10 +45,10 @@ from rigd.analysis.uncertainty import (
     covariance,
     jackknife_sd,
     leave_one_trial_out,
+    no_less,
 )
 
-#: A profile reaches so many standard errors to either side, in so many steps; if it does not come
-#: to its threshold there, so many of the errors that the inflation gives.
+#: A profile reaches so many standard errors to either side, in so many steps.
 _REACH: Final = 6.0
 _STEPS: Final = 25
 #: Relative: costs of fits that the data do not tell apart, whatever they are. At 10,000 samples
@@ -147,6 +147,8 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     cov = covariance(model, best, block)
     error = model.residuals(best.theta)
     inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
+    # Residuals that swing cancel in the block sums and not in the inflation.
+    cov = replace(cov, coloured=no_less(cov.coloured, inflation * cov.white))
     gate = _gate(subject, fits[0], inflation, options)
     lasts = None
     if subject.memory_s is None:
@@ -259,7 +261,6 @@ def _scan(
 ) -> ProfileScan:  # fmt: skip
     """Return the profile of a parameter over what its standard error suggests, within its box.
 
-    Residuals that swing cancel in the block sums of the standard error and not in the inflation.
     The profile reaches over the parameters (p,) of all that fit ``alike``: another one may be
     without effect in some of them, so that no refit leads from one to the other.
     """
@@ -268,18 +269,13 @@ def _scan(
     ends.append(float(best.scaled[index]))
     direction = axis(len(model.parameters), index)
 
-    def over(variance: float) -> ProfileScan:
-        least, most = float(bounds[0][index]), float(bounds[1][index])
-        if variance > 0.0:
-            reach = _REACH * float(np.sqrt(variance))
-            least, most = max(least, min(ends) - reach), min(most, max(ends) + reach)
-        grid = np.linspace(least, most, _STEPS)
-        return scan(model, best, direction, grid, inflation=inflation, others=alike)
-
-    near, far = float(cov.coloured[index, index]), inflation * float(cov.white[index, index])
-    found = over(near)
-    open_end = found.low is None or found.high is None
-    return over(far) if open_end and 0.0 < near < far else found
+    least, most = float(bounds[0][index]), float(bounds[1][index])
+    variance = float(cov.coloured[index, index])
+    if variance > 0.0:
+        reach = _REACH * float(np.sqrt(variance))
+        least, most = max(least, min(ends) - reach), min(most, max(ends) + reach)
+    grid = np.linspace(least, most, _STEPS)
+    return scan(model, best, direction, grid, inflation=inflation, others=alike)
 
 
 def _estimate(

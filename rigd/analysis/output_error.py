@@ -30,7 +30,7 @@ from rigd.analysis.fit import DAMPING, Fit, fit, newton_step
 from rigd.analysis.model import NormalEquations, slopes
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Diverged, SomeTrials, System
-from rigd.analysis.uncertainty import bounds_reached, scaled_pinv, score_covariance
+from rigd.analysis.uncertainty import bounds_reached, no_less, scaled_pinv
 from rigd.analysis.whitened import FINITE, OutputErrorModel, noise_at
 from rigd.model.errors import DataError
 
@@ -350,7 +350,8 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
     inverse, seen = _inverted(information + known)
     both = np.ix_(seen, seen)
     varied = np.zeros((count, count))
-    varied[both] = score_covariance(information[both], np.concatenate(scores)[:, seen])
+    blocks = np.concatenate(scores)[:, seen]
+    varied[both] = no_less(blocks.T @ blocks, information[both])
     from_data = inverse @ varied @ inverse
     pulls = np.sqrt(model.precision) * (best.scaled - model.prior)
     covariance = from_data + inverse @ model.known.scores @ inverse

@@ -87,18 +87,17 @@ def scaled_pinv(information: FloatArray) -> FloatArray:
     return np.asarray(inverse / np.outer(scale, scale), dtype=np.float64)
 
 
-def score_covariance(information: FloatArray, blocks: FloatArray) -> FloatArray:
-    """Return the covariance (p, p) of the scores: of ``blocks`` (b, p), no less than white ones.
+def no_less(varied: FloatArray, least: FloatArray) -> FloatArray:
+    """Return the covariance ``varied`` (p, p), in no direction less than ``least`` (p, p).
 
     Both are compared in the directions in which they differ most (simultaneous diagonalisation).
     """
-    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    scale = np.sqrt(np.maximum(np.diag(least), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(least / np.outer(scale, scale))
     known = values > RELATIVE_RANK * values[-1]
     root = (vectors[:, known] * np.sqrt(values[known])) * scale[:, None]
     whiten = (vectors[:, known] / np.sqrt(values[known])) / scale[:, None]
-    among = whiten.T @ (blocks.T @ blocks) @ whiten
-    ratio, directions = np.linalg.eigh(among)
+    ratio, directions = np.linalg.eigh(whiten.T @ varied @ whiten)
     turned = root @ directions
     return np.asarray((turned * np.maximum(ratio, 1.0)) @ turned.T)
 

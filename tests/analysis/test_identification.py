@@ -14,7 +14,13 @@ from scipy.stats import t
 from rigd.analysis import Options
 from rigd.analysis.fit import Fit
 from rigd.analysis.identification import FittedSubject, identify_model
-from rigd.analysis.response import ResponseModel, ResponseQuantity
+from rigd.analysis.response import (
+    Axis,
+    ResponseModel,
+    ResponseQuantity,
+    Wording,
+    identify_response,
+)
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -91,6 +97,25 @@ def test_parameter_below_a_vibration_has_an_interval() -> None:
     assert found.verdict is Verdict.IDENTIFIABLE
     assert found.low is not None and found.high is not None
     assert found.low < 1.0 < found.high
+
+
+@pytest.mark.parametrize("period", [20, 37])
+def test_vibration_leaves_curve_as_wide_as_interval(period: int) -> None:
+    """The curve of the model of one constant is that constant: so is its band."""
+
+    def vibration(k: int) -> FloatArray:
+        swing = 0.3 * np.sin(2.0 * np.pi * np.arange(SAMPLES) / period)
+        return np.asarray(white(1, sd=0.001)(k) + swing)
+
+    y = Axis("y", "1")
+    words = Wording("m", "", "", Axis("x", "1"), y, (ResponseQuantity("c0", "a constant", ""),))
+    found = identify_response(
+        polynomial(0, 10, vibration), words, Options(starts=1), Preprocessing((), {}, {})
+    )
+    (estimate,), curve = found.parameters, found.curve
+    band = 0.5 * float(np.median(curve.high - curve.low))
+    assert band == pytest.approx(half_width(estimate), rel=0.1)
+    assert estimate.standard_error == pytest.approx(half_width(estimate) / Z_95, rel=0.1)
 
 
 def test_a_bias_of_the_method_withholds_the_number() -> None:
