@@ -41,7 +41,17 @@ def _usable(result: IdentificationResult) -> str:
     rough = [item.name for item in found if item.verdict is Verdict.WEAK]
     curve = _curve(result.curve)
     parts = [*known, *(f"{name} (roughly)" for name in rough), *([curve] if curve else [])]
-    return listed(parts)
+    return f"{listed(parts)}{_with_care(result)}" if parts else ""
+
+
+def _with_care(result: IdentificationResult) -> str:
+    """Return which tests the residuals do not pass; a test without p value states its share."""
+    failed = [
+        test.name if test.p_value is not None else f"{test.name} ({test.sentence.split(';')[0]})"
+        for test in result.residual_tests
+        if not test.passed
+    ]
+    return f", with care: the residuals do not pass {listed(failed)}" if failed else ""
 
 
 def _curve(curve: Curve) -> str:

@@ -11,6 +11,7 @@ import pytest
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import Heading, Provenance, ReportSection
 from rigd.analysis.report.opening import listed, opening_of
+from rigd.analysis.residuals import ljung_box, normality, outliers
 from rigd.analysis.result import FitOutcome, Gate
 from rigd.cli.evaluation_view import print_evaluation
 
@@ -29,6 +30,19 @@ def test_known_parameters_and_curve_are_usable(stone: ReportSection) -> None:
     assert "V_s: not identifiable from this excitation" in not_usable
     assert "sigma_1: biased by this method" in not_usable
     assert "sigma_0" not in not_usable
+
+
+def test_usable_numbers_name_tests_that_fail(stone: ReportSection) -> None:
+    noise = np.random.default_rng(1).standard_normal(1000)
+    spoilt = np.where(np.arange(1000) % 4 == 0, 50.0, noise)
+    checks = (ljung_box([spoilt], 20), normality(noise, 1.0), outliers(spoilt))
+    opening = opening_of([replace(stone, result=replace(stone.result, residual_tests=checks))])
+    assert opening.usable.endswith(
+        ", with care: the residuals do not pass whiteness (Ljung-Box) and outliers (25 % of the "
+        "samples lie beyond 5 robust standard deviations)."
+    )
+    passed = replace(stone.result, residual_tests=(outliers(noise),))
+    assert "with care" not in opening_of([replace(stone, result=passed)]).usable
 
 
 def test_opening_names_group_of_each_parameter(make_section: Maker, stone: ReportSection) -> None:
