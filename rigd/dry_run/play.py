@@ -24,6 +24,7 @@ from rigd.controllers.driver import ControllerConfig
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
+from rigd.dry_run.measured import unmeasured
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings
@@ -119,7 +120,7 @@ def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunR
         physics="sibling",
         sibling=f"{sibling.rig.name} ({sibling.rig.source.path})",
         differences=sibling.differences,
-        notes=(*_faults_note(faults), *_pace_notes(real, sibling.rig)),
+        notes=(*found.notes, *_faults_note(faults), *_pace_notes(real, sibling.rig)),
     )
 
 
@@ -151,6 +152,7 @@ def _written(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:
             f"{_count(prompts, 'prompt waits', 'prompts wait')} for an answer: not counted"
         )
     notes += _faults_note(sum(isinstance(step, Fault) for step in steps))
+    notes += unmeasured(procedure, {})
     return DryRunResult(
         most_s, written_rows(procedure, rig), (), (), physics="none", notes=tuple(notes),
         known_s=known_s,
@@ -214,7 +216,10 @@ def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals += _saturated(rig, peaks)
     steps = step_rows(procedure, rig, sink.steps, clock.now())
-    return DryRunResult(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
+    notes = tuple(unmeasured(procedure, {} if refusals else sink.peaks))
+    return DryRunResult(
+        clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result, notes=notes
+    )
 
 
 def _play(
