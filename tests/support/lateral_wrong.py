@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
@@ -10,8 +10,14 @@ import numpy as np
 from support.lugre_bench import FLOORS, known_rig
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
+from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.trial import sampling_period_s
 
 FIXED: Final = ("roller_transitions", "gravity", "gear_ratio")  #: right in every world
 LENGTHS: Final = ("lever", "height", "half_span", "row_distance", "mass_offset")
@@ -60,6 +66,11 @@ class Sweep:
             replace(item, speed_m_s=self.scale * item.speed_m_s + self.added_m_s) for item in made
         ]
 
+    @property
+    def system(self) -> LateralSystem:
+        """Return the system of all trials, with their lateral speeds as measured."""
+        return lateral_system(self.trials(), self.constants, self.rig)
+
     def _stated(self, right: object, names: list[str] | tuple[str, ...]) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for name in names:
@@ -92,6 +103,17 @@ WRONG: Final[Mapping[str, Sweep]] = {
     "lateral speed x 1.1": Sweep(scale=1.1),
     "lateral speed turned": Sweep(scale=-1.0),
 }
+
+
+def lateral_system(
+    trials: Sequence[LateralTrial], constants: LateralConstants, rig: RigConstants
+) -> LateralSystem:
+    """Return the system of ``trials``, all of which can be fitted."""
+    recorded = [item.trial for item in trials]
+    parts, _ = sort_out(recorded, [sampling_period_s(item) for item in recorded], Settings())
+    straight = rig_system(parts, rig, np.array([parameter.start for parameter in PARAMETERS]))
+    speeds = tuple(item.speed_m_s[part] for item, (_, part) in zip(trials, parts, strict=True))
+    return LateralSystem(straight, speeds, constants, rig.bearing_torque.value)
 
 
 def right(number: int) -> Sweep:

@@ -102,7 +102,7 @@ def lateral_force(
 
 
 def load(speed_m_s: FloatArray, theta: FloatArray, shape: Shape) -> Load:
-    """Return the loads at lateral speeds (n,) with the coupling's parameters (7,).
+    """Return the loads at lateral speeds (n,) with the coupling's parameters (7,), or (7, n).
 
     The guide's friction is measured without lateral motion, so that only the relative load counts
     (items 6 and 11): max(|G| h, |F_N (d - e) - G c|) / (F_N |d - e|).

@@ -54,16 +54,24 @@ LEVEL = 0.02  #: chance of one false alarm in all of these; that of all else is 
 TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
 OTHER_VALUES = (0.5, 2.0)  #: times the stated one, from which the data may find another
 SAME = 0.2  #: of an uncertainty, or of this: two ends are one optimum
+#: By which share the rollers rub more at positive lateral speeds than on average, and less at
+#: negative ones; no law of the coupling has it. It is the ninth parameter where it is sought.
+UNEVEN = Unknown(
+    FitParameter("unevenness", "1", -0.9, 0.9, 0.0, Scaling.LINEAR),
+    wording="unevenness of the rollers (friction at positive lateral speeds over the mean of both "
+    "signs, less 1)",
+)
+UNEVEN_PLACE = 1 + len(NAMES)
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
     """Guide friction and coupling (8,) against the forces of trials, as a model of a fit.
 
-    ``unknowns`` (8,) are what is known of them. ``samples`` is the number of residuals behind
-    ``loads``: half of it is added to the cost, so that :mod:`rigd.analysis.profile` compares it as
-    that of all data. With ``at_m_s`` the two parameters of the rollers are mu_R at this lateral
-    speed, and the share of it that is dry.
+    ``unknowns`` (8,) are what is known of them, perhaps with :data:`UNEVEN`. ``samples`` is the
+    number of residuals behind ``loads``: half of it is added to the cost, so that
+    :mod:`rigd.analysis.profile` compares it as that of all data. With ``at_m_s`` the two parameters
+    of the rollers are mu_R at this lateral speed, and the share of it that is dry.
     """
 
     loads: Loads
@@ -125,7 +133,7 @@ class Reduced:
 
     def coupling(self, theta: FloatArray) -> FloatArray:
         """Return the parameters (7,) of :mod:`.coupling`."""
-        out = theta[1:].copy()
+        out = theta[1:UNEVEN_PLACE].copy()
         if self.at_m_s is not None:
             whole, share = theta[1], theta[2]
             out[DRY], out[VISCOUS] = share * whole, (1.0 - share) * whole / self.at_m_s
@@ -147,14 +155,22 @@ class Reduced:
     def forces(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the friction of the guide in each trial in N (t,), and derivatives (t, 8)."""
         system = self.system
-        found = load(self._speeds, self.coupling(theta), system.shape)
+        coupling = self.coupling(theta)
+        signs = np.sign(self._speeds)
+        uneven = np.tile(coupling[:, None], len(signs))
+        sides = 1.0 + signs * np.sum(theta[UNEVEN_PLACE:])
+        uneven[[DRY, VISCOUS]] *= sides
+        found = load(self._speeds, uneven, system.shape)
         radius = system.rig.constants.wheel_radius.value
         torque, moving = system.bearing_torque / radius, self._moving
         guide = np.where(moving, self._means(found.guide), 1.0)
         bearing = np.where(moving, self._means(found.bearing) - 1.0, 0.0)
         shift = torque * bearing - self.loads.free.bearing_nm / radius
-        by = theta[0] * self._means(found.guide_by) + torque * self._means(found.bearing_by)
-        by *= moving[:, None]
+        each = theta[0] * found.guide_by + torque * found.bearing_by
+        by_side = signs * (each[:, [DRY, VISCOUS]] @ coupling[[DRY, VISCOUS]])
+        each[:, [DRY, VISCOUS]] *= sides[:, None]
+        each = np.column_stack([each, by_side])[:, : len(theta) - 1]
+        by = self._means(each) * moving[:, None]
         if self.at_m_s is not None:
             whole, share, v = theta[1], theta[2], self.at_m_s
             dry, viscous = by[:, DRY].copy(), by[:, VISCOUS].copy()
@@ -228,7 +244,8 @@ def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | Non
     for one another, another constant moves, to where chance hardly brings it. So each is left to
     the data in turn. Under the model -2 ln L then gains as chi-square of one degree of freedom
     does; Holm's rule holds the chance of a false alarm of all. The one that gains most is
-    returned, with those that the data do not tell apart from it. ``laws`` are the problem under
+    returned, with those that the data do not tell apart from it; :data:`UNEVEN` may be among them,
+    but is not tested: what it moves, others move as well. ``laws`` are the problem under
     each law, the fitted first; ``coupling`` (8,) is the fitted.
     """
     model = laws[0]
@@ -243,6 +260,9 @@ def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | Non
     if not any(holm([float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LEVEL)):
         return None
     freed = [_freed(laws, held, place, everywhere=True) for place in RESTS_ON]
+    uneven = [replace(law, unknowns=(*law.unknowns, UNEVEN)) for law in laws]
+    even = replace(held, theta=np.append(held.theta, 0.0))
+    freed.append(replace(_freed(uneven, even, UNEVEN_PLACE, everywhere=True), stated=None))
     first, *others = sorted(freed, key=lambda item: -item.gain)
     as_good = tuple(item.name for item in others if item.gain > first.gain - TOLD_APART)
     return replace(first, others=as_good)

@@ -6,25 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.lateral_wrong import Sweep, right
+from support.lateral_wrong import Sweep, lateral_system, right
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis.fit import fit
 from rigd.analysis.output_error import ROUGH
 from rigd.analysis.result import FloatArray
 from rigd.analysis.whitened import OutputErrorModel, noise_at
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.identify import ITERATIONS
 from rigd_analyses.lugre.lateral.loads import FreeLoads
 from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
-from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.identify import rig_system
-from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
+from rigd_analyses.lugre.trial import LugreTrial
 
 CHECKED = (
     "guide_friction", "no_load", "current_zero", "mu_R_dry", "mu_R_vis", "guide_lever",
@@ -32,20 +28,11 @@ CHECKED = (
 )  # fmt: skip
 
 
-def made(fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants) -> LateralSystem:
-    recorded = [item.trial for item in fast]
-    parts, _ = sort_out(recorded, [sampling_period_s(item) for item in recorded], Settings())
-    smooth = np.array([parameter.start for parameter in PARAMETERS])
-    straight = rig_system(parts, rig, smooth)
-    speeds = tuple(item.speed_m_s[part] for item, (_, part) in zip(fast, parts, strict=True))
-    return LateralSystem(straight, speeds, lateral_bench.constants, rig.bearing_torque.value)
-
-
 @pytest.fixture(scope="module")
 def system(
     fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
 ) -> LateralSystem:
-    return made(fast, lateral_bench, rig)
+    return lateral_system(fast, lateral_bench.constants, rig)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +40,8 @@ def mirrored(
     fast: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
 ) -> LateralSystem:
     """Return the same trials driven backwards, with the same lateral speeds."""
-    return made([replace(item, trial=backwards(item.trial)) for item in fast], lateral_bench, rig)
+    turned = [replace(item, trial=backwards(item.trial)) for item in fast]
+    return lateral_system(turned, lateral_bench.constants, rig)
 
 
 def backwards(trial: LugreTrial) -> LugreTrial:
@@ -140,7 +128,7 @@ def test_backward_drive_has_error_of_forward_one(
 def test_starts_suit_a_floor_of_little_friction() -> None:
     """Paperboard, mu_c 0.05: from 0.1 the best of rough fits had frictions that are 1.9 N off."""
     sweep = right(5)
-    system = made(sweep.trials(), sweep.bench, sweep.rig)
+    system = lateral_system(sweep.trials(), sweep.bench.constants, sweep.rig)
     free, ends = FreeLoads.of(system), []
     for start in starts(system):
         model = OutputErrorModel(free, noise_at(free, start))
