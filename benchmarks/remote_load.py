@@ -215,7 +215,8 @@ class Bench:
         due_ns = np.rint(rows["scheduled"] * 1e9).astype(np.int64) + self._origin_ns
         measured = (due_ns >= since_ns) & (due_ns < until_ns)
         rows, due_ns = rows[measured], due_ns[measured]
-        late_us = (rows["actual"] - rows["scheduled"]) * 1e6
+        late_s = rows["actual"] - rows["scheduled"]
+        late_us = 1e6 * late_s
         there = ~beside.was_away(due_ns, due_ns + (1e3 * late_us).astype(np.int64))
         slots = round((due_ns[-1] - due_ns[0]) / PERIOD_NS) + 1
         own = late_us[there]

@@ -168,9 +168,8 @@ def _alike(
         others = other.read(name, second.start_ns, second.end_ns)
         if rows.dtype != others.dtype:
             return False
-        _, mine, theirs = np.intersect1d(
-            rows[TIME_FIELD], others[TIME_FIELD], assume_unique=True, return_indices=True
-        )
+        at, other_at = rows[TIME_FIELD], others[TIME_FIELD]
+        _, mine, theirs = np.intersect1d(at, other_at, assume_unique=True, return_indices=True)
         if rows[mine].tobytes() != others[theirs].tobytes():
             return False
         shared += len(mine)

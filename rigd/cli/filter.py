@@ -113,8 +113,9 @@ def _trials(recording: Recording, item: Filtered) -> list[dict[str, float | str]
         part = item.rows[first:last]
         if not len(part):
             continue
-        known = np.isfinite(part["nis"])
-        nis = float(np.mean(part["nis"][known])) / count if np.any(known) else float("nan")
+        values = part["nis"]
+        found = values[np.isfinite(values)]
+        nis = float(np.mean(found)) / count if len(found) else float("nan")
         row: dict[str, float | str] = {"trial": name, "nis": nis}
         for channel in item.config.channels:
             if channel.name.endswith("_sd"):

@@ -99,7 +99,8 @@ def test_scaled_reading_is_recorded_beside(bring_in: Import) -> None:
 def test_named_missing_values_become_nan(bring_in: Import) -> None:
     text = TABLE.replace("0.5,1\n", "-9999,1\n")
     rows = bring_in(text, "{missing: '-9999'}").read("samples")
-    assert np.flatnonzero(np.isnan(rows["force"])).tolist() == [1]
+    missing = np.isnan(rows["force"])
+    assert np.flatnonzero(missing).tolist() == [1]
 
 
 @pytest.mark.parametrize(

@@ -359,7 +359,8 @@ def _detected(
     began, ended = _shown.began_ns + offset_ns, _shown.ended_ns + offset_ns
     cycles = recording.read("cycle")
     due_ns = cycles["t_ns"].astype(np.int64)
-    begun_ns = due_ns + np.rint(1e9 * (cycles["actual"] - cycles["scheduled"])).astype(np.int64)
+    late_s = cycles["actual"] - cycles["scheduled"]
+    begun_ns = due_ns + np.rint(1e9 * late_s).astype(np.int64)
     earliest = int(due_ns[begun_ns <= began].max(initial=0))
     for event in recording.events():
         if event.kind in EVENTS and earliest <= event.t_ns <= ended:

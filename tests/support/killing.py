@@ -352,8 +352,9 @@ class Victim:
 def gaps(recording: Recording, stream: str) -> int:
     """Return how many cycles ran that are missing in ``stream``, one run recorded."""
     cycles, rows = recording.read("cycle"), recording.read(stream)
-    period_s = float(np.median(np.diff(cycles["scheduled"])))
-    slots = np.rint(cycles["scheduled"] / period_s).astype(np.int64)
+    due_s = cycles["scheduled"]
+    periods = np.diff(due_s)
+    slots = np.rint(due_s / float(np.median(periods))).astype(np.int64)
     late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
     return skipped - late + abs(len(rows) - len(cycles))

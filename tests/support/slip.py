@@ -89,6 +89,10 @@ class Score:
     odometry_mm_s: float  #: slip of a wheel that is taken to roll, in the worst part
 
 
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def score(path: Path, step: str = "drive", rows: NDArray[np.void] | None = None) -> Score:
     """Return the score of the steps called ``step``; ``rows`` of a filter replace the recorded."""
     recording = Recording.open(path)
@@ -98,16 +102,18 @@ def score(path: Path, step: str = "drive", rows: NDArray[np.void] | None = None)
     for item in recording.steps:
         if item.name != step or item.end_ns is None:
             continue
-        part = slice(*np.searchsorted(found["t_ns"], [item.start_ns, item.end_ns]))
-        error = found["slip"][part] - truth["slip_speed"][part]
+        begin, end = np.searchsorted(found["t_ns"], [item.start_ns, item.end_ns])
+        known, true = found[begin:end], truth[begin:end]
+        slip, sd, true_slip = known["slip"], known["slip_sd"], true["slip_speed"]
+        error = slip - true_slip
         errors.append(error)
-        inside.append(np.abs(error) < 1.96 * found["slip_sd"][part])
-        nis.append(found["nis"][part])
-        parts.append(np.sqrt(np.mean(error**2)))
-        rolling.append(np.sqrt(np.mean(truth["slip_speed"][part] ** 2)))
+        inside.append(np.abs(error) < 1.96 * sd)
+        nis.append(known["nis"])
+        parts.append(_rms(error))
+        rolling.append(_rms(true_slip))
     whole = np.concatenate(errors)
     return Score(
-        1e3 * float(np.sqrt(np.mean(whole**2))), 1e3 * float(max(parts)),
+        1e3 * _rms(whole), 1e3 * max(parts),
         float(np.mean(np.concatenate(inside))), float(np.nanmean(np.concatenate(nis))),
-        1e3 * float(max(rolling)),
+        1e3 * max(rolling),
     )  # fmt: skip

@@ -85,9 +85,10 @@ def _final(
         return math.nan, math.nan, False
     stream, field = sweep.field(signal)
     rows = sweep.recording.read(stream.name, stop_ns, trial.end_ns)
-    values = rows[field][np.isfinite(rows[field])]
+    known = rows[np.isfinite(rows[field])]
+    values = known[field]
     if len(values) < 2:
         return math.nan, math.nan, False
-    times = rows[TIME_FIELD][np.isfinite(rows[field])]
+    times = known[TIME_FIELD]
     last = values[times >= times[-1] - round(REST_S * 1e9)]
     return float(np.max(values)), float(np.mean(last)), len(last) > 1 and np.ptp(last) <= still

@@ -164,9 +164,10 @@ def _drive(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> _Drive:
         return _Drive(None, None)
     first = int(np.argmax(closed))
     opened = np.flatnonzero(~closed[first:])
-    stop = None if not len(opened) else int(rows[TIME_FIELD][first + int(opened[0])])
+    times = rows[TIME_FIELD]
+    stop = None if not len(opened) else int(times[first + int(opened[0])])
     count = 1 + int(np.count_nonzero(closed[first + 1 :] & ~closed[first:-1]))
-    return _Drive(int(rows[TIME_FIELD][first]), stop, count)
+    return _Drive(int(times[first]), stop, count)
 
 
 def _unfinished(trial: TrialInfo, drive: _Drive) -> list[Flag]:

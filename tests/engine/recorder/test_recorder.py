@@ -9,6 +9,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -127,18 +128,20 @@ class Held:
 
     def __init__(self, *_: object, **__: object) -> None:
         self.pid = os.getpid()
-        self.answers = self.killed = False
+        self.killed, self.answers = False, threading.Event()
         self.started.append(self)
 
     def kill(self) -> None:
         self.killed = True
 
     def poll(self) -> int | None:
-        return -9 if self.killed and self.answers else None
+        return -9 if self.killed and self.answers.is_set() else None
 
     def wait(self, timeout: float | None = None) -> int:
-        if self.poll() is None:
-            assert timeout is not None, "waits for ever"
+        if timeout is None:
+            assert threading.current_thread() is not threading.main_thread(), "waits for ever"
+            self.answers.wait()
+        elif self.poll() is None:
             raise subprocess.TimeoutExpired("recorder", timeout)
         return -9
 
@@ -154,7 +157,7 @@ def test_recorder_blocked_by_disk_does_not_block_daemon(
     assert Held.started[0].killed
     assert len(Held.started) == 1  # two would write to one file
     assert recorder.poll() is Health.WELL
-    Held.started[0].answers = True
+    Held.started[0].answers.set()
     assert recorder.poll() is Health.DIED
     recorder.restart()
     assert len(Held.started) == 2
