@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -206,4 +207,6 @@ def test_imported_campaign_gives_the_same_numbers(folder: Path) -> None:
         found.append(json.loads(done.out.replace(recording, "")))
         (origin,) = found[-1].pop("origins")
         assert origin["procedure"] == procedure
+        (content,) = found[-1].pop("recordings_sha256")
+        assert content == sha256((folder / recording).read_bytes()).hexdigest()
     assert found[0] == found[1]
