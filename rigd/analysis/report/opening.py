@@ -45,7 +45,12 @@ def _usable(result: IdentificationResult) -> str:
 
 
 def _with_care(result: IdentificationResult) -> str:
-    """Return which tests the residuals do not pass; a test without p value states its share."""
+    """Return which tests the residuals do not pass; a test without p value states its share.
+
+    A gate has judged them already, with what is known of the sensors and of the processing.
+    """
+    if result.gate is not None:
+        return ""
     failed = [
         test.name if test.p_value is not None else f"{test.name} ({test.sentence.split(';')[0]})"
         for test in result.residual_tests

@@ -43,6 +43,9 @@ def test_usable_numbers_name_tests_that_fail(stone: ReportSection) -> None:
     )
     passed = replace(stone.result, residual_tests=(outliers(noise),))
     assert "with care" not in opening_of([replace(stone, result=passed)]).usable
+    gate = Gate(FitOutcome.FITS, "The model fits these data.")
+    judged = replace(stone.result, residual_tests=checks, gate=gate)
+    assert "with care" not in opening_of([replace(stone, result=judged)]).usable
 
 
 def test_opening_names_group_of_each_parameter(make_section: Maker, stone: ReportSection) -> None:
