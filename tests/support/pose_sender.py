@@ -80,7 +80,7 @@ def sending() -> Iterator[Peer]:
     sender = Sender(port)
     try:
         yield Peer(
-            options={"body": "cart", "silence": "0.3 s"},
+            options={"body": "cart", "silence": "1 s"},
             link=lambda: PoseTracker(PoseTrackerConfig(port=port)),
             faults={
                 name: partial(sender.show, name)

@@ -14,8 +14,9 @@ from rigd_drivers.modbus.transport import Transport
 
 #: How long opening a connection may take, in s.
 OPEN_S: Final = 2.0
-#: How often :meth:`Client.ask` asks before it gives up, and for how long at most, in s.
+#: How often, and for how many s, :meth:`Client.ask` asks before it gives up, and at most.
 TRIES: Final = 3
+TRYING_S: Final = 1.0
 ASK_S: Final = 3.0
 
 _WORDS: Final = {
@@ -88,10 +89,11 @@ class Client:
         """
         self._transport.send(self._exchange.send(request, self._now_ns()))
 
-    def ask(self, request: Request, within_s: float = ASK_S, tries: int = TRIES) -> tuple[int, ...]:
+    def ask(self, request: Request, within_s: float = ASK_S) -> tuple[int, ...]:
         """Wait for the answer to ``request``: the registers read, none after a write.
 
-        A request under way is waited out first. A failed one is made again, up to ``tries`` times.
+        A request under way is waited out first. A failed one is made again, three times and for a
+        second: this computer may stall, and the device may be busy.
 
         Raises:
             LinkError: no answer within ``within_s``.
@@ -99,9 +101,11 @@ class Client:
             DeviceError: the device refused.
 
         """
-        limit_ns = self._now_ns() + round(within_s * 1e9)
-        failure = None
-        for _ in range(tries):
+        now_ns = self._now_ns()
+        limit_ns, trying_ns = now_ns + round(within_s * 1e9), now_ns + round(TRYING_S * 1e9)
+        failure, tries = None, 0
+        while tries < TRIES or self._now_ns() < trying_ns:
+            tries += 1
             if not self._wait_free(limit_ns):
                 break
             self.start(request)

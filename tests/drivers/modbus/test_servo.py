@@ -136,6 +136,12 @@ def test_lost_reply_neither_trips_nor_stops_drive(servo: ServoBench) -> None:
     assert servo.physics.speed == pytest.approx(20.0, abs=RPM / 2)
 
 
+def test_lost_replies_while_it_opens_are_repeated(servo: ServoBench) -> None:
+    servo.fault("silent", count=4)
+    armed(servo)
+    assert servo.state()["enabled"]
+
+
 @pytest.mark.parametrize("fault", ["overcurrent", "watchdog_tripped"])
 def test_a_fault_of_the_drive_ends_the_run(servo: ServoBench, fault: str) -> None:
     driver = armed(servo)
