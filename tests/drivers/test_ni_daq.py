@@ -227,11 +227,11 @@ def test_overrun_error_names_option_to_change(card: tuple[SimNi, OnLoop], opened
 
 
 def test_samples_not_fetched_in_time_overrun(opened: Opened) -> None:
-    driver = opened(buffer="0.1 s", block=10)
+    driver = opened(buffer="1 s", block=10)
     driver.start()
     rows(driver, 10)
-    time.sleep(0.5)  # what a reader that hangs looks like to the card
-    with pytest.raises(DeviceError, match=r"within 0\.1 s"):
+    time.sleep(1.5)  # what a reader that hangs looks like to the card
+    with pytest.raises(DeviceError, match=r"within 1 s"):
         rows(driver, 10)
 
 

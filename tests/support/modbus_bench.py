@@ -102,7 +102,7 @@ class ServoBench(Bench):
         return self.physics.speed == 0.0
 
     def driver(self, **options: Any) -> ModbusServo:
-        given = {"map": "schneider-atv320", "max_speed": "3000 rpm", "watchdog": "0.5 s"}
+        given = {"map": "schneider-atv320", "max_speed": "3000 rpm", "watchdog": "1.5 s"}
         made = ServoConfig.model_validate(self.options(**given | options))
         driver: ModbusServo = self.keep(ModbusServo(made, None))
         return driver

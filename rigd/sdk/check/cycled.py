@@ -24,8 +24,10 @@ from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 CALL_S: Final = 0.005
 #: Cycles of the measurements.
 CYCLES: Final = 100
-#: For so long after the link is dead, read() may still return rows that arrived before, in s.
+#: For so long after the link is dead, in s, and for so many cycles, as this machine may stall,
+#: read() may still return rows that arrived before.
 TAIL_S: Final = 0.5
+TAIL_CYCLES: Final = 50
 #: How much longer than watchdog_s a proven watchdog may take, in s: this machine may stall.
 WATCHDOG_ROOM_S: Final = 0.25
 
@@ -172,10 +174,12 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
             found.arm()
             found.begin(fault)
             began = time.monotonic()
-            for outcome in found.cycles(TAIL_S + 1.0 + 2 * found.driver.declaration.silent_s):
+            for number, outcome in enumerate(
+                found.cycles(TAIL_S + 1.0 + 2 * found.driver.declaration.silent_s)
+            ):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     yield f"a cycle raises {described(outcome.error)}"
-                if outcome.value is not None and time.monotonic() > began + TAIL_S:
+                if outcome.value is not None and _is_past(began, number):
                     yield f"read() still gives rows {TAIL_S:g} s after the device is {fault}"
                     break
             for name in ("make_safe", "make_safe again", "close", "close again"):
@@ -198,14 +202,16 @@ def _bad_answers(fault: str, *, rows: bool) -> Callable[[Subject], Iterator[str]
             found.reads.clear()
             found.writes.clear()
             problems: set[str] = set()
-            for outcome in found.cycles(1.0 + 2 * found.driver.declaration.silent_s):
+            for number, outcome in enumerate(
+                found.cycles(1.0 + 2 * found.driver.declaration.silent_s)
+            ):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     problems.add(f"a cycle raises {described(outcome.error)}")
                 elif outcome.value is not None:
                     problems.update(
                         row_problems(found.driver.declaration, outcome.value, in_range=False)
                     )
-                    if not rows and time.monotonic() > began + TAIL_S:
+                    if not rows and _is_past(began, number):
                         problems.add(f"read() gives rows though what the device sends is {fault}")
             for name, took in (("read", found.reads), ("write", found.writes)):
                 if took and statistics.median(took) > CALL_S:
@@ -213,6 +219,11 @@ def _bad_answers(fault: str, *, rows: bool) -> Callable[[Subject], Iterator[str]
             yield from sorted(problems)
 
     return check
+
+
+def _is_past(began_s: float, cycles: int) -> bool:
+    """Return whether rows that arrived before ``began_s`` have all been read since."""
+    return cycles >= TAIL_CYCLES and time.monotonic() > began_s + TAIL_S
 
 
 def _not_there(subject: Subject) -> Iterator[str]:

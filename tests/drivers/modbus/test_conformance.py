@@ -18,7 +18,7 @@ from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.part import Part
 
 TRANSMITTER = {"map": "laumas-tlb4", "scale": "0.01 N/count", "low": "-500 N", "high": "500 N"}
-SERVO = {"map": "schneider-atv320", "max_speed": "3000 rpm", "watchdog": "0.5 s"}
+SERVO = {"map": "schneider-atv320", "max_speed": "3000 rpm", "watchdog": "1.5 s"}
 
 
 def cell(line: Line) -> Part:
