@@ -255,7 +255,7 @@ def test_optional_value_that_has_expired_blocks_the_run(bench: Path) -> None:
     (bench / FILE).write_text(text.replace(value, old))
     done = campaign(bench)
     assert done.code == 3
-    assert f"load_rise in {FILE} expired on 2021-11-02" in done.err
+    assert f"load_rise in {FILE} expired on 2021-11-04" in done.err
     assert "rigd calibrate procedures/calibrate_rise.yaml --rig angle-1" in done.err
     (bench / FILE).write_text(text.replace(value, ""))
     assert campaign(bench).code == 0
