@@ -22,7 +22,7 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit, Loss, multi_start, named, robust_fit
 from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge, log_sd
 from rigd.analysis.lasting import lasting
-from rigd.analysis.model import FitParameter, Model, scaled_bounds, to_scaled
+from rigd.analysis.model import Model, scaled_bounds, slopes, to_scaled
 from rigd.analysis.profile import ProfileScan, axis, natural_ends, scan
 from rigd.analysis.result import (
     Curve,
@@ -38,12 +38,12 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd.analysis.selection import VERY_STRONG, bic
+from rigd.analysis.spread import Spread
 from rigd.analysis.uncertainty import (
     Covariance,
     autocorrelation_time,
     correlation,
     covariance,
-    jackknife_sd,
     leave_one_trial_out,
     no_less,
 )
@@ -98,7 +98,7 @@ class FittedSubject:
     account: Preprocessing
     period_s: float
     visited: str
-    curve: Callable[[Fit, Covariance, Sequence[FloatArray]], Curve]
+    curve: Callable[[Spread], Curve]
     trials: Callable[[FloatArray], tuple[TrialFit, ...]]
     block_s: float = 0.1
     jackknife: bool = False
@@ -108,30 +108,6 @@ class FittedSubject:
     scale: float = 1.0
     unit: str = ""
     rivals: Mapping[str, Model] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class _Doubts:
-    """What widens an interval beyond its profile: parameters (p,) of refits, all scaled."""
-
-    left_out: tuple[FloatArray, ...]
-    others: tuple[FloatArray, ...]
-
-    def chance(self, index: int) -> float:
-        """Return 1.96 standard errors of the jackknife."""
-        if not self.left_out:
-            return 0.0
-        return Z_95 * float(
-            jackknife_sd(lambda scaled: scaled[index : index + 1], self.left_out)[0]
-        )
-
-    def method(self, index: int, centre: float) -> float:
-        """Return 1.96 times the root mean square change under other processing."""
-        if not self.others:
-            return 0.0
-        return Z_95 * math.sqrt(
-            sum((float(scaled[index]) - centre) ** 2 for scaled in self.others) / len(self.others)
-        )
 
 
 def identify_model(subject: FittedSubject, options: Options) -> IdentificationResult:
@@ -159,10 +135,6 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     known = gate is None or gate.outcome is not FitOutcome.MISFIT
     others = subject.others(best) if known else ()
     left_out = leave_one_trial_out(model, best) if known and subject.jackknife else ()
-    doubts = _Doubts(
-        tuple(to_scaled(model.parameters, theta) for theta in left_out),
-        tuple(to_scaled(model.parameters, theta) for theta in others),
-    )
     count = len(model.parameters) if known else 0
     alike = [
         item.theta
@@ -171,17 +143,21 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
         and np.max(np.abs(item.scaled - best.scaled)) > APART
     ]
     scans = [_scan(model, best, cov, inflation, index, alike) for index in range(count)]
+    spread = Spread(
+        best.theta, slopes(model.parameters, best.theta), cov.coloured, tuple(left_out),
+        tuple(others), np.concatenate([np.zeros((0, count)), *(item.accepted for item in scans)]),
+    )  # fmt: skip
     pieces = [error[part][model.mask[part] > 0.0] for part in model.trial_slices]
     together = np.concatenate(pieces)
     shortest = min(len(piece) for piece in pieces)
     used = len(together)
-    curve = subject.curve(best, cov, others)
+    curve = subject.curve(spread)
     return IdentificationResult(
         model=subject.name,
         method=subject.method,
         title=subject.title,
         parameters=tuple(
-            _estimate(subject, best, cov, doubts, index, found) for index, found in enumerate(scans)
+            _estimate(subject, best, cov, spread, index, found) for index, found in enumerate(scans)
         )
         if known
         else _refused(subject, best),
@@ -282,22 +258,22 @@ def _estimate(
     subject: FittedSubject,
     best: Fit,
     cov: Covariance,
-    doubts: _Doubts,
+    spread: Spread,
     index: int,
     found: ProfileScan,
 ) -> ParameterEstimate:
     parameter, words = subject.model.parameters[index], subject.words[index]
     value = float(best.theta[index])
     alone = natural_ends(subject.model, index, found)
-    low, high = _joined(parameter, float(best.scaled[index]), found, doubts, index)
+    low, high = _joined(subject.model, float(best.scaled[index]), found, spread, index)
     by_data = math.inf if None in alone else log_sd(*(end or 0.0 for end in alone))
     evidence = Evidence(
         value, low, high, parameter.unit,
         bound=value if cov.on_bound[index] else None,
         bias=subject.biases.get(parameter.name, ""),
         allowed=(parameter.low, parameter.high),
-        wider=_MOVED if doubts.others and by_data <= UNIDENTIFIABLE_LOG_SD else "",
-        data_log_sd=by_data if doubts.others else math.inf,
+        wider=_MOVED if spread.others and by_data <= UNIDENTIFIABLE_LOG_SD else "",
+        data_log_sd=by_data if spread.others else math.inf,
     )  # fmt: skip
     verdict, sentence = judge(evidence)
     sd = float(np.sqrt(cov.coloured[index, index])) * parameter.slope(value)
@@ -312,14 +288,21 @@ def _estimate(
 
 
 def _joined(
-    parameter: FitParameter, centre: float, found: ProfileScan, doubts: _Doubts, index: int
+    model: Model, centre: float, found: ProfileScan, spread: Spread, index: int
 ) -> tuple[float | None, float | None]:
     """Return the ends of an interval in natural units; an end that is open stays open."""
-    chance, method = doubts.chance(index), doubts.method(index, centre)
+
+    def scaled(theta: FloatArray) -> FloatArray:
+        return to_scaled(model.parameters, theta)[index : index + 1]
+
+    chance, method = (
+        Z_95 * float(sd[0]) for sd in (spread.trials_sd(scaled), spread.method_sd(scaled))
+    )
     low, high = (
         None if end is None else math.hypot(max(side * (end - centre), chance), method)
         for side, end in ((-1.0, found.low), (1.0, found.high))
     )
+    parameter = model.parameters[index]
     return (
         None if low is None else parameter.natural(centre - low),
         None if high is None else parameter.natural(centre + high),

@@ -21,13 +21,10 @@ import numpy as np
 from rigd.analysis import residuals as tests
 from rigd.analysis.agreement import agreement
 from rigd.analysis.analysis import Options
-from rigd.analysis.fit import Fit
-from rigd.analysis.identifiability import Z_95
 from rigd.analysis.identification import FittedSubject, identify_model
 from rigd.analysis.model import (
     FitParameter,
     NormalEquations,
-    slopes,
     stacked_normal_equations,
 )
 from rigd.analysis.result import (
@@ -40,7 +37,8 @@ from rigd.analysis.result import (
     Signal,
     TrialFit,
 )
-from rigd.analysis.uncertainty import Covariance, autocorrelation_time, delta_sd
+from rigd.analysis.spread import Spread
+from rigd.analysis.uncertainty import autocorrelation_time
 from rigd.model.errors import DataError
 
 #: f(theta, x): values (n,) in the unit of the output and their derivatives (n, p).
@@ -182,7 +180,7 @@ def identify_response(
         account=account,
         period_s=period_s,
         visited=f"{wording.x.name} from {low:.3g} to {high:.3g} {wording.x.unit}",
-        curve=lambda best, cov, _: _curve(model, best, cov, wording, (low, high)),
+        curve=lambda spread: _curve(model, spread, wording, (low, high)),
         trials=lambda theta: _trial_fits(model, theta, wording),
         block_s=block_s,
         scale=model.scale,
@@ -218,18 +216,14 @@ def _agreement(
 
 
 def _curve(
-    model: ResponseModel,
-    best: Fit,
-    cov: Covariance,
-    wording: Wording,
-    visited: tuple[float, float],
+    model: ResponseModel, spread: Spread, wording: Wording, visited: tuple[float, float]
 ) -> Curve:
     x = np.linspace(*visited, _CURVE_POINTS)
-    y, derivative = model.response(best.theta, x)
-    band = Z_95 * delta_sd(derivative * slopes(model.parameters, best.theta), cov.coloured)
+    y, gradient = model.response(spread.theta, x)
+    low, high = spread.band(lambda theta: model.response(theta, x)[0], gradient)
     return Curve(
         "friction_curve", wording.x.name, wording.x.unit, wording.y.name, wording.y.unit,
-        x, y, y - band, y + band,
+        x, y, low, high,
     )  # fmt: skip
 
 

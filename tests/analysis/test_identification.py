@@ -47,7 +47,7 @@ def subject(model: ResponseModel) -> FittedSubject:
         account=Preprocessing((), {}, {}),
         period_s=1e-3,
         visited="",
-        curve=lambda best, cov, others: Curve("y", "x", "1", "y", "1", x, x, x, x),
+        curve=lambda spread: Curve("y", "x", "1", "y", "1", x, x, x, x),
         trials=lambda theta: (),
     )
 

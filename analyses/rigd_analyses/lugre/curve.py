@@ -7,8 +7,8 @@ import numpy as np
 from rigd.analysis import DataError
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
+from rigd.analysis.spread import Spread
 from rigd_analyses.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
-from rigd_analyses.lugre.spread import Spread
 
 POINTS = 60
 SLIDING = 0.5  #: share of g at which the bristle counts as sliding

@@ -19,6 +19,7 @@ from rigd.analysis.result import (
     StartOutcome,
     TrialFit,
 )
+from rigd.analysis.spread import Spread
 from rigd.analysis.uncertainty import (
     Covariance,
     autocorrelation_time,
@@ -31,7 +32,6 @@ from rigd_analyses.lugre.curve import friction_curve, seen, visited_range
 from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
 from rigd_analyses.lugre.profiles import polish, profiles, scan_all
-from rigd_analyses.lugre.spread import Spread
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 from rigd_analyses.lugre.verdicts import derived, estimates
 
@@ -82,7 +82,7 @@ def identify_lugre(
         slopes=slopes(model.parameters, best.theta),
         coloured=cov.coloured,
         left_out=leave_one_trial_out(model, best),
-        windows=_other_windows(trials, constants, settings, best),
+        others=_other_windows(trials, constants, settings, best),
         ridge=scans.accepted,
     )
     used = int(np.count_nonzero(model.mask))
@@ -121,7 +121,7 @@ def identify_lugre(
         "statement, V_s included, is extrapolation",
         warnings=_warnings(sweep, fits, cov, common),
         point=fitted_point(
-            model.parameters, best.theta, cov.coloured, spread.windows, scans.accepted
+            model.parameters, best.theta, cov.coloured, spread.others, scans.accepted
         ),
     )
 

@@ -23,6 +23,7 @@ from rigd.analysis.identifiability import (
 )
 from rigd.analysis.profile import ProfileScan
 from rigd.analysis.result import FloatArray, ParameterEstimate, Verdict
+from rigd.analysis.spread import Spread
 from rigd.analysis.uncertainty import Covariance
 from rigd_analyses.lugre.advice import OUT_OF_REACH, SMOOTHED, candidates
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
@@ -33,7 +34,6 @@ from rigd_analyses.lugre.quantities import (
     TOTAL_DAMPING,
     Quantity,
 )
-from rigd_analyses.lugre.spread import Spread
 
 Z_95 = 1.959964
 KNOWN = (Verdict.IDENTIFIABLE, Verdict.WEAK)
@@ -268,7 +268,7 @@ def _by_covariance(quantity: Quantity, cov: Covariance | None, spread: Spread) -
     value = quantity.value(spread.theta)
     gradient = quantity.log_gradient(spread.theta)
     low, high, error = (float(x[0]) for x in spread.interval(quantity.log, gradient))
-    by_data = [float(x[0]) for x in replace(spread, windows=()).interval(quantity.log, gradient)]
+    by_data = [float(x[0]) for x in replace(spread, others=()).interval(quantity.log, gradient)]
     ends = (math.exp(low), math.exp(high))
     bias = BIASES.get(quantity.name, "")
     index = None if quantity.index is None else PARAMETERS[quantity.index]

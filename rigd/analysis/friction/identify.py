@@ -12,7 +12,6 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.friction.law import FrictionLaw
 from rigd.analysis.friction.model import STEP, LawModel, SlipForce
-from rigd.analysis.identifiability import Z_95
 from rigd.analysis.identification import FittedSubject, identify_model
 from rigd.analysis.model import to_natural, to_scaled
 from rigd.analysis.report.rounding import span
@@ -25,7 +24,7 @@ from rigd.analysis.result import (
     TrialFit,
 )
 from rigd.analysis.selection import Contender, compare
-from rigd.analysis.uncertainty import Covariance, delta_sd
+from rigd.analysis.spread import Spread
 
 POINTS: Final = 60
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
@@ -98,7 +97,7 @@ def identify_law(
         account=data.account,
         period_s=data.period_s,
         visited=f"slip from {span(low, high, 'm/s')}; beyond it every statement is extrapolation",
-        curve=lambda best, cov, others: _curve(law, data, best, cov, others),
+        curve=lambda spread: _curve(law, data, spread),
         trials=lambda theta: data.shown(model.predict(theta)),
         block_s=BLOCK_S,
         jackknife=True,
@@ -148,13 +147,7 @@ def compare_laws(
     )
 
 
-def _curve(
-    law: type[FrictionLaw],
-    data: SlipData,
-    best: Fit,
-    cov: Covariance,
-    others: Sequence[FloatArray],
-) -> Curve:
+def _curve(law: type[FrictionLaw], data: SlipData, spread: Spread) -> Curve:
     """Return the steady force on the visited slip with its band (pointwise)."""
     low, high = data.visited
     slip, rolling = np.geomspace(low, high, POINTS), data.rolling_m_s
@@ -162,22 +155,18 @@ def _curve(
     def steady(theta: FloatArray) -> FloatArray:
         return law.steady(theta, slip, rolling)
 
-    centre = steady(best.theta)
     columns = []
-    for index in range(len(best.scaled)):
+    for index in range(len(spread.theta)):
         ends = []
         for side in (1.0, -1.0):
-            point = to_scaled(law.parameters, best.theta)
+            point = to_scaled(law.parameters, spread.theta)
             point[index] += side * STEP
             ends.append(steady(to_natural(law.parameters, point)))
         columns.append((ends[0] - ends[1]) / (2.0 * STEP))
-    chance = delta_sd(np.stack(columns, axis=1), cov.coloured)
-    moved = [steady(theta) - centre for theta in others]
-    method = np.sqrt(np.mean(np.square(moved), axis=0)) if moved else np.zeros_like(centre)
-    band = Z_95 * np.hypot(chance, method)
+    ends_of_band = spread.band(steady, np.stack(columns, axis=1) / spread.slopes)
     return Curve(
-        name="friction_curve", x_name="V_r", x_unit="m/s", y_name="steady_friction", y_unit="1",
-        x=slip, y=centre, low=centre - band, high=centre + band,
+        "friction_curve", "V_r", "m/s", "steady_friction", "1",
+        slip, steady(spread.theta), *ends_of_band,
         note=f"Visited slip: {span(low, high, 'm/s')}; beyond it the curve would "
         "be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )  # fmt: skip
