@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rigd.config.rig import RigConfig
 from rigd.engine.answers import Given
@@ -13,6 +14,9 @@ from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.system import on_linux
 from rigd.record import Recording, recover
 from rigd.record.info import SPECIMEN_METADATA
+
+if TYPE_CHECKING:
+    from rigd.engine.shared import RunFolder
 
 
 @dataclass(frozen=True)
@@ -66,8 +70,10 @@ class ResumePoint:
             )
 
 
-def read_resume_point(path: Path) -> ResumePoint:
+def read_resume_point(path: Path, held: RunFolder | None = None) -> ResumePoint:
     """Return the state of the run in ``path``; it is completed and repaired first.
+
+    ``held`` is the folder of a rig that this process holds already.
 
     Raises:
         Blocked: that run is still in progress.
@@ -77,7 +83,7 @@ def read_resume_point(path: Path) -> ResumePoint:
     if on_linux():  # elsewhere no run leaves samples in memory
         from rigd.engine.recorder import drain_into
 
-        drain_into(path, command="rigd run --resume")
+        drain_into(path, command="rigd run --resume", held=held)
     recover(path)
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})

@@ -149,7 +149,7 @@ class Steering:
             RigdError: it was made with other files, or cannot be read.
         """
         with self._preparation():
-            point = read_resume_point(recording)
+            point = read_resume_point(recording, self._folder)
             procedure = compile_procedure(
                 parse_procedure(_text(point), Path("procedure.yaml")),
                 self._rig,

@@ -48,8 +48,10 @@ def _drain(folder: RunFolder) -> Path | None:
     return recording
 
 
-def drain_into(recording: Path, *, command: str) -> bool:
+def drain_into(recording: Path, *, command: str, held: RunFolder | None = None) -> bool:
     """Write what a killed run left for ``recording`` to it; return whether there was anything.
+
+    ``held`` is the folder of a rig that this process holds already.
 
     Raises:
         Blocked: that run is still in progress.
@@ -64,6 +66,8 @@ def drain_into(recording: Path, *, command: str) -> bool:
             unreadable = error  # of any recording
             continue
         if job.recording.resolve() == recording.resolve():
+            if held is not None and held.path == found.path:
+                return drain_leftovers(held) is not None
             folder = RunFolder.take_at(found.path, job.rig, command, recording)
             try:
                 return drain_leftovers(folder) is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import shutil
 import time
 from dataclasses import replace
@@ -20,6 +21,17 @@ from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
+
+
+def children() -> list[int]:
+    """Return the processes that this one has started, whichever thread did."""
+    tasks = Path("/proc/self/task").glob("*/children")
+    return [int(child) for task in tasks for child in task.read_text().split()]
+
+
+def trials_of(path: Path) -> list[int]:
+    """Return the numbers of the complete trials of a recording."""
+    return sorted(t.number for t in run_info(Recording.open(path)).trials if t.complete)
 
 
 def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
@@ -367,8 +379,24 @@ def test_interrupted_run_is_offered_and_resumed(tmp_path: Path) -> None:
             served.command("resume_run", run=run)
         with pytest.raises(Refusal, match="there is no recording"):
             served.command("resume_run", run="other.mcap")
-    info = run_info(Recording.open(served.runs / run))
-    assert sorted(trial.number for trial in info.trials if trial.complete) == [1, 2, 3]
+    assert trials_of(served.runs / run) == [1, 2, 3]
+
+
+def test_run_that_filled_disk_is_resumed(tmp_path: Path) -> None:
+    """Its last samples wait in memory, in the folder that the daemon holds, until there is room."""
+    with ServedAxis(tmp_path) as served:
+        run = served.start(set={"time": "0.5 s"}, answers="procedure")
+        served.until(lambda status: status.trials_done == 1 and status.step == "go")
+        for child in children():
+            resource.prlimit(child, resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.run, last.ending) == (run, "faulted")
+        served.command("resume_run", run=run)
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.run, last.ending) == (run, "complete")
+    assert trials_of(served.runs / run) == [1, 2, 3]
 
 
 def test_daemon_that_ends_stops_run_and_begins_nothing(tmp_path: Path) -> None:
