@@ -319,8 +319,13 @@ def _fit(
             thorough=True, ridges=ridges,
         )  # fmt: skip
     except DataError as error:
-        parts = [np.sum(np.abs(model.linearise(k, start)[1])) for k in range(model.trials)]
-        raise Diverged(int(np.argmax(~(np.array(parts) < FINITE)))) from error
+        raise Diverged(diverged(model, start)) from error
+
+
+def diverged(model: OutputErrorModel, theta: FloatArray) -> int:
+    """Return the first trial whose simulation leaves the numbers at ``theta`` (p,), natural."""
+    parts = [np.sum(np.abs(model.linearise(k, theta)[1])) for k in range(model.trials)]
+    return int(np.argmax(~(np.array(parts) < FINITE)))
 
 
 def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:

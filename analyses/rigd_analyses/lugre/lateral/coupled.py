@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rigd.analysis import DataError
 from rigd.analysis.fit import Affine, Fit, fit
 from rigd.analysis.model import to_scaled
-from rigd.analysis.output_error import NEAR, OutputErrorFit, conclude
+from rigd.analysis.output_error import NEAR, OutputErrorFit, conclude, diverged
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import System, Unknown
+from rigd.analysis.system import Diverged, System, Unknown
 from rigd.analysis.whitened import OutputErrorModel
 from rigd_analyses.lugre.lateral.loads import Loads, loads_at, plain
 from rigd_analyses.lugre.lateral.reduced import Reduced, optima
@@ -102,6 +103,9 @@ def _polished(
 
     All else begins where it goes with the coupling. That is linear: if the rig has no motion so far
     off, as with few trials, all else begins where the frictions of the trials were found.
+
+    Raises:
+        Diverged: the cost of a trial is not finite there either.
     """
     theta = _point(problem, coupling)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -113,10 +117,13 @@ def _polished(
     offset = np.where(held, to_scaled(model.parameters, theta), 0.0)
     affine = Affine(offset, np.eye(len(theta))[:, free], tuple(int(k) for k in free))
     with np.errstate(over="ignore", invalid="ignore"):
-        end = fit(
-            model, theta, affine=affine, relative_decrease=WORTH / len(model.mask), damping=NEAR,
-            max_iterations=POLISHING, thorough=True, ridges=True,
-        )  # fmt: skip
+        try:
+            end = fit(
+                model, theta, affine=affine, relative_decrease=WORTH / len(model.mask),
+                damping=NEAR, max_iterations=POLISHING, thorough=True, ridges=True,
+            )  # fmt: skip
+        except DataError as error:
+            raise Diverged(diverged(model, theta)) from error
     return end.cost, end.theta
 
 

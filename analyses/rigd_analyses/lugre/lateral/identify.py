@@ -21,9 +21,16 @@ from rigd.analysis.extended import same_with
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.gate import judge_fit, settled_gate, strained_gate
 from rigd.analysis.left_out import without_each_trial
-from rigd.analysis.output_error import ROUGH, Branch, OutputErrorFit, retried, settled
+from rigd.analysis.output_error import (
+    ROUGH,
+    Branch,
+    OutputErrorFit,
+    diverged,
+    retried,
+    settled,
+)
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
-from rigd.analysis.system import System
+from rigd.analysis.system import Diverged, System
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.agreement import agreement, with_agreement
@@ -55,7 +62,7 @@ from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.found import WINDOW_S
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.identify import described, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import along_ridge
 from rigd_analyses.lugre.rig.system import GUIDE, LEAD, RigSystem
@@ -99,7 +106,6 @@ class LateralFound:
     gains: dict[tuple[LiftedRows, bool], float]
     gate: Gate
     trials: tuple[LateralTrial, ...]
-    rejected: tuple[TrialRejection, ...]
     block: int
     speeds: tuple[Speeds, ...]
     cells: tuple[Cell, ...]
@@ -109,6 +115,7 @@ class LateralFound:
     others: tuple[FloatArray, ...] = ()
     ends: Intervals | None = None
     without: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    rejected: tuple[TrialRejection, ...] = ()
 
     @property
     def shared(self) -> FloatArray:
@@ -161,6 +168,25 @@ def find_lateral(
     """
     settings = Settings() if settings is None else settings
     used, parts, rejected = _usable(trials, settings, 1 if friction else LEAST_CURRENTS)
+    try:
+        found = _found(used, parts, rig, lateral, friction)
+    except Diverged as error:
+        raise Diverged(error.trial, described(used[error.trial].trial)) from error
+    return replace(found, rejected=tuple(rejected))
+
+
+def _found(
+    used: Sequence[LateralTrial],
+    parts: Sequence[tuple[LugreTrial, slice]],
+    rig: RigConstants,
+    lateral: LateralConstants,
+    friction: Carried | None,
+) -> LateralFound:
+    """Return what ``used`` trials, each with the part that is simulated, show.
+
+    Raises:
+        Diverged: the cost of a trial is not finite at any start.
+    """
     period = sampling_period_s(parts[0][0])
     block = max(1, round(SCORES_S / period))
     smooth = np.array([parameter.start for parameter in PARAMETERS])
@@ -180,7 +206,8 @@ def find_lateral(
             friction.unknowns if friction else (),
         )  # fmt: skip
 
-    loads = _free_loads(system(LiftedRows.PRINTED, turned=False), block)
+    with np.errstate(over="ignore", invalid="ignore"):  # a start may be far from any motion
+        loads = _free_loads(system(LiftedRows.PRINTED, turned=False), block)
     coarse = {
         choice: optima(reduced(loads, part, part))
         for choice in product(LiftedRows, (False, True))
@@ -217,8 +244,7 @@ def find_lateral(
         for item, lateral_speed, speed in zip(used, chosen.speeds, speeds, strict=True)
     )
     found = LateralFound(
-        chosen, whole, gains, gate, tuple(used), tuple(rejected), block, speeds, cells, friction,
-        alike, shifts,
+        chosen, whole, gains, gate, tuple(used), block, speeds, cells, friction, alike, shifts,
     )  # fmt: skip
     if gate.outcome is FitOutcome.MISFIT:
         return found
@@ -246,19 +272,35 @@ def find_lateral(
 
 
 def _free_loads(system: LateralSystem, block: int) -> Loads:
-    """Return what the data know of the friction of the guide in each trial."""
-    free = FreeLoads.of(system)
-    branches = [_branch(free, start) for start in starts(system)]
+    """Return what the data know of the friction of the guide in each trial.
+
+    Raises:
+        Diverged: the cost of a trial is not finite at any start.
+    """
+    free, branches = FreeLoads.of(system), []
+    points = starts(system)
+    for start in points:
+        try:
+            branches.append(_branch(free, start))
+        except Diverged:
+            if start is points[-1] and not branches:
+                raise
     model, begun = min(branches, key=lambda branch: _likelihood(*branch))
     whole = settled(model, begun, block)
-    with np.errstate(over="ignore", invalid="ignore"):  # a start may be far from any motion
-        return loads_of(retried(whole, along_ridge(whole), block))
+    return loads_of(retried(whole, along_ridge(whole), block))
 
 
 def _branch(system: System, theta: FloatArray) -> Branch:
-    """Return the fit from ``theta`` (p,), natural, with the noise as at this start."""
+    """Return the fit from ``theta`` (p,), natural, with the noise as at this start.
+
+    Raises:
+        Diverged: the cost of a trial is not finite there.
+    """
     model = OutputErrorModel(system, noise_at(system, theta))
-    return model, fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+    try:
+        return model, fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+    except DataError as error:
+        raise Diverged(diverged(model, theta)) from error
 
 
 def _likelihood(model: OutputErrorModel, found: Fit) -> float:

@@ -149,7 +149,7 @@ def fit_group(
         whole = estimate(first, points, block)
         whole = retried(whole, along_ridge(whole), block)
     except Diverged as error:
-        raise Diverged(error.trial, _described(used[error.trial])) from error
+        raise Diverged(error.trial, described(used[error.trial])) from error
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
     # Other things move friction from trial to trial too: a trend counts if friction explains most.
@@ -254,7 +254,7 @@ def _scanned(
     return whole, {}, whole.unsettled or "its profiles find better fits again and again"
 
 
-def _described(trial: LugreTrial) -> str:
+def described(trial: LugreTrial) -> str:
     """Return which trial it is, and how large its signals are."""
     current, position = trial.motor_current_a, trial.carriage_position_m
     return (

@@ -20,6 +20,8 @@ MARGIN = 5  #: samples before the end of a drive that the current alone shows
 LEAST_TRAVEL_M = 0.02
 LEAST_SPEED_M_S = 0.03  #: a carriage that creeps sticks and slips, which no law of sliding has
 SPEED_OVER_S = 0.1
+STANDS_M = 1e-3  #: a carriage that moves by less, for `SPEED_OVER_S` or longer, stands
+TURNS = 0.1  #: share of its whole turn that a wheel beside a standing carriage has
 
 
 def sort_out(
@@ -60,8 +62,8 @@ def sort_out(
                     len(trial.t_s),
                 )
             )
-        elif jumped := jump(trial, part):
-            rejected.append(TrialRejection(trial.label, jumped, len(trial.t_s)))
+        elif spoilt := _stopped(trial, part, period) or jump(trial, part):
+            rejected.append(TrialRejection(trial.label, spoilt, len(trial.t_s)))
         else:
             kept.append((trial, part))
     if len(kept) < LEAST_TRIALS:
@@ -80,6 +82,21 @@ def _top_speed(trial: LugreTrial, part: slice, period_s: float) -> float:
     steps = min(max(1, round(SPEED_OVER_S / period_s)), len(position) - 1)
     moved = np.abs(position[steps:] - position[:-steps])
     return float(np.max(moved, initial=0.0)) / (steps * period_s)
+
+
+def _stopped(trial: LugreTrial, part: slice, period_s: float) -> str:
+    """Return that the carriage stands at the end while the wheel turns on; empty if it does not."""
+    position, angle = trial.carriage_position_m[part], trial.wheel_angle_rad[part]
+    away = np.flatnonzero(np.abs(position - position[-1]) > STANDS_M)
+    stands = int(away[-1]) + 1 if away.size else 0
+    turned = abs(float(angle[-1] - angle[stands])) / float(np.ptp(angle))
+    if (len(position) - stands) * period_s < SPEED_OVER_S or turned < TURNS:
+        return ""
+    at_s = float(trial.t_s[part][stands] - trial.t_s[0])
+    return (
+        f"the carriage stands still from {at_s:.2f} s after its begin on while the wheel turns on "
+        f"({turned:.0%} of its turn); look for what stops it, and at its encoder"
+    )
 
 
 def rows_used(trial: LugreTrial, part: slice) -> RowsUsed:

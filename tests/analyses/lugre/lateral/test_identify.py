@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -208,6 +209,20 @@ def test_no_lateral_motion_is_refused(
 ) -> None:
     still = [replace(item, speed_m_s=0.0 * item.speed_m_s) for item in trials]
     assert "no trial moves sideways" in refused(still, rig, lateral_bench.constants)
+
+
+def test_diverging_trial_is_named(
+    fast: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    """Such as with positions in mm that are taken for metres."""
+    trials = [
+        replace(item, trial=replace(item.trial, carriage_position_m=1e3 * position))
+        for item in fast
+        for position in [item.trial.carriage_position_m]
+    ]
+    message = refused(trials, rig, lateral_bench.constants)
+    assert any(f"trial {item.trial.label} (current up to" in message for item in fast)
+    assert re.search(r"travel \d{3} m\): its simulation leaves the numbers", message)
 
 
 def test_one_current_is_refused(
