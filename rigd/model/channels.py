@@ -59,13 +59,18 @@ class Channel:
         return self.display or self.unit
 
     @property
+    def is_share(self) -> bool:
+        """Whether its range is that of a switch or a share, 0 to 1."""
+        return (self.low, self.high) == (0.0, 1.0)
+
+    @property
     def ends(self) -> tuple[float, float]:
         """The values from which on, down and up, a reading stands for all that lies beyond.
 
         Infinite where the range has no end. An end at 0, where many sensors rest, is none, nor are
         those of a range from 0 to 1, of a switch or a share.
         """
-        if (self.low, self.high) == (0.0, 1.0):
+        if self.is_share:
             return -math.inf, math.inf
         low = self.low if self.low else -math.inf
         high = self.high if self.high else math.inf

@@ -11,7 +11,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.channels import Channel
+from rigd.model.channels import ECHO, Channel
 from rigd.model.units import format_quantity
 from rigd.record import Recording
 
@@ -65,6 +65,11 @@ class Sensors:
         reached = self._reached(name)
         found = (Sensor(item, self.channels[item]) for item in reached if item in self.channels)
         return [sensor for sensor in found if any(map(math.isfinite, sensor.channel.ends))]
+
+    def rounds(self, name: str) -> bool:
+        """Whether equal values of a channel may come of a sensor's step: not of a switch."""
+        channel = self.channels.get(name)
+        return channel is None or not (channel.is_share or name.endswith(ECHO))
 
     def constants(self, name: str) -> Sequence[str]:
         """Return the constants of the rig in the formulas that a channel rests on."""

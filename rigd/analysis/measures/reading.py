@@ -74,10 +74,11 @@ class TrialReader:
             span = self._span(measure.window)
             if measure.kind == "mean":
                 _, values = self._values(measure, span)
-                mean = mean_of(values)
+                mean = mean_of(values, rounded=self.sensors.rounds(measure.channel))
                 return TrialReading(
-                    path, number, mean.value, mean.u, note=mean.reason, start_ns=start_ns
-                )
+                    path, number, mean.value, mean.u, note=mean.reason, start_ns=start_ns,
+                    hidden=mean.hidden,
+                )  # fmt: skip
             return TrialReading(path, number, self._value(measure, span), start_ns=start_ns)
         except Unread as error:
             return TrialReading(path, number, None, reason=str(error), start_ns=start_ns)

@@ -10,13 +10,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
+from rigd.analysis.measures.mean import EQUAL
 from rigd.analysis.measures.trend import Trend, trend_of
 from rigd.procedure.program import Measure
 
 #: Coverage probability of every interval.
 COVERAGE: Final = 0.95
-#: Values that differ by less than this share are equal: rounding leaves as much.
-_EQUAL: Final = 1e-12
 #: More repeats than these are no advice.
 _MOST_REPEATS: Final = 100
 
@@ -34,8 +33,8 @@ class TrialReading:
     """A measure of one trial, in SI; ``value`` is None if it could not be read: see ``reason``.
 
     ``u`` is the standard uncertainty of a mean within the trial, from its correlated samples; None
-    if it is not a mean, or if it is not determined: see ``note``. ``start_ns`` is when the trial
-    began.
+    if it is not a mean, or if it is not determined: see ``note``. ``hidden`` is the part of it in
+    what a step of the sensor hides, which equal trials share. ``start_ns`` is when the trial began.
     """
 
     recording: Path
@@ -45,6 +44,7 @@ class TrialReading:
     reason: str = ""
     note: str = ""
     start_ns: int = 0
+    hidden: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,9 +180,9 @@ def summary_of(
     spread, u, fixed = 0.0, None, systematic or 0.0
     if n > 1 and mean is not None:
         std, spread = _std(values), _std(independent)
-        if spread <= _EQUAL * abs(mean):
+        if spread <= EQUAL * abs(mean):
             spread = 0.0
-        hidden = _hidden(values)
+        hidden = max(_hidden(values), _hidden_within(readings, _std(values)))
         fixed = math.hypot(fixed, hidden)
         u = spread / math.sqrt(n)
         if spread or fixed:
@@ -232,10 +232,19 @@ def _hidden(values: Sequence[float]) -> float:
     """
     ordered = sorted(values)
     apart = [after - value for value, after in itertools.pairwise(ordered)]
-    steps = [gap for gap in apart if gap > _EQUAL * max(abs(ordered[0]), abs(ordered[-1]))]
+    steps = [gap for gap in apart if gap > EQUAL * max(abs(ordered[0]), abs(ordered[-1]))]
     if not steps or len(steps) == len(apart) or not _std(values) < 0.5 * min(steps):
         return 0.0
     return min(steps) / math.sqrt(12.0)
+
+
+def _hidden_within(readings: Sequence[TrialReading], std: float) -> float:
+    """Return the standard uncertainty in what a step hides within each trial; 0 if they scatter.
+
+    ``std`` is the scatter of the trials: by half a step or more, it is no longer the same in all.
+    """
+    hidden = max(item.hidden for item in readings)
+    return hidden if std < 0.5 * math.sqrt(12.0) * hidden else 0.0
 
 
 def _advice(measure: Measure, mean: float, std: float, n: int, systematic: float, what: str) -> str:

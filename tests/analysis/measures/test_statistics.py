@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from rigd.analysis.measures.mean import LEAST_INDEPENDENT, mean_of
+from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import Judgement, TrialReading, outcome_of, summary_of
 from rigd.analysis.measures.trend import trend_of
+from rigd.model.channels import Channel
 from rigd.model.constants import Uncertainty
 from rigd.procedure.program import Measure, Window
 
@@ -34,6 +37,58 @@ def test_uncertainty_of_mean_counts_correlation(phi: float) -> None:
     assert np.mean(stated) == pytest.approx(true, rel=0.06)
     hit = np.mean([abs(mean.value) <= 1.96 * mean.u for mean in found if mean.u is not None])
     assert 0.90 < hit < 0.99  # 95 % of 200 series, with three standard deviations of that count
+
+
+def toggling(rng: np.random.Generator, truth: float, noise: float, n: int) -> np.ndarray:
+    """Return samples of a sensor that shows steps of 1."""
+    return np.round(truth + noise * rng.standard_normal(n))
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.3, 0.4, 0.5, 1.0])
+def test_uncertainty_of_mean_holds_steps(noise: float) -> None:
+    """Noise below a step leaves the mean of any number of samples up to half of it off."""
+    rng = np.random.default_rng([8, round(10 * noise)])
+    held = []
+    for _ in range(300):
+        truth = rng.uniform(7.0, 8.0)
+        mean = mean_of(toggling(rng, truth, noise, 1000))
+        if mean.u is not None:  # else all are one number
+            held.append(abs(mean.value - truth) <= 1.96 * mean.u)
+    assert len(held) > 150
+    assert np.mean(held) >= 0.92
+
+
+def test_noise_above_steps_averages_them_out() -> None:
+    mean = mean_of(toggling(np.random.default_rng(9), 7.3, 0.7, 4000))
+    assert mean.u == pytest.approx(math.hypot(0.7, 1 / math.sqrt(12)) / math.sqrt(4000), rel=0.15)
+
+
+def test_states_of_switches_are_not_rounded() -> None:
+    on = np.random.default_rng(3).random(1000) < 0.3
+    mean = mean_of(on.astype(float), rounded=False)
+    assert mean.u == pytest.approx(math.sqrt(0.3 * 0.7 / 1000), rel=0.2)
+    share = Channel("on", low=0.0, high=1.0)
+    assert not Sensors({"heater.on": share}, {}).rounds("heater.on")
+    assert Sensors({"heater.on": replace(share, high=10.0)}, {}).rounds("heater.on")
+
+
+@pytest.mark.parametrize("between", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.3])
+def test_interval_of_toggling_trials_holds_truth(noise: float, between: float) -> None:
+    """Equal trials have the same error of rounding: their scatter does not show it."""
+    rng = np.random.default_rng([9, round(10 * noise), round(10 * between)])
+    held = []
+    for _ in range(200):
+        truth, found = rng.uniform(7.0, 8.0), []
+        for number in range(5):
+            samples = toggling(rng, truth + between * rng.standard_normal(), noise, 400)
+            mean = mean_of(samples)
+            reading = TrialReading(FILE, number, mean.value, mean.u, hidden=mean.hidden)
+            found.append(reading)
+        summary = summary_of(measure(), {}, found)
+        if summary.low is not None and summary.high is not None:
+            held.append(summary.low <= truth <= summary.high)
+    assert np.mean(held) >= 0.92
 
 
 def test_naive_uncertainty_would_be_far_too_small() -> None:
