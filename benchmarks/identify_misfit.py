@@ -6,7 +6,8 @@
     python benchmarks/identify_misfit.py --keep misfit.jsonl --table
 
 A row for each kind of wrongness (``tests/support/lugre_kinds.py``) and size: by how many half
-widths the worst interval of method A alone misses the truth, what the gate decides, the same of
+widths the worst interval of method A alone, of a parameter or of g at 5, 10, 20 or 50 mm/s, misses
+the truth, what the gate decides, the same of
 method A behind the gate (``--method slip-force``) and of output error, CPU seconds, the first
 finding. Wrong and not named is what must not be. With ``--keep`` it continues the file; every
 fifth kind comes first, so that a table that is stopped is a spread. ``--table`` only prints what
@@ -27,6 +28,7 @@ from figures import at_least, at_most
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import numpy as np
 from support.lugre_kinds import GROUPS, KINDS, SIZES
 from support.lugre_wrong import World, control, right
 
@@ -37,6 +39,7 @@ from rigd_analyses.lugre.identify import identify_lugre
 from rigd_analyses.lugre.rig.identify import conclude_group, fit_group
 
 Row = dict[str, Any]
+SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.050])  #: at which g is compared
 STRIDE = 5  #: between one kind and the next
 REFUSED = (FitOutcome.MISFIT.name, "refused")
 METHODS = {"slip": "slip-force behind the gate", "oe": "output error"}
@@ -46,15 +49,22 @@ CHANCE = 1.5  #: half widths beyond which chance puts one of eight intervals in 
 
 
 def misses(result: IdentificationResult, world: World) -> dict[str, float]:
-    """Return by how many half widths each interval that is given misses the truth."""
-    found = {}
-    for entry in (*result.parameters, *result.derived):
-        if not entry.identifiable or entry.low is None or entry.high is None:
-            continue
-        if entry.name in world.truth:
-            middle, half = 0.5 * (entry.low + entry.high), 0.5 * (entry.high - entry.low)
-            found[entry.name] = round(abs(world.truth[entry.name] - middle) / half, 3)
-    return found
+    """Return by how many half widths each interval, and the band of g, misses the truth."""
+    given = {
+        entry.name: (entry.low, entry.high, world.truth[entry.name])
+        for entry in (*result.parameters, *result.derived)
+        if entry.identifiable and entry.name in world.truth
+    }
+    curve, true = result.curve, world.g(SLIP_M_S)
+    for speed, friction in zip(SLIP_M_S, true, strict=True):
+        if len(curve.x) and curve.x[0] <= speed <= curve.x[-1]:
+            low, high = (float(np.interp(speed, curve.x, line)) for line in (curve.low, curve.high))
+            given[f"g({1e3 * speed:g} mm/s)"] = (low, high, float(friction))
+    return {
+        name: round(abs(2.0 * truth - low - high) / (high - low), 3)
+        for name, (low, high, truth) in given.items()
+        if low is not None and high is not None
+    }
 
 
 def case(name: str, world: World, seed: int) -> Row:
