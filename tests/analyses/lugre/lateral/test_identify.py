@@ -102,8 +102,8 @@ def test_half_the_lever_is_named(lateral_bench: LateralBench, rig: RigConstants)
     assert found.whole.converged
     assert found.gate.outcome is FitOutcome.MISFIT
     assert "lever d - e of the guide" in found.gate.sentence
-    (lever,) = [item for item in found.gate.explanations if item.stated == 0.006]
-    assert lever.size == pytest.approx(0.012, abs=2.0 * lever.sd)
+    (strained,) = found.gate.explanations  # rollers that rub unevenly explain as much
+    assert "lever d - e of the guide" in (strained.name, *strained.others)
 
 
 def test_stated_friction_contradicts_a_wrong_lever(
