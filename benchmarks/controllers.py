@@ -24,6 +24,7 @@ from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.wiring import wire
 from rigd.model.limits import SetpointLimit
+from rigd.model.tables import Tables
 from rigd.procedure.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
 from rigd.sdk.shipped import shipped_folder
@@ -105,18 +106,22 @@ def beside_simple_pid(count: int) -> tuple[float, float, float]:
     limit = SetpointLimit(-1e3, 1e3, math.inf)
     bank = Bank(configs, dict.fromkeys(names, limit), 1e-3)
     places = {name: place for place, name in enumerate(names)}
-    bank.bind({"load.force": 0}, [0], [0], places)
-    wanted, applied = [0.0] * 4 + [0.1] * 4, [0.0] * 8
+    values, stamps, wanted, applied = [0.0], [0], [0.0] * 4 + [0.1] * 4, [0.0] * 8
+    tables = Tables(values, stamps, applied, wanted, {"load.force": 0}, [0], [0], places)
+    bank.bind(tables)
     active = frozenset(names[4:])
     # simple-pid begins with its proportional term and a first integral; rigd at what is set.
     applied[:4] = [kp * (0.1 - measured[0]) + ki * 1e-3 * (0.1 - measured[0])] * 4
-    bank.step(0, (), [measured[0]], [0], wanted, applied)
+    values[0] = measured[0]
+    tables.take(0)
+    bank.step(0, ())
     wanted[4:] = [0.1] * 4
     apart, ours = 0.0, []
     began = time.process_time()
     for index, value in enumerate(measured):
-        bank.step((index + 1) * 1_000_000, active, [value], [(index + 1) * 1_000_000], wanted,
-                  applied)  # fmt: skip
+        values[0], stamps[0] = value, (index + 1) * 1_000_000
+        tables.take(stamps[0])
+        bank.step(stamps[0], active)
         applied[:4] = wanted[:4]
         ours.append(wanted[0])
     own_us = 1e6 * (time.process_time() - began) / count

@@ -12,6 +12,7 @@ from rigd.config.rig import RigConfig
 from rigd.model.channels import ECHO, STALE, STATUS_FIELD, Stream
 from rigd.model.errors import RecordingError
 from rigd.model.rows import TIME_FIELD, row_dtype
+from rigd.model.tables import Tables
 from rigd.observers.driver import Observer, ObserverConfig
 from rigd.observers.runner import Runner
 from rigd.procedure.recorded import CYCLE_STREAM
@@ -123,7 +124,8 @@ def _computed(
         for place, item in enumerate(items):
             setpoints[f"{device}.{item.removesuffix(ECHO)}"] = len(applied)
             applied.append(float(source.columns[place, 0]) if len(source.at_ns) else float("nan"))
-    runner.bind(readings, stamp_of, late_ns, setpoints, values, stamps, applied)
+    tables = Tables(values, stamps, applied, [], readings, stamp_of, late_ns, setpoints)
+    runner.bind(tables)
     out = np.zeros(len(times), dtype=[(TIME_FIELD, "<i8"), *_fields(config)])
     table: list[tuple[float, ...]] = []
     feed_at, send_at, trials = [0] * len(feeds), [0] * len(sends), list(begins)
@@ -142,7 +144,9 @@ def _computed(
                 row = rows[send_at[k]]
                 applied[place : place + len(row)] = row
                 send_at[k] += 1
-        table.append((t_ns, *runner.step(t_ns)))
+        tables.take(t_ns)
+        runner.step(t_ns)
+        table.append((t_ns, *runner.row))
     for place, field in enumerate(out.dtype.names or ()):
         out[field] = [row[place] for row in table]
     return out

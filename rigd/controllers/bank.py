@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, MutableSequence, Sequence
-from functools import partial
-from struct import Struct
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -13,8 +11,8 @@ import numpy as np
 from rigd.controllers import kernel
 from rigd.controllers.chain import sequence
 from rigd.controllers.driver import ControllerConfig
-from rigd.model.gather import Copy, copies, getter
 from rigd.model.limits import SetpointLimit
+from rigd.model.tables import NOWHERE, Tables
 from rigd.model.units import format_quantity
 
 #: The time of an input that is not used: it never is too old.
@@ -49,120 +47,68 @@ class Bank:
         count = len(ordered)
         own = [limits[name] for name in ordered]
         index = {name: place for place, name in enumerate(ordered)}
-        self._parameters = np.array(
-            [
-                (c.kp, c.ki, c.kd, c.filter_s, c.weight, c.low, c.high,
-                 limit.low, limit.high, limit.rate * period_s,
-                 *(round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)),
-                 index.get(c.output, -1), c.relay, c.hysteresis,
-                 -1.0 if c.frozen_always else _MOVED * (c.high - c.low))
-                for c, limit in zip(self.configs, own, strict=True)
-            ]
-        ).reshape(count, kernel.PARAMETERS)  # fmt: skip
-        # A row for each column of the kernel, so that one column is copied at once.
-        self._inputs = np.zeros((kernel.INPUTS, count))
-        self._inputs[kernel.SCHEDULE] = 1.0
-        self._stamps = np.full((kernel.STAMPS, count), _FUTURE)
-        self._results = np.zeros((count, kernel.RESULTS))
-        given = {config.name: place for place, config in enumerate(configs)}
-        self._shown = np.full((count, kernel.CHANNELS), math.nan)
-        self._goals = np.zeros((2, count))
-        self._tables = (
-            self._parameters, self._inputs.T, self._stamps.T, np.zeros((count, kernel.MEMORY)),
-            np.zeros((count, kernel.TIMES), dtype=np.int64), self._results,
-            np.array([given[config.name] for config in self.configs], dtype=np.int64), self._shown,
-            self._goals,
-        )  # fmt: skip
-        rows, size = self._results.reshape(-1).data.cast("B"), 8 * kernel.RESULTS
+        parameters = [
+            (c.kp, c.ki, c.kd, c.filter_s, c.weight, c.low, c.high,
+             limit.low, limit.high, limit.rate * period_s,
+             *(round(1e9 * s) for s in (c.stale_s, c.frozen_s, c.stuck_s)),
+             index.get(c.output, -1), c.relay, c.hysteresis,
+             -1.0 if c.frozen_always else _MOVED * (c.high - c.low))
+            for c, limit in zip(self.configs, own, strict=True)
+        ]  # fmt: skip
+        _, inputs, memory, results = kernel.FLOATS
+        _, taken, places = kernel.INTEGERS
+        self._floats = np.zeros((count, results + kernel.RESULTS))
+        self._floats[:, :inputs] = parameters
+        self._floats[:, inputs + kernel.SCHEDULE] = 1.0
+        self._floats[:, memory] = [limit.rest for limit in own]  # a setpoint begins at rest
+        self._integers = np.zeros((count, places + kernel.PLACES), dtype=np.int64)
+        self._integers[:, :taken] = _FUTURE
+        self._places, self._results = self._integers[:, places:], self._floats[:, results:]
+        rows, size = self._floats.reshape(-1).data.cast("B"), self._floats.strides[0]
         #: The newest row of each controller as a ring has it; the memory stays the same.
         self.packed: Sequence[memoryview] = [
-            rows[c * size : c * size + 8 * kernel.R_FAULT] for c in range(count)
+            rows[c * size + 8 * results : c * size + 8 * (results + kernel.R_FAULT)]
+            for c in range(count)
         ]
-        #: Where the channels of each controller begin in :attr:`results`, by its name.
-        self.begins = {name: place * kernel.CHANNELS for name, place in given.items()}
-        #: The channels of all controllers in the last cycle, in the order in which they were given.
-        self.results: list[float] = self._shown.ravel().tolist()
-        self._others: list[Copy] = []
-        self._times: list[Copy] = []
-        self._pack = partial(Struct(f"={3 * count}d").pack_into, self._inputs.data)
         self._active: Collection[str] = ()
-        self._sets: list[int] = []
-        for place, limit in enumerate(own):  # a setpoint begins at rest
-            self._tables[3][place, 0] = limit.rest
-        # Loads the compiled form, or compiles it: no cycle has time for that. What numba compiles
-        # depends on the layout of these tables, and that on their number.
-        parameters, inputs, stamps, memory, times, results, places, shown, goals = self._tables
-        kernel.control(
-            0, parameters, inputs.copy(order="K"), stamps.copy(order="K"), memory.copy(),
-            times.copy(), results.copy(), places, shown.copy(), goals.copy(),
-        )  # fmt: skip
+        # Loads the compiled form, or compiles it: no cycle has time for that.
+        kernel.control(0, np.zeros(0, dtype=np.int64), self._floats[:0], self._integers[:0])
 
-    def bind(
-        self,
-        readings: Mapping[str, int],
-        stamp_of: Sequence[int],
-        arrival_of: Sequence[int],
-        setpoints: Mapping[str, int],
-    ) -> None:
-        """Note the places of channels and setpoints in the tables of the cycle.
-
-        ``stamp_of`` has for each place in ``readings`` that of its age in the table of times,
-        ``arrival_of`` that of the time at which a reading came last.
-        """
-        count, values, times = len(self.configs), {}, {}
+    def bind(self, tables: Tables) -> None:
+        """Connect to the tables of the cycle."""
+        self._tables = tables
         for c, config in enumerate(self.configs):
+            row = np.full(kernel.PLACES, NOWHERE)
+            row[kernel.WANTED], row[kernel.P_TARGET] = tables.asked(config.setpoint)
+            row[kernel.P_OUTPUT], row[kernel.APPLIED] = tables.asked(config.output)
+            owner = tables.stamp_of[tables.readings[config.measured]]
+            row[kernel.P_STAMPS + kernel.ARRIVAL] = tables.newest_at(owner)
             for source, name in enumerate((config.measured, config.forward, config.schedule)):
                 if name is not None:
-                    values[(kernel.MEASURED + source) * count + c] = readings[name]
-                    times[(kernel.MEASURED_AGE + source) * count + c] = stamp_of[readings[name]]
-            times[kernel.ARRIVAL * count + c] = arrival_of[readings[config.measured]]
-        # The first columns of the kernel at once: what is wanted, what is applied, the readings.
-        first = [values.pop(kernel.MEASURED * count + c) for c in range(count)]
-        self._measured = getter(first)
-        self._others = copies("d", values, self._inputs)
-        self._times = copies("q", times, self._stamps)
-        self._targets = [setpoints[config.setpoint] for config in self.configs]
-        self._outputs = [setpoints[config.output] for config in self.configs]
-        self._wanted, self._applied = getter(self._targets), getter(self._outputs)
+                    at = kernel.P_STAMPS + kernel.MEASURED_AGE + source
+                    row[kernel.MEASURED + source], row[at], _ = tables.source(name)
+            row[kernel.P_ROW : kernel.P_TIME + 1] = tables.row(config.name)
+            self._places[c] = row
         self._activate(())
 
     def _activate(self, active: Collection[str]) -> None:
-        """Note which controllers act, and where what each sets goes."""
+        """Note which controllers act."""
         self._active = active
         acts = [config.setpoint in active for config in self.configs]
-        self._inputs[kernel.ACTIVE] = acts
-        places = zip(acts, self._outputs, self._targets, strict=True)
-        self._sets = [output if on else target for on, output, target in places]
+        self._floats[:, kernel.FLOATS[1] + kernel.ACTIVE] = acts
 
-    def step(
-        self,
-        t_ns: int,
-        active: Collection[str],
-        values: Sequence[float],
-        stamps: Sequence[int],
-        wanted: MutableSequence[float],
-        applied: MutableSequence[float],
-    ) -> str:
+    def step(self, t_ns: int, active: Collection[str]) -> str:
         """Compute all controllers for the cycle at ``t_ns``; return why one gives up, or "".
 
-        ``active`` are the setpoints of those that act. ``wanted`` gets their outputs, and the
-        measured values as setpoints of those that do not act; ``applied`` the setpoints of all,
-        within their limits. If one gives up, what it commands stays.
+        ``active`` are the setpoints of those that act. The setpoints that are wanted get their
+        outputs, and the measured values as setpoints of those that do not act; those that are
+        applied the setpoints of all, within their limits. If one gives up, what it commands stays.
         """
         if active is not self._active:
             self._activate(active)
-        self._pack(0, *self._wanted(wanted), *self._applied(applied), *self._measured(values))
-        for copy in self._others:
-            copy(values)
-        for copy in self._times:
-            copy(stamps)
-        fault = kernel.control(t_ns, *self._tables)
-        self.results = self._shown.ravel().tolist()
-        targets, sets = self._goals.tolist()
-        for target, goal, place, value in zip(
-            self._targets, targets, self._sets, sets, strict=True
-        ):
-            applied[target], wanted[place] = goal, value
+        self._tables.take_wanted()
+        fault = kernel.control(t_ns, self._tables.words, self._floats, self._integers)
+        self._tables.show_setpoints()
         return "" if fault < 0 else self._why(fault)
 
     def turn_gains(self, name: str) -> None:
@@ -171,13 +117,13 @@ class Bank:
         From now on it does not give up at a limit of its output: what it does there shall be seen.
         """
         place = self.places[name]
-        self._parameters[place, [kernel.KP, kernel.KI, kernel.KD, kernel.RELAY]] *= -1.0
-        self._parameters[place, kernel.STUCK] = math.inf
+        self._floats[place, [kernel.KP, kernel.KI, kernel.KD, kernel.RELAY]] *= -1.0
+        self._floats[place, kernel.STUCK] = math.inf
 
     def row(self, name: str) -> Sequence[float]:
         """Return what the controller ``name`` did in the last cycle: the values of its channels."""
-        begin = self.begins[name]
-        return self.results[begin : begin + kernel.CHANNELS]
+        row: list[float] = self._results[self.places[name], kernel.R_MEASURED :].tolist()
+        return row[: kernel.CHANNELS]
 
     def _why(self, c: int) -> str:
         config, row = self.configs[c], self._results[c]

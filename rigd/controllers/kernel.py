@@ -62,6 +62,16 @@ CHANNELS: Final = R_TARGET - R_MEASURED
 # then why it gives up, and for which input.
 R_FAULT, R_SOURCE = 11, 12
 RESULTS: Final = 13
+# Columns of the places in the tables of the cycle: of the values and times that go in, in the order
+# above (below 0: it has none, and what stands there stays); of its setpoint as it is applied and of
+# what it commands as it is wanted; of its row, and the time of this.
+P_STAMPS: Final = ACTIVE
+P_TARGET: Final = P_STAMPS + STAMPS
+P_OUTPUT, P_ROW, P_TIME = P_TARGET + 1, P_TARGET + 2, P_TARGET + 3
+PLACES: Final = P_TIME + 1
+#: Where the columns of each kind begin in the two tables, that of floats and that of integers.
+FLOATS: Final = (0, PARAMETERS, PARAMETERS + INPUTS, PARAMETERS + INPUTS + MEMORY)
+INTEGERS: Final = (0, STAMPS, STAMPS + TIMES)
 
 # Why a controller gives up, as numbers.
 FINE, NAN, OLD, STILL, NO_PROGRESS, OVERFLOW, NO_SWING = 0, 1, 2, 3, 4, 5, 6
@@ -72,61 +82,58 @@ _PROGRESS_PART: Final = 0.01
 
 
 @kernel
-def control(
-    t_ns: int,
-    parameters: Floats,
-    inputs: Floats,
-    stamps: Times,
-    memory: Floats,
-    taken: Times,
-    results: Floats,
-    places: Times,
-    shown: Floats,
-    goals: Floats,
-) -> int:
+def control(t_ns: int, words: Times, floats: Floats, integers: Times) -> int:
     """Take a step of each of the n controllers for the cycle at ``t_ns``.
 
-    A controller stands before the one that it commands. The columns of the arrays (a row for each
-    controller) are above. The output of one that gives up stays. ``shown`` (n, channels) gets the
-    channels of each in row ``places`` (n,); ``goals`` (2, n) its setpoint, then what it sets: its
-    output if it acts, else its setpoint. Returns the first that gives up, or -1.
+    A controller stands before the one that it commands. ``floats`` has a row for each, with the
+    columns above: parameters, what goes in, memory, results; ``integers`` times that go in, memory
+    of times, and places in ``words``, the tables of the cycle
+    (:class:`rigd.model.tables.Tables`). These get the row of each, its setpoint, and what it sets:
+    its output if it acts, else its setpoint. The output of one that gives up stays. Returns the
+    first that gives up, or -1.
     """
+    parameters, inputs = floats[:, : FLOATS[1]], floats[:, FLOATS[1] : FLOATS[2]]
+    memory, results = floats[:, FLOATS[2] : FLOATS[3]], floats[:, FLOATS[3] :]
+    stamps, taken = integers[:, : INTEGERS[1]], integers[:, INTEGERS[1] : INTEGERS[2]]
+    places = integers[:, INTEGERS[2] :]
+    clock = floats.view(np.int64)[:, FLOATS[3] :]
+    tables = words.view(np.float64)
+    for c in range(parameters.shape[0]):
+        for column in range(ACTIVE):
+            if places[c, column] >= 0:
+                inputs[c, column] = tables[places[c, column]]
+        for column in range(STAMPS):
+            if places[c, P_STAMPS + column] >= 0:
+                stamps[c, column] = words[places[c, P_STAMPS + column]]
     fault = -1
-    clock = results.view(np.int64)
     for c in range(parameters.shape[0]):
         inner = int(parameters[c, INNER])
         if inner >= 0:  # what is set there is the setpoint of the inner controller
             inputs[c, APPLIED] = memory[inner, _TARGET]
+        sets, at = R_TARGET, places[c, WANTED]
         if inputs[c, ACTIVE] == 0.0:
             _track(c, parameters, inputs, memory, results)
-            clock[c, R_TIME] = t_ns
-            _show(c, R_TARGET, results, places, shown, goals)
-            continue
-        results[c, R_FAULT], results[c, R_SOURCE] = FINE, 0.0
-        _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
-        _check(c, t_ns, parameters, inputs, stamps, results)
-        _limit(c, parameters, inputs, memory)
-        if results[c, R_FAULT] == FINE:
-            _step(c, parameters, inputs, stamps, memory, taken, results)
-            _watch(c, t_ns, parameters, inputs, memory, taken, results)
-        _report(c, inputs, memory, results)
+        else:
+            sets, at = R_OUTPUT, places[c, P_OUTPUT]
+            results[c, R_FAULT], results[c, R_SOURCE] = FINE, 0.0
+            _engage(c, t_ns, parameters, inputs, stamps, memory, taken)
+            _check(c, t_ns, parameters, inputs, stamps, results)
+            _limit(c, parameters, inputs, memory)
+            if results[c, R_FAULT] == FINE:
+                _step(c, parameters, inputs, stamps, memory, taken, results)
+                _watch(c, t_ns, parameters, inputs, memory, taken, results)
+            _report(c, inputs, memory, results)
+            if results[c, R_FAULT] != FINE:
+                fault = c if fault < 0 else fault
+            elif inner >= 0:
+                inputs[inner, WANTED] = memory[c, _U]
         clock[c, R_TIME] = t_ns
-        _show(c, R_OUTPUT, results, places, shown, goals)
-        if results[c, R_FAULT] != FINE:
-            fault = c if fault < 0 else fault
-        elif inner >= 0:
-            inputs[inner, WANTED] = memory[c, _U]
+        tables[at], tables[places[c, P_TARGET]] = results[c, sets], results[c, R_TARGET]
+        if places[c, P_ROW] >= 0:
+            words[places[c, P_TIME]] = t_ns
+            for channel in range(CHANNELS):
+                tables[places[c, P_ROW] + channel] = results[c, R_MEASURED + channel]
     return fault
-
-
-@inlined
-def _show(
-    c: int, wanted: int, results: Floats, places: Times, shown: Floats, goals: Floats
-) -> None:
-    """Write what the cycle takes of a controller; it sets what stands in column ``wanted``."""
-    for channel in range(CHANNELS):
-        shown[places[c], channel] = results[c, R_MEASURED + channel]
-    goals[0, c], goals[1, c] = results[c, R_TARGET], results[c, wanted]
 
 
 @inlined

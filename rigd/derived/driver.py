@@ -49,8 +49,6 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
         place = list(config.graph.groups()).index(config.group)
         #: The newest row as a ring has it; the memory stays the same.
         self.packed = link.packed[place]
-        #: Where the row begins in the results of the evaluator.
-        self.begins = link.begins[place]
 
     @classmethod
     def declare(cls, config: DerivedConfig) -> Declaration:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate, pairwise
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigd.derived.graph import Graph, Op
 from rigd.derived.kernel import ALWAYS, NEVER, compute, warm
-from rigd.model.channels import ECHO
-from rigd.model.gather import Copy, copies
-
-Number = TypeVar("Number", np.float64, np.int64)
+from rigd.model.tables import NOWHERE, Tables
 
 
 class Evaluator:
@@ -28,100 +24,69 @@ class Evaluator:
             for n, r in enumerate(graph.rows)
             if n not in constants
         ]
-        self._graph = graph
-        groups = graph.groups()
-        sizes = [len(names) + 1 for names in groups.values()]  # of their rows, with the status
-        layout: list[int] = []
-        for names in groups.values():
-            used = frozenset[str]().union(*(graph.uses[name] for name in names))
-            places = [place for place, name in enumerate(graph.inputs) if name in used]
-            layout += [len(names), *(graph.outputs[name] for name in names), len(places), *places]
-        count, inputs, results = len(graph.rows), len(graph.inputs), sum(sizes)
-        self._floats, at = _joined(
-            [np.full(inputs, math.nan), np.array([*graph.parameters, 0.0]),
-             np.full(graph.states + 1, math.nan), np.full(count, math.nan), np.zeros(results)]
-        )  # fmt: skip
-        steps = np.full(count, NEVER)
+        self._graph, self._groups = graph, graph.groups()
+        count, inputs = len(graph.rows), len(graph.inputs)
+        values, steps = np.full(count, math.nan), np.full(count, NEVER)
         times = np.zeros((2, count), dtype=np.int64)
         for place, parameter in constants.items():
-            self._floats[at[3] + place] = graph.parameters[parameter]
+            values[place] = graph.parameters[parameter]
             times[:, place] = ALWAYS, NEVER
-        self._numbers, then = _joined(
-            [np.zeros(3 * inputs, dtype=np.int64), np.array(rows, dtype=np.int64).ravel(),
-             times.ravel(), steps, np.array(layout, dtype=np.int64),
-             np.zeros(2 * len(graph.outputs), dtype=np.int64)]
+        # Of the row of each group as a ring has it, in words of four bytes.
+        sizes = [2 * len(names) + 3 for names in self._groups.values()]
+        floats = (
+            np.full(inputs, math.nan), np.array([*graph.parameters, 0.0]),
+            np.full(graph.states + 1, math.nan), values,
         )  # fmt: skip
-        del then[3]  # behind the other times
-        self._places = np.array([*at, *then], dtype=np.int64)
-        self._inputs = self._floats[:inputs]
-        self._ages = self._numbers[: 3 * inputs].reshape(3, inputs)
-        self._state = self._floats[at[2] : at[3]]
-        self._stepped = self._numbers[then[2] :][2 * count : 3 * count]
-        self._results, self._taken = self._floats[at[4] :], self._numbers[then[4] :]
+        layout = self._layout(None)
+        parts = [
+            *(part.view(np.int64) for part in floats), np.zeros(4 * inputs, dtype=np.int64),
+            np.array(rows, dtype=np.int64).ravel(), np.concatenate([times.ravel(), steps]), layout,
+            np.zeros(2, dtype=np.int64), np.zeros((sum(sizes) + 1) // 2, dtype=np.int64),
+        ]  # fmt: skip
+        ends = list(accumulate((len(part) for part in parts), initial=len(parts) + 1))
+        self._own = np.concatenate([np.array(ends), *parts])
+        cut = [self._own[begin:end] for begin, end in pairwise(ends)]
+        self._state, self._ages, self._layouts = cut[2].view(np.float64), cut[4], cut[7]
+        self._stepped, self._taken = cut[6][2 * count :], cut[8]
         self._resets = self._reset_places()
-        #: Where the row of each group begins in :attr:`results`.
-        self.begins = list(accumulate(sizes, initial=0))
-        words = [2 * size + 1 for size in sizes]
-        self._packed = np.zeros(sum(words), dtype=np.uint32)
-        packed, ends = self._packed.data.cast("B"), list(accumulate(words, initial=0))
-        #: The same rows with their time, as a ring has them; the memory stays the same.
+        packed, begins = cut[9].data.cast("B"), list(accumulate(sizes, initial=0))
+        #: The row of each group with its time, as a ring has it; the memory stays the same.
         self.packed: Sequence[memoryview] = [
-            packed[4 * begin : 4 * end] for begin, end in pairwise(ends)
+            packed[4 * begin : 4 * end] for begin, end in pairwise(begins)
         ]
-        #: The rows of all groups, one after the other, each with its status last.
-        self.results: list[float] = self._results.tolist()
-        #: Unix time of the oldest reading in each channel in ns, then of the newest.
-        self.taken_ns: list[int] = []
-        self._readings: list[Copy] = []
-        self._stamps: list[Copy] = []
-        self._echoes: list[tuple[int, int]] = []
-        self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
+        self._words = np.zeros(0, dtype=np.int64)
         self._begun_ns = -1
         warm()
 
-    def bind(
-        self,
-        readings: Mapping[str, int],
-        stamp_of: Sequence[int],
-        late_ns: Sequence[int],
-        setpoints: Mapping[str, int],
-        values: Sequence[float],
-        stamps: Sequence[int],
-        applied: Sequence[float],
-    ) -> None:
-        """Connect to the cycle's tables: ``values``, ``stamps``, setpoints ``applied``.
+    def _layout(self, tables: Tables | None) -> NDArray[np.int64]:
+        """Return the layout of the kernel; without ``tables`` of a cycle nothing stands there."""
+        graph, layout = self._graph, list[int]()
+        for group, names in self._groups.items():
+            used = frozenset[str]().union(*(graph.uses[name] for name in names))
+            places = [place for place, name in enumerate(graph.inputs) if name in used]
+            layout += (NOWHERE, NOWHERE) if tables is None else tables.row(group)
+            layout += [len(names), *(graph.outputs[name] for name in names), len(places), *places]
+        return np.array(layout, dtype=np.int64)
 
-        The tables stay the same objects. ``stamp_of`` has the place in ``stamps`` of each value,
-        ``late_ns`` for each of these the age above which it counts as stale. An input that the rig
-        lacks is NaN.
+    def bind(self, tables: Tables, taken: int) -> None:
+        """Connect to the tables of the cycle. An input that the rig lacks is NaN.
+
+        From ``taken`` on the times have those of the oldest reading in each channel.
         """
-        self._cycle = values, stamps, applied
-        names = self._graph.inputs
-        sources = {place: readings[name] for place, name in enumerate(names) if name in readings}
-        devices = {place: stamp_of[index] for place, index in sources.items()}
-        self._readings = copies("d", sources, self._inputs)
-        self._stamps = copies("q", devices, self._ages[2])
-        for place, device in devices.items():
-            self._ages[1, place] = late_ns[device]
-        for place, name in enumerate(names):
-            if place not in sources and name.removesuffix(ECHO) in setpoints:
-                self._echoes.append((place, setpoints[name.removesuffix(ECHO)]))
+        self._words = tables.words
+        sources = [tables.source(name) for name in self._graph.inputs]
+        ages = self._ages.reshape(4, len(sources))
+        ages[1] = [source.late_ns for source in sources]
+        ages[2] = [source.value for source in sources]
+        ages[3] = [source.stamp for source in sources]
+        self._layouts[:] = self._layout(tables)
+        self._taken[:] = tables.stamp_at(taken), tables.newest_at(taken)
 
     def compute(self, t_ns: int) -> None:
-        """Compute all channels for the cycle at ``t_ns``."""
+        """Compute all channels for the cycle at ``t_ns`` in the memory of the tables."""
         if self._begun_ns < 0:
             self._begun_ns = t_ns
-        values, stamps, applied = self._cycle
-        for copy in self._readings:
-            copy(values)
-        for copy in self._stamps:
-            copy(stamps)
-        for place, index in self._echoes:
-            self._inputs[place] = applied[index]
-            self._ages[2, place] = t_ns
-        compute(t_ns, self._begun_ns, self._floats, self._numbers, self._places, self._packed)
-        self.results = self._results.tolist()
-        self.taken_ns = self._taken.tolist()
+        compute(t_ns, self._begun_ns, self._words, self._own)
 
     def begin_trial(self) -> None:
         """Empty the memory of the channels that begin anew with each trial."""
@@ -138,8 +103,3 @@ class Evaluator:
             for index, row in enumerate(rows)
             if row.reset
         ]
-
-
-def _joined(parts: Sequence[NDArray[Number]]) -> tuple[NDArray[Number], list[int]]:
-    """Return ``parts`` one after the other, and where each begins and the last ends."""
-    return np.concatenate(parts), [0, *accumulate(len(part) for part in parts)]

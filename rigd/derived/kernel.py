@@ -44,34 +44,33 @@ _RATE_LIMIT, _DELAY, _EDGES = int(Op.RATE_LIMIT), int(Op.DELAY), int(Op.EDGES)
 
 
 @kernel
-def compute(
-    t_ns: int, begun_ns: int, floats: Floats, numbers: Times, places: Times, packed: Words
-) -> None:
+def compute(t_ns: int, begun_ns: int, words: Times, own: Times) -> None:
     """Compute all groups for the cycle at ``t_ns``, Unix time, in a run that began at ``begun_ns``.
 
-    A compiled function takes 0.1 us for each array that it is given: so all tables lie in two.
-    ``floats`` has the inputs (n), parameters, state, values (m) and results, each from its place in
-    ``places`` on; ``numbers`` has behind one another ages (3, n), rows (r, 8), times (3, m), layout
-    and ``taken``, from places 6 to 11 on. The rows of ages are the times of the inputs since the
-    beginning of the run, how old each may be, and its time as Unix time, 0 for one that the rig
-    lacks. Times of rows are: oldest, newest, and of the last step. See :func:`evaluate` and
-    :func:`gather`.
+    A compiled function takes 0.1 us for each array that it is given: so ``words`` has all tables of
+    the cycle (:class:`rigd.model.tables.Tables`), ``own`` all of the graph, behind one another:
+    first the places at which each of the others begins and the last ends, then the floats, inputs
+    (n), parameters, state and values (m), then the integers, ages (4, n), rows (r, 8), times
+    (3, m), layout and the places of ``taken``, at last the packed rows. The rows of ages are the
+    times of the inputs since the beginning of the run, how old each may be, and where in the tables
+    its value and its time stand, which is 0 for an input that the rig lacks. Times of rows are:
+    oldest, newest, and of the last step. See :func:`evaluate` and :func:`gather`.
     """
-    inputs = floats[places[0] : places[1]]
-    values, results = floats[places[3] : places[4]], floats[places[4] : places[5]]
-    ages = numbers[places[6] : places[7]].reshape((3, inputs.shape[0]))
-    rows = numbers[places[7] : places[8]].reshape(((places[8] - places[7]) // 8, 8))
-    times = numbers[places[8] : places[9]].reshape((3, values.shape[0]))
+    tables, floats = words.view(np.float64), own.view(np.float64)
+    inputs, values = floats[own[0] : own[1]], floats[own[3] : own[4]]
+    ages = own[own[4] : own[5]].reshape((4, inputs.shape[0]))
+    rows = own[own[5] : own[6]].reshape(((own[6] - own[5]) // 8, 8))
+    times = own[own[6] : own[7]].reshape((3, values.shape[0]))
     for i in range(inputs.shape[0]):
-        ages[0, i] = ages[2, i] - begun_ns if ages[2, i] != 0 else 0
+        inputs[i], stamp = tables[ages[2, i]], words[ages[3, i]]
+        ages[0, i] = stamp - begun_ns if stamp != 0 else 0
     evaluate(
-        inputs, ages[0], rows, floats[places[1] : places[2]], floats[places[2] : places[3]],
+        inputs, ages[0], rows, floats[own[1] : own[2]], floats[own[2] : own[3]],
         values, times[0], times[1], times[2],
     )  # fmt: skip
-    taken = numbers[places[10] : places[11]]
     gather(
-        t_ns, begun_ns, numbers[places[9] : places[10]], values, times, ages, results,
-        taken.reshape((2, taken.shape[0] // 2)), packed,
+        t_ns, begun_ns, own[own[7] : own[8]], values, times, ages, words, tables,
+        own[own[8] : own[9]], own[own[9] : own[10]].view(np.uint32),
     )  # fmt: skip
 
 
@@ -135,41 +134,47 @@ def gather(
     values: Floats,
     times: Times,
     ages: Times,
-    results: Floats,
+    words: Times,
+    tables: Floats,
     taken: Times,
     packed: Words,
 ) -> None:
-    """Collect the row of every group in ``results``, one after the other, each with its status.
+    """Write the row of every group, with its status and its times, to the tables of the cycle.
 
-    ``layout`` has for each group the number of its channels, their rows, the number of its inputs
-    and these. ``taken`` (2, channels) gets the Unix times of the oldest and of the newest reading
-    in each channel, from ``times`` of its row. The status is 2^31 if an input is older than it may
-    be (``ages``), else 0. ``packed`` gets the same rows as a ring
-    has them (:func:`rigd.model.rows.row_dtype`): time, values, and the status as uint32.
+    ``layout`` has for each group where its row and its time stand there (below 0: nowhere), the
+    number of its channels, their rows, the number of its inputs and these. ``taken`` (2) has where
+    the Unix times of the oldest reading in each channel stand, and of the newest, from ``times`` of
+    its row. The status is 2^31 if an input is older than it may be (``ages``), else 0. ``packed``
+    gets the rows as a ring has them (:func:`rigd.model.rows.row_dtype`): time, values, and the
+    status as uint32.
     """
-    at = place = word = channel = 0
-    bits = results.view(np.uint32)
+    at = word = channel = 0
+    bits = values.view(np.uint32)
     while at < layout.shape[0]:
         packed[word], packed[word + 1] = t_ns & 0xFFFFFFFF, t_ns >> 32
         word += 2
-        count = layout[at]
-        for row in layout[at + 1 : at + 1 + count]:
-            results[place] = values[row]
-            packed[word], packed[word + 1] = bits[2 * place], bits[2 * place + 1]
-            taken[0, channel] = min(begun_ns + times[0, row], t_ns)
-            taken[1, channel] = min(begun_ns + times[1, row], t_ns)
-            channel += 1
-            place += 1
+        place, count = layout[at], layout[at + 2]
+        if layout[at + 1] >= 0:
+            words[layout[at + 1]] = t_ns
+        at += 3
+        for row in layout[at : at + count]:
+            if place >= 0:
+                tables[place] = values[row]
+                place += 1
+            packed[word], packed[word + 1] = bits[2 * row], bits[2 * row + 1]
             word += 2
-        at += 1 + count
+            words[taken[0] + channel] = min(begun_ns + times[0, row], t_ns)
+            words[taken[1] + channel] = min(begun_ns + times[1, row], t_ns)
+            channel += 1
+        at += count
         count = layout[at]
         late = False
         for read in layout[at + 1 : at + 1 + count]:
             late = late or t_ns - begun_ns - ages[0, read] > ages[1, read]
         at += 1 + count
-        results[place] = 2147483648.0 if late else 0.0
+        if place >= 0:
+            tables[place] = 2147483648.0 if late else 0.0
         packed[word] = 2147483648 if late else 0
-        place += 1
         word += 1
 
 
@@ -404,5 +409,4 @@ def _delayed(then_s: float, state: Floats, s: int, ring: int, size: int) -> floa
 
 def warm() -> None:
     """Load the compiled functions, or compile them: no cycle has time for that."""
-    numbers, words = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.uint32)
-    compute(0, 0, np.zeros(0), numbers, np.zeros(12, dtype=np.int64), words)
+    compute(0, 0, np.zeros(0, dtype=np.int64), np.zeros(11, dtype=np.int64))

@@ -1,20 +1,20 @@
 """Computes in each cycle what no device gives: observers, derived channels, controllers.
 
 Observers come first, then derived channels, which may use them; controllers act once the program
-has set what it wants. Each of the three is compiled: what is done in Python for each cycle is to
-copy what they use, and to take their rows.
+has set what it wants. Each of the three is compiled and works on one copy of the tables of the
+cycle: what is done in Python for each cycle is to copy what was read there, and the rows back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Mapping, MutableSequence, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
-from rigd.engine.cycle_places import runs
-from rigd.engine.mount import MountedRig
+from rigd.engine.mount import Mount, MountedRig
+from rigd.model.tables import Tables
 from rigd.observers.driver import Observer
 
 if TYPE_CHECKING:
@@ -45,14 +45,13 @@ def late_after(rig: MountedRig, period_ns: int) -> list[int]:
             graph = mount.driver.config.graph
     uses = [] if graph is None else [graph.uses[name] for name in rig.derived]
     derived = [max((found.get(n.partition(".")[0], 0) for n in used), default=0) for used in uses]
-    return [*found.values(), *derived, *derived]
+    return [*found.values(), *derived]
 
 
 class Computing:
-    """What a rig computes, bound to the tables of its cycle: ``values``, and their ``stamps``.
+    """What a rig computes, bound to the lists of its cycle, which stay the same objects.
 
-    ``late_ns`` has the age above which each stamp counts as late, ``applied`` the setpoints as they
-    were written; all stay the same objects.
+    ``late_ns`` has the age above which each of ``stamps`` counts as late.
     """
 
     def __init__(
@@ -62,72 +61,87 @@ class Computing:
         stamps: list[int],
         late_ns: Sequence[int],
         applied: MutableSequence[float],
+        wanted: MutableSequence[float],
         evaluator: Evaluator | None,
         bank: Bank | None,
         period_ns: int,
     ) -> None:
-        self._bank, self._period_ns = bank, period_ns
+        self._bank, self._evaluator, self._period_ns = bank, evaluator, period_ns
         #: What each controller commands, by their setpoints.
         self.loops = _NONE if bank is None else bank.loops
         self.controllers = frozenset(() if bank is None else bank.places)  #: their names
         self.t_ns = -1  #: of the last cycle of which all was computed
-        self._values, self._stamps, self._applied = values, stamps, applied
-        self._evaluator = evaluator
-        drivers = [(n, mount, mount.driver) for n, mount in enumerate(rig.mounts)]
-        self._observers = [(n, m.values, d) for n, m, d in drivers if isinstance(d, Observer)]
-        derived = [(n, m.values, d.begins) for n, m, d in drivers if isinstance(d, Derived)]
-        self._derived = list(runs(derived))
-        self._own_stamps = slice(len(rig.mounts), len(rig.mounts) + 2 * len(rig.derived))
-        binds = [driver.bind for _, _, driver in self._observers]
-        binds += [] if evaluator is None else [evaluator.bind]
-        for bind in binds:
-            bind(rig.readings, rig.stamp_of, late_ns, rig.setpoints, values, stamps, applied)
-        controllers = [
-            (n, mount.values, bank.begins[mount.name])
-            for n, mount, driver in drivers
-            if bank is not None and isinstance(driver, Controller)
-        ]
-        self._controllers = list(runs(controllers))
+        mounts = list(enumerate(rig.mounts))
+        computed = [item for item in mounts if isinstance(item[1].driver, COMPUTED)]
+        read = [(m.values.stop, n + 1) for n, m in mounts if not isinstance(m.driver, COMPUTED)]
+        self._tables = tables = Tables(
+            values,
+            stamps,
+            applied,
+            wanted,
+            rig.readings,
+            rig.stamp_of,
+            late_ns,
+            rig.setpoints,
+            {mount.name: (mount.values.start, n) for n, mount in computed},
+            max(read, default=(0, 0)),
+            len(mounts),
+        )
+        self._none = not computed
+        self._observers: list[Observer] = []
+        #: Observers, then all derived channels.
+        self._steps: list[Callable[[int], None]] = []
+        for mount in rig.mounts:
+            if isinstance(mount.driver, Observer):
+                mount.driver.runner.bind(tables, mount.name)
+                self._observers.append(mount.driver)
+                self._steps.append(mount.driver.runner.step)
+        if evaluator is not None:
+            evaluator.bind(tables, len(mounts))
+            self._steps.append(evaluator.compute)
         if bank is not None:
-            bank.bind(rig.readings, rig.stamp_of, rig.arrival_of, rig.setpoints)
+            bank.bind(tables)
+        acting = [item for item in computed if isinstance(item[1].driver, Controller)]
+        before = [item for item in computed if item not in acting]
+        self._acting = [n for n, _ in acting]
+        self._show = _shows(tables, before, len(stamps))
+        self._show_controllers = _shows(tables, acting, len(mounts))
 
     def begin_trial(self) -> None:
         """Let observers and derived channels that begin anew with each trial do so."""
-        for _, _, observer in self._observers:
+        for observer in self._observers:
             observer.begin_trial()
         if self._evaluator is not None:
             self._evaluator.begin_trial()
 
     def estimate(self, t_ns: int) -> None:
         """Compute observers and derived channels from the readings of the cycle at ``t_ns``."""
-        values, stamps, evaluator = self._values, self._stamps, self._evaluator
-        if t_ns - self.t_ns > self._period_ns:  # slots were missed: nothing newer is missing
-            for mounts, _, _ in self._controllers:
-                stamps[mounts] = [t_ns - self._period_ns] * (mounts.stop - mounts.start)
-        for index, places, observer in self._observers:
-            values[places] = observer.read(t_ns)
-            stamps[index] = t_ns
-        if evaluator is None:
+        if self._none:
             return
-        evaluator.compute(t_ns)
-        results = evaluator.results
-        for mounts, places, rows in self._derived:
-            values[places] = results[rows]
-            stamps[mounts] = [t_ns] * (mounts.stop - mounts.start)
-        stamps[self._own_stamps] = evaluator.taken_ns
+        self._tables.take(t_ns)
+        if t_ns - self.t_ns > self._period_ns:  # slots were missed: nothing newer is missing
+            for place in self._acting:
+                self._tables.stamp(place, t_ns - self._period_ns)
+        for step in self._steps:
+            step(t_ns)
+        self._show()
 
-    def control(self, t_ns: int, acting: frozenset[str], wanted: list[float]) -> str:
-        """Let controllers ``acting`` set what they command in ``wanted``; return why one gives up.
+    def control(self, t_ns: int, acting: frozenset[str]) -> str:
+        """Let controllers ``acting`` set what they command; return why one gives up.
 
         The others only follow what they measure.
         """
-        bank, values, stamps = self._bank, self._values, self._stamps
         self.t_ns = t_ns
-        if bank is None:
+        if self._bank is None:
             return ""
-        reason = bank.step(t_ns, acting, values, stamps, wanted, self._applied)
-        results = bank.results
-        for mounts, places, rows in self._controllers:
-            values[places] = results[rows]
-            stamps[mounts] = [t_ns] * (mounts.stop - mounts.start)
+        reason = self._bank.step(t_ns, acting)
+        self._show_controllers()
         return reason
+
+
+def _shows(tables: Tables, computed: Sequence[tuple[int, Mount]], end: int) -> Callable[[], None]:
+    """Return what shows the rows of ``computed`` in the lists, and all times up to ``end``."""
+    if not computed:
+        return lambda: None
+    (first, begins), (_, ends) = computed[0], computed[-1]
+    return tables.shows(slice(begins.values.start, ends.values.stop), slice(first, end))

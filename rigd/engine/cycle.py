@@ -103,7 +103,7 @@ class Cycle:
         self._playing = ""  #: the step that plays in this cycle
         self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.stamp_of)
-        self._stamps = [0] * (len(rig.mounts) + 2 * len(rig.derived))
+        self._stamps = [0] * (len(rig.mounts) + len(rig.derived))
         self._taken = Taken(self._stamps, rig.stamp_of)
         self._fresh = [False] * len(rig.mounts)  # whether this cycle has read a row
         before = Derived | Observer  # computed before anything is decided
@@ -132,6 +132,7 @@ class Cycle:
             self._stamps,
             late_ns,
             limiter.applied,
+            self._wanted,
             evaluator,
             controllers,
             clock.period_ns,
@@ -374,7 +375,7 @@ class Cycle:
 
     def _control(self, t_ns: int) -> None:
         """Let the controllers of the present step set what they command; end the trial for one."""
-        reason = self._computing.control(t_ns, self._acting, self._wanted)
+        reason = self._computing.control(t_ns, self._acting)
         if self._silent:
             self._silent -= self._computing.controllers
         if reason:

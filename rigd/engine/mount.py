@@ -71,8 +71,8 @@ class MountedRig:
     def stamp_of(self) -> tuple[int, ...]:
         """For every index of the values table, where its time stands in the table of times.
 
-        That has the times of the rows of all mounts, then for each of the m derived channels the
-        time of the oldest reading in it, then m times of the newest.
+        That has the times of the rows of all mounts, then for each of the derived channels the time
+        of the oldest reading in it.
         """
         owners: list[int] = []
         for index, mount in enumerate(self.mounts):
@@ -81,12 +81,6 @@ class MountedRig:
             if name in self.readings:  # a part of a rig computes all groups, and may have some
                 owners[self.readings[name]] = len(self.mounts) + place
         return tuple(owners)
-
-    @cached_property
-    def arrival_of(self) -> tuple[int, ...]:
-        """The same, but for a derived channel the newest reading in it."""
-        mounts, derived = len(self.mounts), len(self.derived)
-        return tuple(at + derived if at >= mounts else at for at in self.stamp_of)
 
 
 def mount(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -58,9 +58,10 @@ class Observer(Driver[ObserverConfig, Any]):
         super().__init__(config, link)
         from rigd.observers.runner import Runner  # it loads numba
 
-        self._runner: Runner = Runner(config)
+        #: Computes its row in each cycle.
+        self.runner: Runner = Runner(config)
         #: The newest row as a ring has it; the memory stays the same.
-        self.packed = self._runner.packed
+        self.packed = self.runner.packed
 
     @classmethod
     def declare(cls, config: ObserverConfig) -> Declaration:
@@ -73,23 +74,10 @@ class Observer(Driver[ObserverConfig, Any]):
             every_cycle=False,
         )
 
-    def bind(
-        self,
-        readings: Mapping[str, int],
-        stamp_of: Sequence[int],
-        late_ns: Sequence[int],
-        setpoints: Mapping[str, int],
-        values: Sequence[float],
-        stamps: Sequence[int],
-        applied: Sequence[float],
-    ) -> None:
-        """Connect to the tables of the cycle, which stay the same objects."""
-        self._runner.bind(readings, stamp_of, late_ns, setpoints, values, stamps, applied)
-
     def begin_trial(self) -> None:
         """Begin anew if the rig file asks for it."""
         if self.config.each_trial:
-            self._runner.begin()
+            self.runner.begin()
 
     def open(self) -> None:
         """Do nothing: there is no device."""
@@ -97,9 +85,11 @@ class Observer(Driver[ObserverConfig, Any]):
     def arm(self) -> None:
         """Do nothing: it only computes."""
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return the states for the cycle at ``t_ns``; bit 31 of the status: a channel is late."""
-        return self._runner.step(t_ns)
+    def read(self, t_ns: int) -> None:
+        """Do nothing: the cycle takes the rows of all observers when they are computed.
+
+        Bit 31 of their status: a channel is late.
+        """
 
     def make_safe(self) -> None:
         """Do nothing: it only computes."""

@@ -21,8 +21,13 @@ Words = NDArray[np.uint32]
 
 #: A time before all others: of a channel that has given no value yet.
 NEVER: Final = -(2**62)
-#: The places of ``clock``: time of the state, time of the last reading used, whether it has begun.
-_AT, _READ, _BEGUN = 0, 1, 2
+#: The places of ``clock``: time of the state, time of the last reading used, whether it has begun,
+#: and where in the tables of the cycle the row and its time stand, below 0: nowhere.
+_AT, _READ, _BEGUN, ROW, ROW_TIME = 0, 1, 2, 3, 4
+CLOCK: Final = 5
+#: Rows of ``ages``: see :func:`take`.
+LATE, USED, FROM_VALUE, FROM_STAMP = range(4)
+AGES: Final = 4
 #: Bit 31 of the status: a channel is late or not known.
 _LATE: Final = 2147483648.0
 #: Bit 30: the filter has diverged in this cycle.
@@ -47,15 +52,17 @@ def square(floats: Floats, places: Times, number: int, columns: int) -> Floats:
 
 @kernel
 def cut_times(times: Times, count: int) -> tuple[Times, Times, Times, int, int]:
-    """Return ages (3, count), current (count), clock (3), period and ``lost_ns`` of ``times``."""
-    ages = times[: 3 * count].reshape((3, count))
-    at = 4 * count
-    return ages, times[3 * count : at], times[at : at + 3], times[at + 3], times[at + 4]
+    """Return ages (4, count), current (count), clock (5), period and ``lost_ns`` of ``times``."""
+    ages = times[: AGES * count].reshape((AGES, count))
+    at = (AGES + 1) * count
+    then = at + CLOCK
+    return ages, times[AGES * count : at], times[at:then], times[then], times[then + 1]
 
 
 @kernel
 def take(
     t_ns: int,
+    words: Times,
     period_ns: int,
     lost_ns: int,
     given: Floats,
@@ -66,26 +73,30 @@ def take(
 ) -> int:
     """Take the readings of the cycle at ``t_ns``; return how many periods to predict.
 
-    ``given`` (l + m) are the newest values of the inputs, then of the measured channels. The rows
-    of ``ages`` (3, l + m) are their times, the ages above which they are late, and the times of the
-    last values that were used. ``held`` (l) keeps the last known inputs. ``current`` (l + m) gets 2
-    for a value to use now, 1 for one that is not late, else 0. All times are in ns.
+    ``words`` are the tables of the cycle (:class:`rigd.model.tables.Tables`). ``given`` (l + m)
+    gets the newest values of the inputs, then of the measured channels. The rows of ``ages``
+    (4, l + m) are the ages above which they are late, the times of the last values that were used,
+    and where in the tables values and times stand. ``held`` (l) keeps the last known inputs.
+    ``current`` (l + m) gets 2 for a value to use now, 1 for one that is not late, else 0. All times
+    are in ns.
 
     0 means that the filter begins, for the first time or because nothing was measured for
     ``lost_ns`` before; -1 that the state is not known: nothing is measured for ``lost_ns``, or an
     input is not known for so long.
     """
     known, arrived, inputs = True, False, held.shape[0]
+    tables = words.view(np.float64)
     for i in range(given.shape[0]):
-        finite, stamp = math.isfinite(given[i]), ages[0, i]
-        new = finite and (i < inputs or stamp > ages[2, i])
-        current[i] = 1 if finite and t_ns - stamp <= ages[1, i] else 0
+        given[i], stamp = tables[ages[FROM_VALUE, i]], words[ages[FROM_STAMP, i]]
+        finite = math.isfinite(given[i])
+        new = finite and (i < inputs or stamp > ages[USED, i])
+        current[i] = 1 if finite and t_ns - stamp <= ages[LATE, i] else 0
         if new:
-            ages[2, i] = stamp
+            ages[USED, i] = stamp
         if i < inputs:
             if finite:
                 held[i] = given[i]
-            known = known and t_ns - ages[2, i] <= lost_ns
+            known = known and t_ns - ages[USED, i] <= lost_ns
         elif new:
             current[i] = 2
             arrived = True
@@ -216,13 +227,13 @@ def correct(
 
 @kernel
 def publish(
-    t_ns: int, known: bool, x: Floats, p: Floats, off: Floats, nis: float, held: int,
+    t_ns: int, words: Times, known: bool, x: Floats, p: Floats, off: Floats, nis: float, held: int,
     current: Times, clock: Times, row: Floats, packed: Words,
 ) -> None:  # fmt: skip
     """Write ``row``: each state with its standard deviation, innovations, NIS and the status.
 
-    ``packed`` gets the same as a ring has it (:func:`rigd.model.rows.row_dtype`): ``t_ns``, values,
-    and the status as uint32.
+    ``words``, the tables of the cycle, get it too, and ``packed`` as a ring has it
+    (:func:`rigd.model.rows.row_dtype`): ``t_ns``, values, and the status as uint32.
 
     Between two readings of a slow channel its innovation and the NIS stay; they are NaN while it is
     late. A state that is not finite, or a variance that is not or is below 0, means that the filter
@@ -260,10 +271,15 @@ def publish(
     for i in range(2 * last):
         packed[2 + i] = bits[i]
     packed[2 + 2 * last] = np.uint32(row[last])
+    if clock[ROW] >= 0:
+        words[clock[ROW_TIME]] = t_ns
+        words[clock[ROW] : clock[ROW] + last + 1] = row.view(np.int64)
 
 
 @kernel
-def step_linear(t_ns: int, times: Times, floats: Floats, places: Times, packed: Words) -> None:
+def step_linear(
+    t_ns: int, words: Times, times: Times, floats: Floats, places: Times, packed: Words
+) -> None:
     """Compute a linear filter for the cycle at ``t_ns``: x+ = F x + G u, z = H x + D u.
 
     ``floats`` has, behind the tables of the memory: x (n), P (n, n), innovations (m), a matrix that
@@ -277,7 +293,7 @@ def step_linear(t_ns: int, times: Times, floats: Floats, places: Times, packed: 
     p, work = square(floats, places, 4, n), square(floats, places, 6, n)
     f, g = square(floats, places, 7, n), cut(floats, places, 8)
     h, d = square(floats, places, 9, n), cut(floats, places, 10)
-    steps = take(t_ns, period_ns, lost_ns, given, ages, held, current, clock)
+    steps = take(t_ns, words, period_ns, lost_ns, given, ages, held, current, clock)
     nis = math.nan
     if steps == 0:
         x[:], p[:] = cut(floats, places, 13), square(floats, places, 14, n)
@@ -301,4 +317,4 @@ def step_linear(t_ns: int, times: Times, floats: Floats, places: Times, packed: 
             off[i] = total
         learned = cut(floats, places, 15)
         nis = correct(x, p, h, square(floats, places, 12, m), off, current, inputs, learned)
-    publish(t_ns, steps >= 0, x, p, off, nis, inputs, current, clock, row, packed)
+    publish(t_ns, words, steps >= 0, x, p, off, nis, inputs, current, clock, row, packed)

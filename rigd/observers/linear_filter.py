@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rigd.observers.kernel import Floats, step_linear
+from rigd.observers.kernel import Floats, Times, step_linear
 from rigd.observers.linear import LinearPlan, Matrix
 from rigd.observers.memory import Memory
 
@@ -27,9 +27,9 @@ class LinearFilter:
         )  # fmt: skip
         self._packed = memory.packed
 
-    def step(self, t_ns: int) -> None:
+    def step(self, t_ns: int, words: Times) -> None:
         """Compute the cycle at ``t_ns``."""
-        step_linear(t_ns, *self._tables, self._packed)
+        step_linear(t_ns, words, *self._tables, self._packed)
 
 
 def _array(matrix: Matrix, rows: int, columns: int) -> Floats:

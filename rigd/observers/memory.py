@@ -10,7 +10,9 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.observers.kernel import NEVER, Floats, Times, Words
+from rigd.model.tables import NOWHERE, Tables
+from rigd.observers import kernel
+from rigd.observers.kernel import Floats, Times, Words
 
 
 @dataclass(eq=False)
@@ -38,18 +40,29 @@ class Memory:
     def __post_init__(self) -> None:
         count = self.inputs + self.measured
         self.given = np.full(count, math.nan)
-        self.ages = np.zeros((3, count), dtype=np.int64)
+        self.ages = np.zeros((kernel.AGES, count), dtype=np.int64)
         self.held = np.full(self.inputs, math.nan)
         self.current = np.zeros(count, dtype=np.int64)
-        self.clock = np.zeros(3, dtype=np.int64)
+        self.clock = np.full(kernel.CLOCK, NOWHERE, dtype=np.int64)
         self.row = np.full(2 * self.shown + self.measured + 2, math.nan)
         self.packed = np.zeros(2 * len(self.row) + 1, dtype=np.uint32)
         self.begin()
 
     def begin(self) -> None:
         """Forget the state, and all readings: the filter begins at the next one."""
-        self.ages[2], self.clock[:] = NEVER, (0, NEVER, 0)
+        self.ages[kernel.USED], self.clock[: kernel.ROW] = kernel.NEVER, (0, kernel.NEVER, 0)
         self.held[:] = math.nan
+
+    def bind(self, tables: Tables, names: Sequence[str], row: str = "") -> None:
+        """Take the channels ``names`` from ``tables``.
+
+        These get the row ``row`` if they have it.
+        """
+        sources = [tables.source(name) for name in names]
+        self.ages[kernel.LATE] = [source.late_ns for source in sources]
+        self.ages[kernel.FROM_VALUE] = [source.value for source in sources]
+        self.ages[kernel.FROM_STAMP] = [source.stamp for source in sources]
+        self.clock[kernel.ROW :] = tables.row(row)
 
     def join(self, own: Sequence[NDArray[np.float64]]) -> tuple[Times, Floats, Times]:
         """Move all tables, with copies of ``own``, into one memory for integers and one for floats.
@@ -65,8 +78,8 @@ class Memory:
         floats = np.concatenate([np.ravel(part) for part in parts])
         clocks = [self.clock, np.array([self.period_ns, self.lost_ns], dtype=np.int64)]
         times = np.concatenate([self.ages.ravel(), self.current, *clocks])
-        self.ages = times[: 3 * count].reshape(3, count)
-        self.current = times[3 * count : 4 * count]
-        self.clock = times[4 * count : 4 * count + 3]
+        at = self.ages.size
+        self.ages = times[:at].reshape(kernel.AGES, count)
+        self.current, self.clock = times[at : at + count], times[at + count : -2]
         self.given, self.held, self.row = (floats[ends[k] : ends[k + 1]] for k in range(3))
         return times, floats, ends

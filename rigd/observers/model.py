@@ -19,14 +19,18 @@ from rigd.model.channels import Channel
 from rigd.sdk import Documented, In
 
 if TYPE_CHECKING:  # a rig file is checked without numba
+    from rigd.observers.kernel import Times
     from rigd.observers.memory import Memory
 
 
 class Filter(Protocol):
     """A filter with its state."""
 
-    def step(self, t_ns: int) -> None:
-        """Compute the cycle at ``t_ns`` from its memory, and write ``row`` of it; no allocation."""
+    def step(self, t_ns: int, words: Times) -> None:
+        """Compute the cycle at ``t_ns``, and write ``row`` of its memory; no allocation.
+
+        ``words`` are those of the tables of the cycle (:class:`rigd.model.tables.Tables`).
+        """
         ...
 
 

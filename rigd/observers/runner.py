@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
 from typing import TYPE_CHECKING
 
-from rigd.model.channels import ECHO
-from rigd.model.gather import Copy, copies
+import numpy as np
+
+from rigd.model.tables import Tables
 from rigd.observers.memory import Memory
 
 if TYPE_CHECKING:
@@ -23,63 +24,31 @@ class Runner:
             config.period_ns, config.lost_ns,
         )  # fmt: skip
         self._names = (*config.inputs, *config.measured)
-        self._readings: list[Copy] = []
-        self._stamps: list[Copy] = []
-        self._echoes: list[Copy] = []
-        self._sent: list[int] = []  #: places of the echoes
-        self._cycle: tuple[Sequence[float], Sequence[int], Sequence[float]] = ((), (), ())
+        self._words = np.full(1, math.nan).view(np.int64)
         self._filter = config.plan.filter(self._memory)
         self.step(0)  # loads the compiled function, or compiles it: no cycle has time for that
-        self._memory.ages[:] = 0
         self.begin()
-        self._taken = self._memory.ages[0].data  # a memoryview takes a number twice as fast
         #: The newest row as a ring has it; the memory stays the same.
         self.packed: memoryview = self._memory.packed.data.cast("B")
 
-    def bind(
-        self,
-        readings: Mapping[str, int],
-        stamp_of: Sequence[int],
-        late_ns: Sequence[int],
-        setpoints: Mapping[str, int],
-        values: Sequence[float],
-        stamps: Sequence[int],
-        applied: Sequence[float],
-    ) -> None:
-        """Connect to the cycle's tables: ``values``, their ``stamps``, setpoints ``applied``.
+    def bind(self, tables: Tables, row: str = "") -> None:
+        """Connect to the tables of the cycle, which get the row ``row`` if they have it.
 
-        ``late_ns`` has the age above which each stamp counts as stale. A channel that
-        the rig lacks is NaN.
+        A channel that the rig lacks is NaN.
         """
-        self._cycle = values, stamps, applied
-        sources = {n: readings[name] for n, name in enumerate(self._names) if name in readings}
-        devices = {place: stamp_of[index] for place, index in sources.items()}
-        self._readings = copies("d", sources, self._memory.given)
-        self._stamps = copies("q", devices, self._memory.ages[0])
-        for place, device in devices.items():
-            self._memory.ages[1, place] = late_ns[device]
-        echoes = {
-            n: setpoints[name.removesuffix(ECHO)]
-            for n, name in enumerate(self._names)
-            if n not in sources and name.removesuffix(ECHO) in setpoints
-        }
-        self._echoes, self._sent = copies("d", echoes, self._memory.given), list(echoes)
+        self._words = tables.words
+        self._memory.bind(tables, self._names, row)
 
     def begin(self) -> None:
         """Forget the state, and all readings: the filter begins at the next one."""
         self._memory.begin()
 
-    def step(self, t_ns: int) -> list[float]:
-        """Return the row of the cycle at ``t_ns``: states, innovations, NIS and status."""
-        values, stamps, applied = self._cycle
-        for copy in self._readings:
-            copy(values)
-        for copy in self._stamps:
-            copy(stamps)
-        for copy in self._echoes:
-            copy(applied)
-        for place in self._sent:
-            self._taken[place] = t_ns
-        self._filter.step(t_ns)
+    def step(self, t_ns: int) -> None:
+        """Compute the cycle at ``t_ns`` in the memory of the tables."""
+        self._filter.step(t_ns, self._words)
+
+    @property
+    def row(self) -> list[float]:
+        """The row of the last cycle: states, innovations, NIS and status."""
         row: list[float] = self._memory.row.tolist()
         return row

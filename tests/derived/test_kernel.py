@@ -20,12 +20,42 @@ from rigd.derived.driver import DerivedConfig
 from rigd.derived.evaluator import Evaluator
 from rigd.derived.formula import read_formula
 from rigd.derived.graph import Builder, Graph, Term
+from rigd.model.tables import Tables
 
 PERIOD_NS = 1_000_000
 START_NS = 1_790_000_000_000_000_000
 
 
-class Bound:
+class Connected:
+    """The channels of a graph on tables of two devices, with a channel each (``inputs``).
+
+    The tables have the values and times of the devices, then the rows and times of the groups; then
+    the times have those of the oldest reading in each channel.
+    """
+
+    def __init__(self, graph: Graph, inputs: tuple[str, str]) -> None:
+        groups, rows, width = graph.groups(), dict[str, tuple[int, int]](), 2
+        for place, (group, names) in enumerate(groups.items(), 2):
+            rows[group] = width, place
+            width += len(names) + 1
+        self.taken = 2 + len(groups)
+        self.values = [math.nan] * width
+        self.stamps = [START_NS] * (self.taken + len(graph.outputs))
+        readings = {name: place for place, name in enumerate(inputs)}
+        self.tables = Tables(
+            self.values, self.stamps, [], [], readings, (0, 1), (0, 0), {}, rows, (2, 2), self.taken
+        )
+        self.evaluator = Evaluator(graph)
+        self.evaluator.bind(self.tables, self.taken)
+        self.show = self.tables.shows(slice(2, width), slice(2, len(self.stamps)))
+
+    def compute(self, t_ns: int) -> None:
+        self.tables.take(t_ns)
+        self.evaluator.compute(t_ns)
+        self.show()
+
+
+class Bound(Connected):
     """A formula of the channels ``dev_a.x`` and ``dev_b.x``, played cycle by cycle."""
 
     def __init__(self, text: str, *, reset: bool = False) -> None:
@@ -39,10 +69,7 @@ class Bound:
             tuple(builder.rows), tuple(builder.parameters), builder.states, tuple(builder.inputs),
             {"f.x": term.row}, {"f.x": term.uses},
         )  # fmt: skip
-        self.values, self.stamps = [math.nan, math.nan], [START_NS, START_NS]
-        self.evaluator = Evaluator(graph)
-        places = {"dev_a.x": 0, "dev_b.x": 1}
-        self.evaluator.bind(places, (0, 1), (0, 0), {}, self.values, self.stamps, [])
+        super().__init__(graph, ("dev_a.x", "dev_b.x"))
 
     def cycle(self, number: int, a: float | None, b: float | None = None) -> float:
         """Return the value of cycle ``number``; None is a device without a new row."""
@@ -50,8 +77,8 @@ class Bound:
         for device, value in enumerate((a, b)):
             if value is not None:
                 self.values[device], self.stamps[device] = value, t_ns
-        self.evaluator.compute(t_ns)
-        return self.evaluator.results[0]
+        self.compute(t_ns)
+        return self.values[2]
 
     def play(self, values: Sequence[float]) -> list[float]:
         return [self.cycle(number, value) for number, value in enumerate(values)]
@@ -75,7 +102,7 @@ def test_compiled_graph_equals_slow_second_form(
         expected = formula.value(inputs, times)
         found = bound.cycle(number, a, b)
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), number
-        oldest = (bound.evaluator.taken_ns[0] - START_NS) * 1e-9
+        oldest = (bound.stamps[bound.taken] - START_NS) * 1e-9
         assert oldest == pytest.approx(formula.oldest(times, now_s), abs=1e-9)
 
 
@@ -103,22 +130,20 @@ def test_channels_of_file_equal_slow_second_form(
     rig = parse_rig(RIG + "".join(channel.line for channel in drawn), Path("rig.yaml"))
     configs = (device.config for device in rig.devices.values())
     graph = next(config.graph for config in configs if isinstance(config, DerivedConfig))
-    evaluator, values, stamps = Evaluator(graph), [math.nan, math.nan], [START_NS, START_NS]
-    places = {"wheel_encoder.angle": 0, "carriage.position": 1}
-    evaluator.bind(places, (0, 1), (0, 0), {}, values, stamps, [])
+    bound = Connected(graph, ("wheel_encoder.angle", "carriage.position"))
     inputs, times = {"a": math.nan, "b": math.nan}, {"a": 0.0, "b": 0.0}
     for number, row in enumerate(rows):
         now_s = number * 1e-3
         for place, (name, value) in enumerate(zip(inputs, row, strict=True)):
             if value is not None:
                 inputs[name], times[name] = value, now_s
-                values[place], stamps[place] = value, START_NS + number * PERIOD_NS
-        evaluator.compute(START_NS + number * PERIOD_NS)
+                bound.values[place], bound.stamps[place] = value, START_NS + number * PERIOD_NS
+        bound.compute(START_NS + number * PERIOD_NS)
         for place, channel in enumerate(drawn, 2):
             expected = channel.part.value(inputs, times)
-            found = evaluator.results[2 * place]  # each is followed by the status of its group
+            found = bound.values[2 + 2 * place]  # each is followed by the status of its group
             assert found == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True), channel.line
-            oldest = (evaluator.taken_ns[place] - START_NS) * 1e-9
+            oldest = (bound.stamps[bound.taken + place] - START_NS) * 1e-9
             assert oldest == pytest.approx(channel.part.oldest(times, now_s), abs=1e-9)
 
 

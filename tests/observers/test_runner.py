@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model.channels import STALE, Channel
+from rigd.model.tables import Tables
 from rigd.observers.driver import ObserverConfig
 from rigd.observers.linear import LinearPlan
 from rigd.observers.runner import Runner
@@ -41,7 +42,10 @@ class Bench:
         self.values = [math.nan] * 3
         self.stamps = [0, 0, 0]
         places = {"u.u": 0, "a.z": 1, "b.z": 2}
-        self.runner.bind(places, [0, 1, 2], [late_ns] * 3, {}, self.values, self.stamps, [])
+        self.tables = Tables(
+            self.values, self.stamps, [], [], places, [0, 1, 2], [late_ns] * 3, {}
+        )  # fmt: skip
+        self.runner.bind(self.tables)
         self.slot = 0
 
     def step(self, u: float | None, a: float | None, b: float | None) -> list[float]:
@@ -51,7 +55,9 @@ class Bench:
         for place, value in enumerate((u, a, b)):
             if value is not None:
                 self.values[place], self.stamps[place] = value, now
-        return self.runner.step(now)
+        self.tables.take(now)
+        self.runner.step(now)
+        return self.runner.row
 
 
 def _tuple(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:

@@ -9,6 +9,7 @@ from rigd.controllers.bank import Bank
 from rigd.controllers.driver import ControllerConfig
 from rigd.engine.limiter import Limiter
 from rigd.model.limits import SetpointLimit
+from rigd.model.tables import Tables
 
 PERIOD_NS = 1_000_000
 OUTPUT = SetpointLimit(-2.0, 2.0, 100.0)
@@ -37,13 +38,17 @@ class Held:
         self.places = {name: place for place, name in enumerate(names)}
         inputs = ("load.force", "some.forward", "some.schedule", "load.speed")
         readings = {name: place for place, name in enumerate(inputs)}
-        self.bank.bind(readings, range(4), range(4), self.places)
         self.limiter = Limiter(given, PERIOD_NS * 1e-9, range(1, len(given)))
         self.values = [0.0, 0.0, 1.0, 0.0]
         self.t_ns = 1_790_000_000_000_000_000
         self.stamps = [self.t_ns] * 4
         self.wanted = [limit.rest for limit in given]
         self.rest = list(self.wanted)
+        self.tables = Tables(
+            self.values, self.stamps, self.limiter.applied, self.wanted, readings, range(4),
+            [0] * 4, self.places,
+        )  # fmt: skip
+        self.bank.bind(self.tables)
 
     def step(
         self, active: Collection[str] = ("hold.force",), *, fresh: bool = True, **wanted: float
@@ -55,8 +60,8 @@ class Held:
         for name, value in wanted.items():
             (place,) = (p for known, p in self.places.items() if known.startswith(f"{name}."))
             self.wanted[place] = value
-        applied = self.limiter.applied
-        reason = self.bank.step(self.t_ns, active, self.values, self.stamps, self.wanted, applied)
+        self.tables.take(self.t_ns)
+        reason = self.bank.step(self.t_ns, active)
         if reason:
             self.wanted[:] = self.rest
         self.limiter.apply(self.wanted)

@@ -26,9 +26,9 @@ def _entry(stamps: tuple[int, ...]) -> Callable[..., None]:
     """
 
     @kernel
-    def step(t_ns: int, times: Any, floats: Any, places: Any, packed: Any) -> None:
+    def step(t_ns: int, words: Any, times: Any, floats: Any, places: Any, packed: Any) -> None:
         if stamps[0] != 0:
-            own.step_slip(t_ns, times, floats, places, packed)
+            own.step_slip(t_ns, words, times, floats, places, packed)
 
     return step
 
@@ -57,6 +57,6 @@ class SlipFilter:
         )  # fmt: skip
         self._packed = memory.packed
 
-    def step(self, t_ns: int) -> None:
+    def step(self, t_ns: int, words: Any) -> None:
         """Compute the cycle at ``t_ns``."""
-        _step(t_ns, *self._tables, self._packed)
+        _step(t_ns, words, *self._tables, self._packed)

@@ -210,7 +210,9 @@ def noise(
 
 
 @part
-def step_slip(t_ns: int, times: Times, floats: Floats, places: Times, packed: Words) -> None:
+def step_slip(
+    t_ns: int, words: Times, times: Times, floats: Floats, places: Times, packed: Words
+) -> None:
     """Compute the filter of slip for the cycle at ``t_ns``.
 
     ``floats`` has, behind the tables of the memory: x (n), P (n, n), innovations (2), a matrix that
@@ -234,7 +236,7 @@ def step_slip(t_ns: int, times: Times, floats: Floats, places: Times, packed: Wo
     by_x = cut(floats, places, 21).reshape((4, 3, n))
     shown, spread = cut(floats, places, 22), square(floats, places, 23, 3)
     period = period_ns * 1e-9
-    steps = take(t_ns, period_ns, lost_ns, given, ages, held, current, clock)
+    steps = take(t_ns, words, period_ns, lost_ns, given, ages, held, current, clock)
     nis = math.nan
     if steps == 0:
         x[:], p[:] = cut(floats, places, 11), square(floats, places, 12, n)
@@ -285,4 +287,6 @@ def step_slip(t_ns: int, times: Times, floats: Floats, places: Times, packed: Wo
     for k in range(n):
         if not (math.isfinite(x[k]) and p[k, k] >= 0.0):
             shown[0] = math.nan  # a sign of divergence, also in a state that is not shown
-    publish(t_ns, steps >= 0, shown, spread, off, nis, inputs, current, clock, row, packed)
+    publish(
+        t_ns, words, steps >= 0, shown, spread, off, nis, inputs, current, clock, row, packed
+    )  # fmt: skip

@@ -18,6 +18,7 @@ from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control
 from rigd.engine.result import RunResult
+from rigd.model.tables import Tables
 from rigd.observers.driver import ObserverConfig
 from rigd.observers.memory import Memory
 from rigd.procedure.compile import compile_procedure
@@ -199,19 +200,29 @@ def slopes(function: Any, x: Floats) -> Floats:
     return np.array(columns).T
 
 
+def connected(memory: Memory) -> Tables:
+    """Return tables with what ``memory`` takes: current, carriage held, angle, acceleration."""
+    readings = {f"rig.{place}": place for place in range(4)}
+    tables = Tables([math.nan] * 4, [0], [], [], readings, [0] * 4, [0], {})
+    memory.bind(tables, list(readings))
+    return tables
+
+
 def test_steps_equal_an_independent_filter(tmp_path: Path) -> None:
     config = load_rig(str(slip_rig(tmp_path / "rig", observer()))).devices["slip_filter"].config
     assert isinstance(config, ObserverConfig)
     memory = Memory(2, 2, 3, 1_000_000, 10**9)
     own, reference = config.plan.filter(memory), Reference(config)
+    tables = connected(memory)
     random, angle, before = np.random.default_rng(1), 0.0, 0.0
     for k in range(45):
         now = 1_790_000_000_000_000_000 + k * 1_000_000
         current = 0.8 + 0.3 * math.sin(k / 9) + 0.006 * random.standard_normal()
         angle += 0.02 * k * PERIOD_S
         measured = np.array([angle, 0.6 + 0.03 * random.standard_normal()])
-        memory.given[:], memory.ages[0] = (current, 0.0, *measured), now
-        own.step(now)
+        tables.values[:], tables.stamps[:] = (current, 0.0, *measured), [now]
+        tables.take(now)
+        own.step(now, tables.words)
         if k:
             reference.predict((current + before) / 2)
         off, before = reference.correct(measured, current), current
@@ -270,11 +281,13 @@ def stepped(later: Mapping[str, float]) -> list[Floats]:
     config = rig.devices["slip_filter"].config
     assert isinstance(config, ObserverConfig)
     own, rows = config.plan.filter(memory), []
+    tables = connected(memory)
     for k in range(40):
         now = 1_790_000_000_000_000_000 + k * 1_000_000
         given = {"current": 0.0, "held": 0.0, "angle": 0.0, "acceleration": 0.0}
-        memory.given[:] = list(({**given, **later} if k > 19 else given).values())
-        memory.ages[0] = now
-        own.step(now)
+        tables.values[:] = ({**given, **later} if k > 19 else given).values()
+        tables.stamps[:] = [now]
+        tables.take(now)
+        own.step(now, tables.words)
         rows.append(memory.row.copy())
     return rows
