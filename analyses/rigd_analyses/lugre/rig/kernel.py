@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from rigd.analysis.kernel import kernel
+from rigd.analysis.kernel import inlined, kernel
 from rigd.analysis.result import FloatArray
 
 #: Parameters of the recursion, in this order; the last is the trial's own.
@@ -60,7 +60,7 @@ def turns(v: float, rim: float) -> bool:
     return min(abs(v), abs(rim)) < TURNING_M_S
 
 
-@kernel
+@inlined
 def _sign(x: float) -> float:
     """Return tanh(x); most samples are far from the turn, and need no exponential."""
     if x > SATURATED:
@@ -70,7 +70,7 @@ def _sign(x: float) -> float:
     return math.tanh(x)
 
 
-@kernel
+@inlined
 def rates(
     stage: int, v: float, w: float, z: float, q: FloatArray, static: float, i: float,
     cosine: float, sine: float, hurry: float, mass: float, normal: float, sensitive: bool,
