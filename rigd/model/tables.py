@@ -18,7 +18,7 @@ from rigd.model.channels import ECHO
 NOWHERE: Final = -1
 
 
-class Source(NamedTuple):
+class TablePlace(NamedTuple):
     """Where a value and its time stand in the memory, and the age above which it is late."""
 
     value: int
@@ -73,14 +73,14 @@ class Tables:
         self._pack_wanted = Struct(f"={len(self.wanted)}d").pack_into
         self._unpack_setpoints = Struct(f"={len(self.wanted) + len(self.applied)}d").unpack_from
 
-    def source(self, name: str) -> Source:
+    def source(self, name: str) -> TablePlace:
         """Return where a channel, or a setpoint as it was written (``NAME_setpoint``), stands."""
         if (place := self.readings.get(name)) is not None:
             owner = self.stamp_of[place]
-            return Source(self._values + place, self._stamps + owner, self.late_ns[owner])
+            return TablePlace(self._values + place, self._stamps + owner, self.late_ns[owner])
         if (place := self.setpoints.get(name.removesuffix(ECHO))) is not None:
-            return Source(self._applied + place, self._now, 0)
-        return Source(self._unknown, self._no_time, 0)
+            return TablePlace(self._applied + place, self._now, 0)
+        return TablePlace(self._unknown, self._no_time, 0)
 
     def stamp_at(self, place: int) -> int:
         """Return where the time at ``place`` stands in the memory."""
