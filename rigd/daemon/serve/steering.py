@@ -53,6 +53,8 @@ HINT: Final = (
 SEED: Final = 1
 #: The durations of so many dry runs are stored, the newest.
 _EXPECTED: Final = 32
+#: So often a daemon that waits for the end of its run looks whether a signal has come, in s.
+_LOOK_S: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -299,7 +301,8 @@ class Steering:
             self.leave("the daemon has failed")
         running = self._running
         if running is not None:
-            running.wait()
+            while not running.wait(_LOOK_S):  # a second signal that comes just before is heeded
+                pass
         self._looks.end()
         self._trips.save()
 

@@ -14,7 +14,7 @@ import threading
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, Concatenate, Final, Generic, ParamSpec, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
@@ -28,6 +28,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 _END: Final = object()
+#: So often a thread that waits looks whether it is interrupted, in s.
+_LOOK_S: Final = 0.2
 
 
 def _iterating(
@@ -210,6 +212,9 @@ class _Waiting(Generic[T]):
     so while that thread holds a lock that the event loop needs; with
     :func:`asyncio.run_coroutine_threadsafe`, the loop then stops for ever. So the two threads
     share no lock of Python's, only a :class:`~queue.SimpleQueue`.
+
+    A Ctrl-C that comes just before that thread waits, or to another thread, does not wake it: it
+    wakes by itself now and then.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, coroutine: Coroutine[Any, Any, T]) -> None:
@@ -220,10 +225,14 @@ class _Waiting(Generic[T]):
 
     def result(self) -> T:
         """Wait for the coroutine to end; return or raise what it does."""
-        result, error = self._done.get()
-        if error is not None:
-            raise error
-        return result  # type: ignore[return-value]  # without an error it is a T
+        while True:
+            try:
+                result, error = self._done.get(timeout=_LOOK_S)
+            except Empty:
+                continue
+            if error is not None:
+                raise error
+            return result  # type: ignore[return-value]  # without an error it is a T
 
     def cancel(self) -> None:
         """Cancel the coroutine if it has not ended."""

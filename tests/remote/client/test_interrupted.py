@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -61,6 +62,31 @@ def test_an_interrupt_without_control_stops_nothing() -> None:
         with pytest.raises(KeyboardInterrupt):
             look()
         assert found.rig.verbs() == []
+
+
+def test_interrupt_that_wakes_no_wait_is_seen() -> None:
+    """As if it came between the last look at signals and the wait: another thread is given it."""
+    cancelled: list[bool] = []
+
+    async def wait() -> None:
+        try:
+            await asyncio.sleep(20)
+        except asyncio.CancelledError:
+            cancelled.append(True)
+            raise
+
+    def interrupt() -> None:
+        time.sleep(0.5)
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    with serve() as found, Client("lugre-1", endpoint=found.endpoint, identity="bob") as rig:
+        other = threading.Thread(target=interrupt)
+        other.start()
+        with pytest.raises(KeyboardInterrupt):
+            rig.run_async(wait())
+        other.join()
+        rig.run_async(asyncio.sleep(0))
+        assert cancelled
 
 
 def test_an_interrupt_between_any_instructions_blocks_nothing() -> None:
