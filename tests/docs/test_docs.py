@@ -346,6 +346,8 @@ def test_no_document_is_forgotten() -> None:
 def test_links_lead_somewhere(name: str) -> None:
     text = (DOCS / name).read_text("utf-8")
     for match in _LINK.finditer(text):
+        if (match["file"] or "").startswith("reference/"):
+            continue  # made by `make docs`; tests/docs/test_site.py checks these links
         target = DOCS / (match["file"] or name)
         assert target.is_file(), match[0]
         if match["anchor"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -49,6 +50,16 @@ def test_every_plugin_is_described(reference: Path) -> None:
         for point in entry_points(group=group):
             assert f"\n({kind.name}-{point.name})=\n### {point.name}\n" in page
     assert "| `dialect` | mt-sics or kern-kcp" in page
+
+
+def test_links_to_the_reference_lead_somewhere(reference: Path) -> None:
+    linked = {
+        name
+        for page in DOCS.glob("*.md")
+        for name in re.findall(r"\]\(reference/([^)#]+)", page.read_text("utf-8"))
+    }
+    assert "python.md" in linked
+    assert linked <= {page.name for page in reference.glob("*.md")}
 
 
 @pytest.mark.parametrize("name", ["procedure", "rig", "calibration", "map"])

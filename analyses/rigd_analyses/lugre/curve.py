@@ -8,15 +8,43 @@ from rigd.analysis import DataError
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
 from rigd.analysis.spread import Spread
-from rigd_analyses.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
+from rigd_analyses.lugre.model import (
+    SIGMA_0,
+    SIGMA_1,
+    SIGMA_2,
+    LugreModel,
+    friction,
+    friction_gradient,
+)
 
 POINTS = 60
 SLIDING = 0.5  #: share of g at which the bristle counts as sliding
-#: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
-TRIM = 0.01
+TRIM = 0.01  #: share of the samples that slide, of which the slip is above the visited one
+#: Lengths of the bristle, g/sigma_0, that it slides below the visited slip.
+FOLLOWED = 0.05
 RANGES = 16  #: of slip, in which the data stand beside the curve
 LEAST_SEEN = 20  #: samples in one of them
+HARDLY = "the bristle slides in no trial, or hardly: nothing is known about friction"
 RESOLVED = 10.0  #: slip below this many standard deviations of its noise is not resolved
+
+
+def slid_range(
+    slip_m_s: FloatArray, theta: FloatArray, period_s: float
+) -> tuple[float, float] | None:
+    """Return the slip in m/s at which samples with a sliding bristle show g; None: at none.
+
+    ``slip_m_s`` (n,) are sizes, one each ``period_s``. The bristle follows g(V) over the distance
+    g/sigma_0 (corrected Eq. 5: dz/dx = sigma_0 (1 - z/g) of z times sigma_0). If it slides a share
+    of that below a speed, an error of g there moves the traction by that share of it only:
+    below ``FOLLOWED`` any curve fits, and a small error of a sensor looks like one.
+    """
+    slip = np.sort(slip_m_s)
+    lengths = period_s * np.cumsum(slip * theta[SIGMA_0] / friction(theta, slip))
+    first = int(np.searchsorted(lengths, FOLLOWED))
+    if first == len(slip):
+        return None
+    low, high = float(slip[first]), float(np.quantile(slip, 1.0 - TRIM))
+    return (low, high) if low < high else None
 
 
 def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tuple[float, float]:
@@ -30,12 +58,10 @@ def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tup
     """
     slip = np.concatenate([t.slip_m_s for t in model.trials])
     used = np.abs(slip[_sliding(model, theta, slip)])
-    if used.size == 0:
-        raise DataError(
-            "no trial bends the bristle half way to sliding: nothing is known about friction",
-            hint="record trials with more current",
-        )
-    low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
+    covered = slid_range(used, theta, model.trials[0].period_s)
+    if covered is None:
+        raise DataError(HARDLY, hint="record trials with more current")
+    low, high = covered
     if high <= RESOLVED * noise_m_s:
         raise DataError(
             f"the slip reaches {1e3 * high:.2g} mm/s while the sensors resolve "

@@ -74,6 +74,17 @@ def test_a_shaft_that_winds_up_is_named() -> None:
     assert stiffness.low <= world.physics.s0 <= stiffness.high
 
 
+def test_V_s_of_slip_hardly_seen_is_refused() -> None:
+    """V_s was 0.34 mm/s for 1.96 m/s, of 0.1 mm slid below it; the bristle follows in 10 mm."""
+    (kind,) = (kind for kind in KINDS if kind.name == "accelerometer's gain and slope")
+    world = kind.world(right("stone"), kind.sizes[0])
+    result = identify_output_error(world.trials(369), world.constants, world.rig)
+    speed, static = result.parameter("V_s"), result.parameter("mu_s")
+    assert speed.quoted is None
+    assert static.quoted is None  # g below V_s
+    assert result.curve.x[0] > 1e-3
+
+
 def test_error_that_follows_slip_gives_no_number() -> None:
     """A backlash of 1 mrad looks like an error of the wheel encoder that depends on the slip."""
     (kind,) = [kind for kind in KINDS if kind.name == "gear has backlash"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.friction import SlipForce
-from rigd_analyses.lugre.curve import LEAST_SEEN, seen
+from rigd_analyses.lugre.curve import FOLLOWED, LEAST_SEEN, seen, slid_range
 from rigd_analyses.lugre.model import LugreModel, friction
 
 THETA = np.array([0.05, 0.12, 0.2, 50.0, 0.3, 2.5])
@@ -41,3 +41,23 @@ def test_ranges_without_samples_have_no_point() -> None:
     points = seen(model_of(0.0, 1.0), THETA, (0.05, 10.0))
     assert points
     assert max(point.x for point in points) <= 0.1
+
+
+def test_slip_is_visited_where_the_bristle_follows() -> None:
+    # A steady slide of 1 mm/s, one length of the bristle (g/sigma_0) long, then a fast one.
+    length = float(friction(THETA, np.array([1e-3]))[0]) / THETA[3]
+    slow = np.full(round(length / 1e-3 / PERIOD_S), 1e-3)
+    fast = np.full(1000, 0.1)
+    assert slid_range(np.concatenate([slow, fast]), THETA, PERIOD_S) == (1e-3, 0.1)
+    # Of a twentieth of that length friction at 1 mm/s is not known, however many the samples.
+    brief = slow[: int(0.9 * FOLLOWED * len(slow))]
+    assert slid_range(np.concatenate([brief, fast]), THETA, PERIOD_S) is None
+    many = np.full(100_000, 1e-9)
+    found = slid_range(np.concatenate([many, np.geomspace(2e-3, 0.1, 9000)]), THETA, PERIOD_S)
+    assert found is not None
+    assert 2e-3 <= found[0] < 3e-3
+
+
+def test_a_bristle_that_hardly_slides_shows_nothing() -> None:
+    assert slid_range(np.empty(0), THETA, PERIOD_S) is None
+    assert slid_range(np.geomspace(1e-6, 1e-4, 100), THETA, PERIOD_S) is None

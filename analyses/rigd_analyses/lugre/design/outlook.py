@@ -135,19 +135,19 @@ class Outlook:
         return self._motions[test, point]
 
     def _moved(self, test: FurtherShape, point: Point) -> _Motion | None:
-        visited = self._found.visited
+        low, high = self._found.visited
         if test.shape is None:
-            return _Motion(point.subject, None, visited)
+            return _Motion(point.subject, None, (low, high))
         subject = _loaded(point.subject, test.load)
         motion = subject.motion(test.shape)
         if refusal(motion, subject.limits):
             return None
         slip = subject.slip(motion)
+        low = min(low, subject.visited([motion])[0])
         share = TRIM * (1.0 + self._count / max(len(slip), 1))
         if share < 0.5:
-            low, high = np.quantile(slip, [share, 1.0 - share])
-            visited = min(visited[0], float(low)), max(visited[1], float(high))
-        return _Motion(subject, motion, visited)
+            high = max(high, float(np.quantile(slip, 1.0 - share)))
+        return _Motion(subject, motion, (low, high))
 
     def _information(self, test: FurtherShape, point: Point) -> FloatArray:
         """Return what a test adds, (26, 26), if its recording begins at another angle."""

@@ -14,7 +14,7 @@ from rigd.analysis.model import scaled_bounds, slopes
 from rigd.analysis.output_error import estimate
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, IdentificationResult
 from rigd.analysis.whitened import OutputErrorModel, noise_at
-from rigd_analyses.lugre.curve import SLIDING, TRIM
+from rigd_analyses.lugre.curve import SLIDING, slid_range
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, predict, reading
 from rigd_analyses.lugre.design.shapes import Shape
 from rigd_analyses.lugre.identify import Settings
@@ -144,10 +144,7 @@ class Subject:
         It is empty, from inf to 0, if the bristle slides in none of ``motions``.
         """
         slip = np.concatenate([np.empty(0), *(self.slip(motion) for motion in motions)])
-        if not slip.size:
-            return math.inf, 0.0
-        low, high = np.quantile(slip, [TRIM, 1.0 - TRIM])
-        return float(low), float(high)
+        return slid_range(slip, self.theta, self.sensors.period_s) or (math.inf, 0.0)
 
     def beyond(self, name: str, visited: tuple[float, float]) -> str:
         """Return why no test with this slip gives a target; empty if one may."""

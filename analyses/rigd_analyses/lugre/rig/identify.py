@@ -37,7 +37,7 @@ from rigd.analysis.result import (
 )
 from rigd.analysis.system import Diverged
 from rigd_analyses.lugre.alike import refuse_alike
-from rigd_analyses.lugre.curve import SLIDING, TRIM
+from rigd_analyses.lugre.curve import HARDLY, SLIDING, slid_range
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import (
     MU_C,
@@ -379,10 +379,11 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
 def visited_slip(
     system: RigSystem, whole: OutputErrorFit, gate: Gate | None = None
 ) -> tuple[float, float]:
-    """Return the slip range in m/s in which the bristle slides.
+    """Return the slip range in m/s at which the bristle shows g.
 
     Raises:
-        DataError: it slides in no trial: with the sentence of ``gate`` if the model does not fit.
+        DataError: it slides in no trial, or hardly; with the sentence of ``gate`` if the model
+            does not fit.
     """
     speeds = []
     for trial, states in enumerate(all_states(system, whole)):
@@ -391,16 +392,12 @@ def visited_slip(
             whole.fit.theta[:FRICTION], speed
         )
         speeds.append(speed[bent & (system.trials[trial].jumps == 0.0)])
-    used = np.concatenate(speeds)
-    if used.size == 0 or not np.max(used) > 0.0:
+    visited = slid_range(np.concatenate(speeds), whole.fit.theta, system.period_s)
+    if visited is None:
         if gate is not None and gate.outcome is FitOutcome.MISFIT:
             raise DataError(gate.sentence, hint="; ".join(gate.findings[1:]))
-        raise DataError(
-            "no trial bends the bristle half way to sliding: nothing is known about friction",
-            hint="record trials with more current",
-        )
-    low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
-    return low, high
+        raise DataError(HARDLY, hint="record trials with more current")
+    return visited
 
 
 def _odd(samples: float) -> int:
