@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 import pytest
-from support.lugre_bench import Bench, known_rig
+from support.lugre_bench import FLOORS, Bench, known_rig
 
 from rigd.analysis.result import FurtherTest, IdentificationResult, Verdict
 from rigd_analyses.lugre.design.further import open_slips
@@ -65,12 +65,20 @@ def test_every_open_quantity_has_a_sentence() -> None:
     assert [item["target"] for item in told] == list(found)
 
 
-def test_unshown_effect_makes_no_promise() -> None:
+def test_unshown_effect_makes_no_promise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a Stribeck effect there is no V_s; another test may show one."""
-    speed = further("stone", "V_s")
+    monkeypatch.setitem(FLOORS, "flat", replace(FLOORS["pvc"], mu_s=FLOORS["pvc"].mu_c))
+    found = identified("flat", first("flat")).further
+    (speed,) = (item for item in found if item.target == "V_s")
     assert speed.count == 1 and not speed.certain
     assert "may determine it" in speed.sentence
     assert "if friction is that of the best fit, but not with all" in speed.sentence
+
+
+def test_no_test_is_promised_beyond_all_slip() -> None:
+    """That of stone, 2 m/s, is; a fit to its first trials has it far below."""
+    speed = further("stone", "V_s")
+    assert (speed.count, speed.test) == (0, "")
 
 
 def test_slip_outside_of_curve_is_open() -> None:
