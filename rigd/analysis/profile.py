@@ -29,6 +29,7 @@ BETTER = 1.0  #: in the statistic: a point that fits so much better shows anothe
 MOST_REFITS = 8  #: on each side
 MOST_PARTS = 3  #: of a refit, each of so many iterations as the next number
 REFIT_ITERATIONS = 12
+HOPELESS = 2.0  #: times the least cost, after the iterations of one part
 FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
 TINY_STEP = 1e-9  #: in scaled coordinates
 LEAST_VARIANCE = 1e-24
@@ -161,7 +162,7 @@ def follow(
         side = -1 if value < begin.value else 1
         end = ends[side > 0]
         if end is not None and (value - end) * side > 0.0:
-            point = path.refit(value, start)
+            point = path.refit(value, start, elsewhere=True)
             if point.statistic <= threshold:
                 ends[side > 0] = path.end(point, side)
     if none is not None and path.better is None:
@@ -268,8 +269,11 @@ class _Path:
             return None
         return inside.value + self._share(inside, outside) * (outside.value - inside.value)
 
-    def refit(self, value: float, start: FloatArray) -> _Point:
-        """Return the best fit that has ``value``; of infinite statistic if there is none."""
+    def refit(self, value: float, start: FloatArray, *, elsewhere: bool = False) -> _Point:
+        """Return the best fit that has ``value``; of infinite statistic if there is none.
+
+        A fit that begins ``elsewhere`` ends early if it comes nowhere near the best.
+        """
         low, high = scaled_bounds(self._model.parameters)
         held = Affine.holding(self._direction, value)
         theta = to_natural(self._model.parameters, np.clip(start, low, high))
@@ -281,7 +285,7 @@ class _Path:
                     thorough=True, ridges=True,
                 )  # fmt: skip
                 theta = found.theta
-                if found.converged:
+                if found.converged or (elsewhere and found.cost > HOPELESS * self._best.cost):
                     break
         except DataError:  # the model has no finite cost there: the point is not accepted
             return _Point(value, np.inf, start, self._direction, np.zeros((0, 0)))

@@ -312,8 +312,9 @@ def _run(asked: dict[str, Any], cwd: Path, timeout_s: float) -> tuple[int, str, 
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as answer:
             answer.connect(os.environ[_PLACE])
             socket.send_fds(answer, [json.dumps(request).encode()], streams)
-            answer.settimeout(timeout_s)
+            # Its time begins when it has begun: given up before, it would begin unwatched.
             process = int(answer.recv(1 << 16))
+            answer.settimeout(timeout_s)
             try:
                 code, cpu_s = json.loads(answer.recv(1 << 16))
             except TimeoutError:
