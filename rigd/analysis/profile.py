@@ -27,9 +27,9 @@ NEAR = 1e-8  #: first damping of a refit
 AGREES = 0.1
 BETTER = 1.0  #: in the statistic: a point that fits so much better shows another optimum
 MOST_REFITS = 8  #: on each side
-MOST_PARTS = 3  #: of a refit, each of so many iterations as the next number
-REFIT_ITERATIONS = 12
-HOPELESS = 2.0  #: times the least cost, after the iterations of one part
+MOST_ITERATIONS = 36  #: of a refit
+MOST_PARTS = 3  #: of a refit; twice as many if it begins elsewhere
+HOPELESS = 2.0  #: times the least cost, after the first part
 FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
 TINY_STEP = 1e-9  #: in scaled coordinates
 LEAST_VARIANCE = 1e-24
@@ -278,11 +278,12 @@ class _Path:
         held = Affine.holding(self._direction, value)
         theta = to_natural(self._model.parameters, np.clip(start, low, high))
         try:
-            for _ in range(MOST_PARTS):
+            parts = 2 * MOST_PARTS if elsewhere else MOST_PARTS
+            for _ in range(parts):
                 found = fit(
                     self._model, theta, affine=held, weights=self._best.weights,
-                    max_iterations=REFIT_ITERATIONS, relative_decrease=self._worth, damping=NEAR,
-                    thorough=True, ridges=True,
+                    max_iterations=MOST_ITERATIONS // parts, relative_decrease=self._worth,
+                    damping=NEAR, thorough=True, ridges=True,
                 )  # fmt: skip
                 theta = found.theta
                 if found.converged or (elsewhere and found.cost > HOPELESS * self._best.cost):
