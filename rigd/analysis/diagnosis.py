@@ -125,6 +125,7 @@ def diagnose(
     chosen: list[Tested] = []
     as_good: dict[str, list[Tested]] = {}
     vanished: set[str] = set()
+    unfitted: set[str] = set()
     hopeless = False
     while True:
         scores = Scores(found, block)
@@ -135,17 +136,17 @@ def diagnose(
         left = sorted(_significant(tests), key=lambda item: -item.worth)
         there = [noise.there for noise in found.model.noise]
         state = _state(scores.white, there, period_s)
-        tried = vanished | {item.name for item in chosen}
+        tried = vanished | unfitted | {item.name for item in chosen}
         new = [item for item in tests if item.name not in tried]
         best = _best(new)
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
-        most = len(chosen) >= MOST or len(vanished) >= MOST
+        most = MOST <= max(len(chosen), len(vanished), len(unfitted))
         hopeless = hopeless or max(state.levels) > HOPELESS
         if not wrong or best.worth < WORTH or most or done or hopeless:
             break
-        before, ends = _mean_square(found), []
-        for first in _rivals(new, best):
+        before, ends, rivals = _mean_square(found), [], _rivals(new, best)
+        for first in rivals:
             last = _refined(scores, first)
             try:
                 with np.errstate(over="raise", invalid="raise"):
@@ -153,9 +154,9 @@ def diagnose(
             except (DataError, FloatingPointError):  # no motion at all
                 continue
             ends.append(_End(first, last, *added))
-        if not ends:  # it stays in what is left
-            left = [best, *(item for item in left if item is not best)]
-            break
+        if not ends:  # they stay in what is left
+            unfitted |= {item.name for item in rivals}
+            continue
         end = _preferred(ends)
         found, chosen = end.fit, end.chosen
         as_good[end.last.name] = _as_good(new, end.first)
