@@ -141,7 +141,7 @@ def diagnose(
         best = _best(new)
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
-        most = MOST <= max(len(chosen), len(vanished), len(unfitted))
+        most = max(len(chosen), len(vanished), len(unfitted)) >= MOST
         hopeless = hopeless or max(state.levels) > HOPELESS
         if not wrong or best.worth < WORTH or most or done or hopeless:
             break
