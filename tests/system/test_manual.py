@@ -98,7 +98,8 @@ def test_rig_in_use_is_refused_until_ctrl_c(wire: WireRig, tmp_path: Path) -> No
     assert f"process {reading.process.pid} (rigd read)" in refused.err
     reading.signal(signal.SIGINT)
     ended = reading.end()
-    assert (ended.code, ended.err) == (0, "")
+    assert ended.code == 0
+    assert ended.err == f"rig wire-manual ({wire.rig})\n"
     assert not (state_folder() / ".look" / "wire-manual").exists()
     again = rigd("read", "scale", "--rig", wire.rig, "--once", cwd=tmp_path)
     assert again.code == 0, again.err
