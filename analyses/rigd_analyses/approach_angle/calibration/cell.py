@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.analysis.calibration.line import hysteresis, straight_line
+from rigd.analysis.calibration.line import returns, straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
 from rigd.analysis.result import FloatArray
 
@@ -82,11 +82,10 @@ def calibrate_cell(
             ),
         ),
     }
-    returns = hysteresis(announced_kg, volts - line.slope * (force - np.mean(force)))
+    left = volts - line.slope * (force - np.mean(force))
     facts = (
         f"{len(force)} loads from {np.min(force):.1f} to {np.max(force):.1f} N; linearity: worst "
-        f"{scale * line.worst:.2f} N off the line; up and down differ by at most "
-        f"{scale * returns:.2f} N",
+        f"{scale * line.worst:.2f} N off the line; {returns(announced_kg, left, scale, 'N')}",
         "the zero is that of the straight line: it carries the tare of the scale. In an "
         "evaluation it drops out: each run starts from what the scale shows",
     )

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from rigd.analysis.calibration.line import hysteresis, straight_line
+from rigd.analysis.calibration.line import returns, straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
 from rigd.analysis.result import FloatArray
 
@@ -54,8 +54,8 @@ def calibrate_scale(
     facts = (
         f"{len(weight_kg)} readings up to {np.max(weight_kg):g} kg; empty it shows "
         f"{1e3 * line.offset:+.1f} g",
-        f"linearity: worst {1e3 * line.worst:.1f} g off the line; up and down differ by at most "
-        f"{1e3 * hysteresis(weight_kg, shown_kg):.1f} g",
+        f"linearity: worst {1e3 * line.worst:.1f} g off the line; "
+        f"{returns(weight_kg, shown_kg, 1e3, 'g')}",
     )
     return CalibrationResult(
         title, {"load_scale": Measured(scale, "1", budget)}, facts, series=(series,)

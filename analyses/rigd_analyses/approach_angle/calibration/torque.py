@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.analysis.calibration.line import hysteresis, straight_line
+from rigd.analysis.calibration.line import returns, straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
 from rigd.analysis.result import FloatArray
 
@@ -56,7 +56,6 @@ def calibrate_torque(
     difference, mean = gauge_a_v - gauge_b_v, 0.5 * (gauge_a_v + gauge_b_v)
     line, bending = straight_line(torque, difference), straight_line(torque, mean)
     span = abs(line.slope) * float(np.ptp(torque))
-    returns = hysteresis(torque, difference)
     series = Series(
         "V_a - V_b against the torque of the arm", "torque, N m", "V_a - V_b, V",
         torque, difference, line.fitted,
@@ -78,8 +77,7 @@ def calibrate_torque(
     )
     facts = (
         f"{len(torque)} points up to {np.max(torque):.3f} N m; worst {1e3 * line.worst:.2f} mV off "
-        f"the line, {line.worst / span:.3%} of the span; up and down differ by at most "
-        f"{1e3 * returns:.2f} mV",
+        f"the line, {line.worst / span:.3%} of the span; {returns(torque, difference, 1e3, 'mV')}",
         f"without a weight V_a - V_b is {1e3 * line.offset:.1f} mV",
         f"bending: the mean of the gauges moves by {abs(bending.slope) / line.slope:.2%} of their "
         "difference; it cancels in the difference as far as both stand at 45 degrees",
