@@ -77,6 +77,15 @@ class ParameterWords(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Rival:
+    """Another model of the same data; ``curve`` and ``others`` as of :class:`FittedSubject`."""
+
+    model: Model
+    curve: Callable[[Spread], Curve] | None = None
+    others: Callable[[Fit], Sequence[FloatArray]] = lambda _: ()
+
+
+@dataclass(frozen=True, eq=False)
 class FittedSubject:
     """A model with all that a report states and draws of it.
 
@@ -87,7 +96,8 @@ class FittedSubject:
     ``memory_s`` is how long the processing alone lets residuals remember: a model whose residuals
     remember longer does not fit. None: it is not known, and errors that last longer widen the
     intervals (:mod:`.lasting`); ``scale`` times a residual is in ``unit``. Nor does one fit that
-    any of ``rivals``, models of the same data by name, beats by far (:mod:`.selection`).
+    any of ``rivals``, models of the same data by name, beats by far (:mod:`.selection`); the band
+    of the curve holds that of each rival that is not far worse.
     """
 
     model: Model
@@ -107,7 +117,17 @@ class FittedSubject:
     memory_s: float | None = None
     scale: float = 1.0
     unit: str = ""
-    rivals: Mapping[str, Model] = field(default_factory=dict)
+    rivals: Mapping[str, Rival] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _FittedRival:
+    """The least squares of a rival, and by how much its BIC is lower."""
+
+    name: str
+    gain: float
+    rival: Rival
+    fit: Fit
 
 
 def identify_model(subject: FittedSubject, options: Options) -> IdentificationResult:
@@ -125,7 +145,8 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
     # Residuals that swing cancel in the block sums and not in the inflation.
     cov = replace(cov, coloured=no_less(cov.coloured, inflation * cov.white))
-    gate = _gate(subject, fits[0], inflation, options)
+    rivals = _rivals(subject, fits[0], inflation, options)
+    gate = _gate(subject, inflation, rivals)
     lasts = None
     if subject.memory_s is None:
         lasts = lasting(error, model.mask, model.trial_slices, len(model.parameters), block)
@@ -152,6 +173,9 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
     shortest = min(len(piece) for piece in pieces)
     used = len(together)
     curve = subject.curve(spread)
+    close = [item for item in rivals if known and item.gain >= -VERY_STRONG]
+    for item in close:
+        curve = _holding(curve, subject, item, block)
     return IdentificationResult(
         model=subject.name,
         method=subject.method,
@@ -187,48 +211,81 @@ def identify_model(subject: FittedSubject, options: Options) -> IdentificationRe
         autocorrelation=tests.autocorrelation(pieces, min(_LAGS, shortest - 1), subject.period_s),
         preprocessing=subject.account,
         visited=subject.visited,
-        warnings=_warnings(model, fits, cov, gate),
+        warnings=(*_warnings(model, fits, cov, gate), *_unseparated(subject, close)),
         gate=gate,
     )  # fmt: skip
 
 
-def _gate(subject: FittedSubject, squares: Fit, inflation: float, options: Options) -> Gate | None:
-    """Return whether the residuals remember too long, or another model is far better.
-
-    ``squares`` is the fit by least squares, as those of the rivals are, whatever the loss.
-    """
+def _gate(subject: FittedSubject, inflation: float, rivals: Sequence[_FittedRival]) -> Gate | None:
+    """Return whether the residuals remember too long, or another model is far better."""
     if subject.memory_s is None:
         return None
     found_s = inflation * subject.period_s
-    if found_s <= subject.memory_s:
-        better = _better(subject, squares, subject.memory_s, options)
-        if better is None:
-            return Gate(FitOutcome.FITS, "The residuals remember no longer than the processing.")
-        finding = better
-    else:
+    best = max(rivals, key=lambda item: item.gain, default=None)
+    if found_s > subject.memory_s:
         finding = (
             f"its residuals remember {1e3 * found_s:.0f} ms, the processing explains "
             f"{1e3 * subject.memory_s:.0f} ms."
         )
+    elif best is not None and best.gain > VERY_STRONG:
+        finding = f"{best.name} fits them far better, ΔBIC {best.gain:+.1f}."
+    else:
+        return Gate(FitOutcome.FITS, "The residuals remember no longer than the processing.")
     return Gate(FitOutcome.MISFIT, f"The model does not fit these data: {finding}", (finding,))
 
 
-def _better(subject: FittedSubject, squares: Fit, memory_s: float, options: Options) -> str | None:
-    """Return a sentence on the rival that beats the fit ``squares`` by far; None: none does."""
+def _rivals(
+    subject: FittedSubject, squares: Fit, inflation: float, options: Options
+) -> list[_FittedRival]:
+    """Return the rivals of a model whose residuals do not remember too long.
+
+    ``squares`` is its fit by least squares, as those of the rivals are, whatever the loss.
+    """
+    if subject.memory_s is None or inflation * subject.period_s > subject.memory_s:
+        return []
     samples = int(np.count_nonzero(subject.model.mask))
-    effective = samples * subject.period_s / memory_s
+    effective = samples * subject.period_s / subject.memory_s
 
     def score(cost: float, model: Model) -> float:
         return bic(cost, samples, effective, len(model.parameters))
 
-    gains = {}
+    found = []
     for name, rival in subject.rivals.items():
-        found = multi_start(rival, starts=options.starts, seed=options.seed)[0]
-        gains[name] = score(squares.cost, subject.model) - score(found.cost, rival)
-    name = max(gains, key=gains.__getitem__, default="")
-    if not name or gains[name] <= VERY_STRONG:
-        return None
-    return f"{name} fits them far better, ΔBIC {gains[name]:+.1f}."
+        best = multi_start(rival.model, starts=options.starts, seed=options.seed)[0]
+        gain = score(squares.cost, subject.model) - score(best.cost, rival.model)
+        found.append(_FittedRival(name, gain, rival, best))
+    return found
+
+
+def _holding(curve: Curve, subject: FittedSubject, fitted: _FittedRival, block: int) -> Curve:
+    """Return ``curve`` with a band that holds that of a rival which the data do not rule out."""
+    rival, model, theta = fitted.rival, fitted.rival.model, fitted.fit.theta
+    if rival.curve is None:
+        return curve
+    cov = covariance(model, fitted.fit, block)
+    inflation = autocorrelation_time(model.residuals(theta), model.mask, model.trial_slices, block)
+    other = rival.curve(
+        Spread(
+            theta, slopes(model.parameters, theta), no_less(cov.coloured, inflation * cov.white),
+            leave_one_trial_out(model, fitted.fit) if subject.jackknife else (),
+            tuple(rival.others(fitted.fit)),
+        )
+    )  # fmt: skip
+    return replace(
+        curve, low=np.minimum(curve.low, other.low), high=np.maximum(curve.high, other.high)
+    )
+
+
+def _unseparated(subject: FittedSubject, close: Sequence[_FittedRival]) -> tuple[str, ...]:
+    """Return a sentence on the rivals that the data do not rule out; none without any."""
+    drawn = [item for item in close if item.rival.curve is not None]
+    if not drawn:
+        return ()
+    names = ", ".join(f"{item.name} (ΔBIC {-item.gain:+.1f})" for item in drawn)
+    return (
+        f"the data do not rule out {names}: the band of the curve holds it too, the intervals of "
+        f"the parameters are those of {subject.name} alone",
+    )
 
 
 def _scan(

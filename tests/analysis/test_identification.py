@@ -13,7 +13,7 @@ from scipy.stats import t
 
 from rigd.analysis import Options
 from rigd.analysis.fit import Fit
-from rigd.analysis.identification import FittedSubject, identify_model
+from rigd.analysis.identification import FittedSubject, Rival, identify_model
 from rigd.analysis.response import (
     Axis,
     ResponseModel,
@@ -147,7 +147,9 @@ class Told:
 def test_model_that_does_not_fit_gives_no_number(case: Told) -> None:
     model = polynomial(0, 10, case.noise, case.slope)
     rival = polynomial(1, 10, case.noise, case.slope)
-    found = identified(replace(subject(model), memory_s=case.memory_s, rivals={"a line": rival}))
+    found = identified(
+        replace(subject(model), memory_s=case.memory_s, rivals={"a line": Rival(rival)})
+    )
     assert found.gate is not None
     assert found.gate.outcome is FitOutcome.MISFIT
     assert case.reason in found.gate.sentence
@@ -163,7 +165,9 @@ def test_loss_does_not_decide_which_model_wins(robust: bool) -> None:
     slope = 0.04
     rival = polynomial(1, 10, white(1), slope)
     told = replace(
-        subject(polynomial(0, 10, white(1), slope)), memory_s=2e-3, rivals={"a line": rival}
+        subject(polynomial(0, 10, white(1), slope)),
+        memory_s=2e-3,
+        rivals={"a line": Rival(rival)},
     )
     found = identify_model(told, Options(starts=1, robust=robust))
     assert found.gate is not None
@@ -175,7 +179,9 @@ def test_rival_without_better_fit_is_ignored() -> None:
     noise = smoothed(1, 5)
     rival = polynomial(2, 10, noise)
     found = identified(
-        replace(subject(polynomial(0, 10, noise)), memory_s=10e-3, rivals={"a parabola": rival})
+        replace(
+            subject(polynomial(0, 10, noise)), memory_s=10e-3, rivals={"a parabola": Rival(rival)}
+        )
     )
     assert found.gate is not None
     assert found.gate.outcome is FitOutcome.FITS

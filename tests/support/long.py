@@ -229,6 +229,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/lugre/test_by_law.py": (
             "test_a_floor_of_the_paper_supports_4_parameters",
+            "test_band_holds_laws_not_ruled_out",
             "test_the_law_that_made_the_data_wins",
         ),
         "analyses/lugre/test_checked.py": (

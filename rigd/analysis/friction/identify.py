@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit, fit
 from rigd.analysis.friction.law import FrictionLaw
 from rigd.analysis.friction.model import STEP, LawModel, SlipForce
-from rigd.analysis.identification import FittedSubject, identify_model
+from rigd.analysis.identification import FittedSubject, Rival, identify_model
 from rigd.analysis.model import to_natural, to_scaled
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import (
@@ -85,8 +86,11 @@ def identify_law(
     model = LawModel(law, data.trials)
     low, high = data.visited
 
-    def refits(best: Fit) -> tuple[FloatArray, ...]:
+    def refits(law: type[FrictionLaw], best: Fit) -> tuple[FloatArray, ...]:
         return tuple(fit(LawModel(law, other), best.theta).theta for other in data.others)
+
+    def as_rival(law: type[FrictionLaw]) -> Rival:
+        return Rival(LawModel(law, data.trials), partial(_curve, law, data), partial(refits, law))
 
     subject = FittedSubject(
         model=model,
@@ -97,18 +101,14 @@ def identify_law(
         account=data.account,
         period_s=data.period_s,
         visited=f"slip from {span(low, high, 'm/s')}; beyond it every statement is extrapolation",
-        curve=lambda spread: _curve(law, data, spread),
+        curve=partial(_curve, law, data),
         trials=lambda theta: data.shown(model.predict(theta)),
         block_s=BLOCK_S,
         jackknife=True,
-        others=refits,
+        others=partial(refits, law),
         biases=data.biases,
         memory_s=data.window_s,
-        rivals={
-            other: LawModel(rival, data.trials)
-            for other, rival in data.rivals.items()
-            if other != name
-        },
+        rivals={other: as_rival(item) for other, item in data.rivals.items() if other != name},
     )
     return identify_model(subject, options)
 

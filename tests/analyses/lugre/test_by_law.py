@@ -71,6 +71,18 @@ def test_another_law_gets_intervals_verdicts_and_curve(bench: Callable[..., Benc
     assert np.mean((curve.low <= steady) & (steady <= curve.high)) > 0.9
 
 
+def test_band_holds_laws_not_ruled_out(bench: Callable[..., Bench]) -> None:
+    """Below 10 mm/s PVC has a Stribeck effect of 8 % that lugre-4 lacks, at a ΔBIC of 5."""
+    pvc = bench("pvc")
+    found = _by_law("lugre-4", pvc)
+    assert found.gate is not None
+    assert found.gate.outcome is FitOutcome.FITS
+    assert any("do not rule out lugre" in warning for warning in found.warnings)
+    curve = found.curve
+    steady = pvc.truth.g(curve.x) + pvc.truth.s2 * curve.x
+    assert np.mean((curve.low <= steady) & (steady <= curve.high)) > 0.9
+
+
 def test_law_that_does_not_fit_gives_no_number(bench: Callable[..., Bench]) -> None:
     found = _by_law("coulomb-viscous", bench("stone"))
     assert found.gate is not None
