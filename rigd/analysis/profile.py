@@ -86,9 +86,11 @@ def scan(
     better offers itself to both its neighbours as a start, so that a second branch is followed
     wherever one of the origins touches it; points are passed on while the statistic is below
     ``FAR`` times the threshold. An end stays None when the statistic does not cross the threshold
-    on that side within the grid.
+    on that side within the grid, or does so at a refit that has not converged, or not beyond the
+    best fit.
     """
     costs = np.full(len(grid), np.inf)
+    settled = np.zeros(len(grid), bool)
     thetas = np.tile(best.theta, (len(grid), 1))
     effective = float(np.count_nonzero(model.mask)) / inflation
     threshold = float(chi2.ppf(confidence, 1))
@@ -114,14 +116,21 @@ def scan(
             continue
         if not point.cost < costs[index] * (1.0 - worth):
             continue
-        costs[index], thetas[index] = point.cost, point.theta
+        costs[index], thetas[index], settled[index] = point.cost, point.theta, point.converged
         if point.cost <= beyond:
             waiting += [(i, point.theta) for i in (index - 1, index + 1) if 0 <= i < len(grid)]
     done = np.flatnonzero(np.isfinite(costs))
-    grid, costs, thetas = grid[done], costs[done], thetas[done]
+    grid, costs, thetas, settled = grid[done], costs[done], thetas[done], settled[done]
     floor = min(best.cost, float(np.min(costs)))
     statistic = effective * np.log(np.maximum(costs, floor) / max(floor, np.finfo(float).tiny))
     low, high = crossing(grid, statistic, threshold)
+    inside = np.flatnonzero(statistic <= threshold)
+    # What a refit that has not converged excludes is not excluded, nor is the best fit itself.
+    value = float(direction @ best.scaled)
+    if low is not None and not (low < value and inside.size and settled[inside[0] - 1]):
+        low = None
+    if high is not None and not (high > value and inside.size and settled[inside[-1] + 1]):
+        high = None
     return ProfileScan(grid, statistic, thetas, threshold, low, high)
 
 
