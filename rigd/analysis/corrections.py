@@ -37,6 +37,14 @@ class Corrections:
     constants: Mapping[str, str] = field(default_factory=dict)
     procedure: Procedure | None = None
 
+    @property
+    def plan(self) -> IdentifyPlan | None:
+        """What ``procedure`` identifies, and by which groups; the rest waits for a recording."""
+        source = None if self.procedure is None else self.procedure.source.identify
+        if source is None:
+            return None
+        return IdentifyPlan(source.model, {}, {}, tuple(source.group_by))
+
 
 def corrected(sweep: RecordedSweep, corrections: Corrections) -> RecordedSweep:
     """Return ``sweep`` with ``corrections`` applied; its ``corrections`` list what differs.
@@ -138,6 +146,9 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
         reader, choices_of(source), source.identify, of_rig, (same, scopes[0]), hidden,
         has=there.__contains__,
     )  # fmt: skip
+    for name in set(sweep.plan.group_by) - everywhere:
+        reader.note(("identify", "group_by"), f"{sweep.path} has no trial parameter {name!r}",
+                    hint=suggest(name, hidden))  # fmt: skip
     problems.raise_any()
     plan = replace(plan, group_by=sweep.plan.group_by)
     analysis = find_analysis(plan.model)

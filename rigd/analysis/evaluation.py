@@ -69,13 +69,16 @@ def open_sweeps(
 ) -> list[RecordedSweep]:
     """Return the recordings at ``paths``, all of one model, corrected; see :func:`evaluate`.
 
+    The procedure of ``corrections`` also states what to do with a recording that has no plan.
+
     Raises:
         RecordingError: a file cannot be read.
         ConfigError: a correction is wrong.
         DataError: a file has no plan to identify, or is there twice or beside a copy of itself.
     """
     refuse_same_file(paths)
-    sweeps = [open_sweep(path) for path in paths]
+    otherwise = None if corrections is None else corrections.plan
+    sweeps = [open_sweep(path, otherwise) for path in paths]
     for loss in (text for sweep in sweeps for text in sweep.info.losses):
         passed_over(loss)
     models = {sweep.plan.model for sweep in sweeps}

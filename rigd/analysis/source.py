@@ -294,13 +294,36 @@ def _instead(recording: Recording) -> str:
         if isinstance(measured, Mapping) and measured:
             return (
                 f"its procedure measures {', '.join(map(str, measured))} without a fit: "
-                f"`rigd measure {path}`; to identify, it needs an `identify` block"
+                f"`rigd measure {path}`; to identify, give one with an `identify` block by --plan"
             )
-    return f"the procedure needs an `identify` block; `rigd info {path}` shows what the file holds"
+    return (
+        "give a procedure with an `identify` block by --plan; "
+        f"`rigd info {path}` shows what the file holds"
+    )
 
 
-def open_sweep(path: Path) -> RecordedSweep:
-    """Return the recording at ``path`` with its plan of identification.
+def _recorded_plan(recording: Recording) -> IdentifyPlan | None:
+    """Return the plan that the recording states, None if it identifies nothing."""
+    plan = recording.metadata.get("identify")
+    if plan is None:
+        return None
+    return IdentifyPlan(
+        model=plan["model"],
+        signals=json.loads(plan["signals"]),
+        constants=json.loads(plan["constants"]),
+        group_by=tuple(json.loads(plan["group_by"])),
+        reference=json.loads(plan.get("reference", "{}")),
+        reference_label=plan.get("reference_label", ""),
+        uncertainties={
+            name: Uncertainty(**u)
+            for name, u in json.loads(plan.get("uncertainties", "{}")).items()
+        },
+        units=json.loads(plan.get("units", "{}")),
+    )
+
+
+def open_sweep(path: Path, otherwise: IdentifyPlan | None = None) -> RecordedSweep:
+    """Return the recording at ``path`` with its plan of identification, else with ``otherwise``.
 
     What is damaged is passed over: ``info.losses`` lists it, and a trial that lost rows of a
     stream with a signal of the plan is not complete.
@@ -311,31 +334,14 @@ def open_sweep(path: Path) -> RecordedSweep:
             began.
     """
     recording = Recording.open(path, partial=True)
-    plan = recording.metadata.get("identify")
+    plan = _recorded_plan(recording) or otherwise
     if plan is None:
         raise DataError(
             f"{path} does not state what to identify" + _damaged(recording),
             hint=_instead(recording),
         )
-    signals: dict[str, str] = json.loads(plan["signals"])
-    trials = needed_trials(recording, signals)
-    sweep = RecordedSweep(
-        recording,
-        replace(run_info(recording), trials=trials),
-        IdentifyPlan(
-            model=plan["model"],
-            signals=signals,
-            constants=json.loads(plan["constants"]),
-            group_by=tuple(json.loads(plan["group_by"])),
-            reference=json.loads(plan.get("reference", "{}")),
-            reference_label=plan.get("reference_label", ""),
-            uncertainties={
-                name: Uncertainty(**u)
-                for name, u in json.loads(plan.get("uncertainties", "{}")).items()
-            },
-            units=json.loads(plan.get("units", "{}")),
-        ),
-    )
+    trials = needed_trials(recording, plan.signals)
+    sweep = RecordedSweep(recording, replace(run_info(recording), trials=trials), plan)
     if not sweep.info.trials:
         raise DataError(
             f"{path} has no trial" + _damaged(recording),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.corrections import Corrections, corrected
+from rigd.analysis.evaluation import open_sweeps
 from rigd.analysis.provenance import provenance
 from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.model.channels import Channel, Stream
@@ -50,29 +51,61 @@ def record(tmp_path: Path) -> Record:
 
     def write(**said: object) -> RecordedSweep:
         plan = {"signals": SIGNALS, "constants": CONSTANTS, "group_by": ["floor"], **said}
-        path = tmp_path / "run.mcap"
-        with RecordingWriter.create(
-            path,
-            streams=STREAMS,
-            metadata={"identify": {"model": "lugre", **{k: json.dumps(plan[k]) for k in plan}}},
-            attachments=(Attachment("rig.yaml", "application/yaml", RIG.encode()),),
-            start_ns=START_NS,
-            sync_interval_s=None,
-        ) as writer:
-            for number, (floor, rolling) in enumerate((("stone", 0.009), ("pvc", 0.022)), 1):
-                begin = START_NS + number * 1_000_000_000
-                parameters = {"floor": floor, "rolling": rolling, "current": 0.5 * number}
-                units = {"rolling": "1", "current": "A"}
-                writer.event(begin, "trial_start", number,
-                             {"parameters": parameters, "units": units})  # fmt: skip
-                for stream in STREAMS:
-                    rows = np.zeros(10, row_dtype(stream))
-                    rows["t_ns"] = begin + 1_000_000 * np.arange(10)
-                    writer.write(stream.name, rows)
-                writer.event(begin + 10_000_000, "trial_end", number, {"complete": True})
-        return open_sweep(path)
+        stated = {"identify": {"model": "lugre", **{k: json.dumps(plan[k]) for k in plan}}}
+        return open_sweep(write_trials(tmp_path / "run.mcap", stated))
 
     return write
+
+
+def write_trials(path: Path, metadata: dict[str, dict[str, str]]) -> Path:
+    with RecordingWriter.create(
+        path,
+        streams=STREAMS,
+        metadata=metadata,
+        attachments=(Attachment("rig.yaml", "application/yaml", RIG.encode()),),
+        start_ns=START_NS,
+        sync_interval_s=None,
+    ) as writer:
+        for number, (floor, rolling) in enumerate((("stone", 0.009), ("pvc", 0.022)), 1):
+            begin = START_NS + number * 1_000_000_000
+            parameters = {"floor": floor, "rolling": rolling, "current": 0.5 * number}
+            units = {"rolling": "1", "current": "A"}
+            writer.event(begin, "trial_start", number,
+                         {"parameters": parameters, "units": units})  # fmt: skip
+            for stream in STREAMS:
+                rows = np.zeros(10, row_dtype(stream))
+                rows["t_ns"] = begin + 1_000_000 * np.arange(10)
+                writer.write(stream.name, rows)
+            writer.event(begin + 10_000_000, "trial_end", number, {"complete": True})
+    return path
+
+
+def planned_afterwards(path: Path, text: str) -> RecordedSweep:
+    """Return a recording that states no plan, with that of a procedure."""
+    corrections = Corrections(procedure=parse_procedure(text, Path("p.yaml")))
+    return open_sweeps([write_trials(path, {})], pytest.fail, corrections, lambda item: None)[0]
+
+
+def test_a_procedure_plans_what_has_no_plan(tmp_path: Path) -> None:
+    sweep = planned_afterwards(tmp_path / "run.mcap", PROCEDURE)
+    assert sweep.plan.model == "lugre"
+    assert sweep.plan.group_by == ("floor",)
+    assert sweep.constant(sweep.trials[0], "wheel_radius") == pytest.approx(0.05)
+    assert said(sweep)["signal wheel_angle"] == ("", "wheel_encoder.angle")
+
+
+def test_a_group_that_no_trial_has_is_refused(tmp_path: Path) -> None:
+    text = PROCEDURE.replace("group_by: [floor]", "group_by: [flor]")
+    with pytest.raises(ConfigError, match=r"p\.yaml:\d+:\d+: .* 'flor'") as refused:
+        planned_afterwards(tmp_path / "run.mcap", text)
+    assert "did you mean 'floor'?" in str(refused.value)
+
+
+def test_without_any_plan_the_option_is_named(tmp_path: Path) -> None:
+    path = write_trials(tmp_path / "run.mcap", {})
+    with pytest.raises(DataError, match="does not state what to identify") as refused:
+        open_sweeps([path], pytest.fail, None, lambda item: None)
+    assert "--plan" in str(refused.value.hint)
 
 
 def with_procedure(sweep: RecordedSweep, text: str) -> RecordedSweep:
