@@ -294,10 +294,11 @@ def _instead(recording: Recording) -> str:
         if isinstance(measured, Mapping) and measured:
             return (
                 f"its procedure measures {', '.join(map(str, measured))} without a fit: "
-                f"`rigd measure {path}`; to identify, give one with an `identify` block by --plan"
+                f"`rigd measure {path}`; to identify, give one with an `identify` block: "
+                f"`rigd identify {path} --plan PROCEDURE`"
             )
     return (
-        "give a procedure with an `identify` block by --plan; "
+        f"give a procedure with an `identify` block: `rigd identify {path} --plan PROCEDURE`; "
         f"`rigd info {path}` shows what the file holds"
     )
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rigd.config.lab import Specimen
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
+    from rigd.procedure.program import CompiledProcedure
     from rigd.sdk.shipped import Kind
 
 #: Folders of shipped files that a name or path may mean, and what they hold.
@@ -270,7 +271,27 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     unseen = "".join(
         f"\n  {text}" for text in unseen_levels(compiled.on(rig), compiled.constant_levels())
     )
-    return f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right{unseen}"
+    lacking = _lacking_sibling(compiled, rig)
+    return (
+        f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right{unseen}{lacking}"
+    )
+
+
+def _lacking_sibling(procedure: CompiledProcedure, rig: RigConfig) -> str:
+    """Return a line on what keeps the sibling of ``rig`` from a dry run; "" if it can play it."""
+    from rigd.config.sibling import read_sibling
+    from rigd.dry_run.elsewhere import for_sibling
+    from rigd.model.errors import Blocked, ConfigError
+
+    with suppress(ConfigError):  # a sibling that is wrong: the check of the rig file names it
+        sibling = read_sibling(rig)
+        if sibling is not None:
+            try:
+                for_sibling(procedure, sibling.stand_in(rig), rig)
+            except Blocked as lack:
+                reason = lack.reasons[0].splitlines()[0]
+                return f"\n  no dry run on the sibling {sibling.rig.name}: {reason}"
+    return ""
 
 
 def _kind(given: str) -> str:

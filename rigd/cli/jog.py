@@ -54,6 +54,7 @@ def execute(args: argparse.Namespace) -> int:
     require_linux("`rigd jog`")
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
+    from rigd.config.problems import suggest
     from rigd.daemon.execute import RunRequest
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
@@ -65,6 +66,11 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(
             f"{twice} is given two values", hint="hold one value; jog again for the next"
         )
+    for name in moves:
+        if rig.setpoint(rig.setpoint_name(name)) is None:
+            raise ConfigError(
+                f"the rig {rig.name} has no setpoint {name!r}", hint=suggest(name, rig.settable)
+            )
     text = _procedure_text(moves, args.duration, rig)
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})

@@ -85,12 +85,15 @@ def _note(
         place = document.key_place(where)
         comma = document.get(where) is None and not str(where[-1]).isidentifier()
         problems.add(
-            place, f"unknown key {where[-1]!r}",
+            place, f"unknown key {where[-1]!r}", _missing_space(document, where) or (
             "inside braces a comma begins the next key: quote a text that has a comma" if comma
-            else suggest(str(where[-1]), known),
+            else suggest(str(where[-1]), known)),
         )  # fmt: skip
         return
     is_key = detail["loc"][-1:] == ("[key]",)  # pydantic's word for the key itself
+    space = _missing_space(document, where)
+    if space and not is_key:
+        return  # the key is the mistake
     written = _written(str(where[-1]) if is_key else document.get(where))
     message, hint = f"{written} is not accepted here", spot.doc
     if isinstance(error := context.get("error"), WrongEntries):
@@ -99,6 +102,8 @@ def _note(
         return
     if kind == "value_error":
         message = str(context["error"])
+        named = (*where, _named_key(message))  # a check of several keys names the wrong one first
+        where = named if named in document.values else where
     elif kind in _EXPECTED:
         message = f"expected {_EXPECTED[kind]}, found {written}"
     elif kind in _BOUNDS:
@@ -114,7 +119,7 @@ def _note(
     elif kind == "string_pattern_mismatch":
         rule = NAME_RULES.get(context["pattern"], f"it must match {context['pattern']}")
         message = f"{written} is not a valid name: {rule}"
-        hint = spot.doc
+        hint = space or spot.doc
     elif kind in ("too_short", "string_too_short"):
         message = f"at least {context['min_length']} needed, found {written}"
     elif kind in ("too_long", "string_too_long"):
@@ -225,6 +230,19 @@ def _item(annotation: Any) -> Any:
 
 def _names(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _missing_space(document: Document, where: KeyPath) -> str:
+    """Return what to write for ``{speed:5 rad/s}``, which YAML reads as one key without a value."""
+    name, colon, value = str(where[-1] if where else "").partition(":")
+    if not colon or document.get(where) is not None:
+        return ""
+    return f"write '{name}: {value}', with a space after the colon"
+
+
+def _named_key(message: str) -> str:
+    """Return ``watchdog`` for ``'watchdog' must be ...``, and "" for other messages."""
+    return message.partition("'")[2].partition("'")[0] if message.startswith("'") else ""
 
 
 def _written(value: Data) -> str:

@@ -8,7 +8,7 @@ they could give a file another meaning than a reader sees, or make it grow when 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -74,6 +74,23 @@ class Document:
             except (KeyError, IndexError, TypeError):
                 return None
         return value  # type: ignore[no-any-return]  # data is built from Data alone
+
+    def check_kind(self, kind: str) -> None:
+        """Refuse a procedure where a rig file is wanted (``kind``), and the other way round.
+
+        Raises:
+            ConfigError: the file is of the other kind.
+        """
+        own, (other, telling) = {
+            "rig": ("devices", ("procedure", "trial")), "procedure": ("trial", ("rig", "devices")),
+        }[kind]  # fmt: skip
+        has = self.data if isinstance(self.data, Mapping) else ()
+        if other in has and telling in has and kind not in has and own not in has:
+            raise ConfigError(
+                f"this is a {other} file, and a {kind} file is wanted",
+                place=self.key_place((other,)),
+                hint="a rig stands behind --rig: `rigd run PROCEDURE --rig RIG`",
+            )
 
     def inside(self, path: KeyPath, offset: int) -> Place:
         """Return the place ``offset`` characters into the text at ``path``, if it is known.

@@ -108,6 +108,7 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
     Raises:
         ConfigError: it is wrong; the error names every problem with its place.
     """
+    document.check_kind("rig")
     problems = Problems()
     source = bind(document, RigSource, problems)
     if source is None:

@@ -31,7 +31,7 @@ def check_shared(
             if user not in (None, device.name):
                 problems.add(
                     document.place((*path, option)), f"{user} uses {value} already",
-                    "each device needs a port of its own",
+                    "each device needs a port of its own, also on one RS-485 line: an adapter each",
                 )  # fmt: skip
         setup = links.get(device.link or "")
         if setup is None or device.driver_class.reserve is AnyDriver.reserve:

@@ -116,8 +116,8 @@ def read_answer(prompt: Prompt, text: str) -> Answer:
             quantity = parse_quantity(text)
             if not quantity.unit.same_kind(parse_unit(prompt.unit)):
                 unitless = quantity.unit.same_kind(parse_unit("1"))
-                such = f": write '{text} {prompt.unit}'" if unitless else ""
-                raise ValueError(f"{text!r} is not in {prompt.unit}{such}")
+                such = f"'{text} {prompt.unit}'" if unitless else f"a quantity in {prompt.unit}"
+                raise ValueError(f"{text!r} is not in {prompt.unit}: write {such}")
             return quantity.value
         case AnswerKind.CHOICE:
             if text not in prompt.choices:

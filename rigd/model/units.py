@@ -243,7 +243,11 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     if prefix in PREFIXES and stem in _UNITS and _UNITS[stem][2]:
         factor, dimension, _ = _UNITS[stem]
         return PREFIXES[prefix] * factor, dimension, power
-    raise ValueError(f"unknown unit {symbol!r} in {text!r}{_meant(symbol)}")
+    around = "" if symbol == text else f" in {text!r}"
+    near = meant_unit(symbol)
+    raise ValueError(
+        f"unknown unit {symbol!r}{around}" + (f", did you mean {near!r}?" if near else "")
+    )
 
 
 def _size(unit: Unit) -> str:
@@ -254,23 +258,25 @@ def _size(unit: Unit) -> str:
     return f" (a difference of 1 {unit} is {unit.factor / other.factor:.6g} {other})"
 
 
-#: What people write for units with an offset -> what they mean.
+#: What people write for a unit -> what they mean.
 _ALMOST: Final = {
+    "Newton": "N", "newton": "N", "Newtons": "N", "newtons": "N",
+    "Kelvin": "K", "kelvin": "K", "C°": "degC", "micron": "um", "microns": "um",
     "C": "degC", "F": "degF", "Celsius": "degC", "celsius": "degC", "degCelsius": "degC",
     "bara": "bar", "psia": "psi", "lpm": "L/min", "LPM": "L/min", "RPM": "rpm", "Pag": "kPag",
 }  # fmt: skip
 
 
-def _meant(symbol: str) -> str:
-    """Return ``, did you mean 'mA'?`` for ``ma``: wrong case of letters, or a missing space."""
+def meant_unit(symbol: str) -> str | None:
+    """Return ``mA`` for ``ma``: what is meant by a wrong case of letters, or a missing space."""
     if symbol in _ALMOST:
-        return f", did you mean {_ALMOST[symbol]!r}?"
+        return _ALMOST[symbol]
     known = [*_UNITS, *OFFSETS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
                         for prefix in PREFIXES)]  # fmt: skip
     same = [item for item in known if item.casefold() == symbol.casefold()]
     parts = [f"{symbol[:at]} {symbol[at:]}" for at in range(1, len(symbol))
              if symbol[:at] in known and symbol[at:] in known]  # fmt: skip
-    return "".join(f", did you mean {item!r}?" for item in (*parts, *same)[:1])
+    return next(iter((*parts, *same)), None)
 
 
 def parse_quantity(text: str) -> Quantity:

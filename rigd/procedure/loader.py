@@ -70,6 +70,7 @@ def parse_procedure(text: str, path: Path) -> Procedure:
 
 
 def _bind(document: Document) -> Procedure:
+    document.check_kind("procedure")
     problems = Problems()
     source = bind(document, ProcedureSource, problems)
     problems.raise_any()

@@ -10,7 +10,7 @@ from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.derived.dimensions import fits
 from rigd.model.limits import rounded_to
-from rigd.model.units import dimension_text, format_quantity, parse_unit
+from rigd.model.units import dimension_text, format_quantity, meant_unit, parse_unit
 from rigd.procedure.expression import (
     ExpressionError,
     Number,
@@ -181,12 +181,12 @@ def _table_value(
 
 
 def read_unit(reader: Reader, path: KeyPath, text: str) -> str:
-    """Return the unit ``text``, or 1 with the problem noted."""
+    """Return the unit ``text``, or with the problem noted the one that is meant, or 1."""
     try:
         parse_unit(text)
     except ValueError as error:
         reader.note(path, str(error), "such as A, m/s, N m")
-        return "1"
+        return meant_unit(text) or "1"
     return text
 
 

@@ -11,7 +11,7 @@ from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.model.limits import rounded_to
-from rigd.model.units import format_quantity, parse_unit
+from rigd.model.units import format_quantity, meant_unit, parse_unit
 from rigd.procedure.agreement import inside
 from rigd.procedure.conditions import check_reachable, read_until
 from rigd.procedure.expression import Number, Scope
@@ -98,7 +98,7 @@ def _number_prompt(
         parse_unit(unit)
     except ValueError as error:
         reader.note((*path, "unit"), str(error), "such as kg, mm, A")
-        unit = "1"
+        unit = meant_unit(unit) or "1"
     low, high, answer = (
         None if given is None else reader.number((*path, key), given, unit, scope)
         for key, given in (("min", source.min), ("max", source.max), ("answer", source.answer))
@@ -142,7 +142,8 @@ def _agreement(
         return None
     if not parse_unit(channel.unit).same_kind(parse_unit(prompt.unit)):
         message = f"{source.channel} is in {channel.unit}, the answer in {prompt.unit}"
-        reader.note((*path, "with"), message, f"choose a channel in {prompt.unit}")
+        hint = f"ask with 'unit: {channel.unit}', or choose a channel in {prompt.unit}"
+        reader.note((*path, "with"), message, hint)
         return None
     value = reader.value((*path, "within"), source.within, scope)
     is_share = isinstance(value, Number) and not any(value.dimension)

@@ -171,6 +171,20 @@ def test_check_of_real_rig_checks_its_sibling(
     assert "real.yaml:17:10: the sibling" in capsys.readouterr().err
 
 
+def test_what_sibling_lacks_of_procedure_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "quick.yaml"
+    text = (PROCEDURES / "quick.yaml").read_text()
+    bound = "trial:\n  limits: {traction.force: {high: 100 N}}\n"
+    for written, named in ((text.replace("trial:\n", bound, 1), True), (text, False)):
+        own.write_text(written)
+        code, out, _ = check(str(own), "--rig", "wire-1", capsys=capsys)
+        assert code == 0
+        said = "no dry run on the sibling lugre-1: procedure quick uses traction.force" in out
+        assert said == named
+
+
 def test_setpoint_that_interlock_cannot_see_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = check(str(PROCEDURES / "constant_current.yaml"), "--rig", "lugre-1",
                          capsys=capsys)  # fmt: skip

@@ -162,6 +162,42 @@ def test_bad_options_of_two_devices_are_reported_together(rig_text: str) -> None
     assert len(caught.value.others) == 1
 
 
+def test_procedure_is_no_rig_file() -> None:
+    with pytest.raises(ConfigError, match=r":2:1: this is a procedure file") as caught:
+        parse_rig("title: Pull\nprocedure: pull\ndoc: Pulls.\ntrial: {steps: []}\n", FILE)
+    assert "--rig" in (caught.value.hint or "")
+    assert not caught.value.others
+
+
+DRIVE = """\
+rig: bench
+title: Bench
+cycle: 200 Hz
+interlocks: []
+devices:
+  drive:
+    driver: modbus-servo
+    options:
+      host: 192.168.1.20
+      map: schneider-atv320
+      max_speed: 60 rad/s
+      watchdog: 0.55 s
+    limits: {speed: {low: 0 rad/s, high: 40 rad/s, rate: 40 rad/s^2}}
+"""
+
+
+def test_check_of_several_keys_names_its_line() -> None:
+    with pytest.raises(ConfigError, match=r":12:17: 'watchdog' of 0\.55 s must be a multiple"):
+        parse_rig(DRIVE, FILE)
+
+
+def test_missing_space_after_colon_is_named() -> None:
+    text = DRIVE.replace("0.55 s", "0.5 s").replace("low: 0", "low:0")
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    assert "write 'low: 0 rad/s', with a space after the colon" in str(caught.value)
+
+
 def test_cycle_silence_below_first_report_is_refused(spoil: Spoil) -> None:
     text = spoil("cycle: 1 kHz", "cycle: 100 Hz").replace(
         "cycle_silence: 250 ms", "cycle_silence: 25 ms"

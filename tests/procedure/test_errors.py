@@ -116,6 +116,8 @@ END = "until: carriage.position > 1 m"
         ("default: 100 mm/s", "default: 2 m/s", "2 m/s,", ["2000 mm/s is above its max 1000 mm/s"]),
         ("default: 100 mm/s, ", "", "speed: {", ["speed has no value", "--set speed=..."]),
         ("unit: A, min", "unit: Amp, min", "Amp,", ["unknown unit 'Amp'"]),
+        ("wheel_servo.current: 0 A", "wheel_servo.current:0 A", "wheel_servo.current:0 A",
+         ["not a valid name", "write 'wheel_servo.current: 0 A', with a space after the colon"]),
         ("by: floor\n    values", "by: current\n    values", "current\n    values",
          ["not a parameter with choices"]),
         (", pvc: 0.022}", "}", "values: {stone", ["'pvc' of floor has no value"]),
@@ -229,6 +231,23 @@ def test_excessive_sweep_is_refused_before_it_is_made(compile_text: Compile, sma
 def test_a_problem_of_many_trials_is_reported_once(compile_text: Compile, small: str) -> None:
     with pytest.raises(ConfigError) as caught:
         compile_text(small.replace("timeout: 4 s", "timeout: 4 m"))
+    assert not caught.value.others
+
+
+@pytest.mark.parametrize(("unit", "meant"), [("ma", "mA"), ("Ampere", None)])
+def test_mistyped_unit_is_one_problem(
+    compile_text: Compile, small: str, unit: str, meant: str | None
+) -> None:
+    with pytest.raises(ConfigError, match=f"unknown unit '{unit}'") as caught:
+        compile_text(small.replace("unit: A, min", f"unit: {unit}, min"))
+    assert (meant or "") in caught.value.message
+    assert bool(caught.value.others) == (meant is None)
+
+
+def test_rig_file_is_no_procedure(compile_text: Compile) -> None:
+    with pytest.raises(ConfigError, match=r"p\.yaml:1:1: this is a rig file") as caught:
+        compile_text("rig: bench\ntitle: Bench\ncycle: 1 kHz\ndevices: {}\n")
+    assert "--rig" in (caught.value.hint or "")
     assert not caught.value.others
 
 

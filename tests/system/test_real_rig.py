@@ -88,7 +88,9 @@ def test_setpoint_with_two_values_moves_nothing(tmp_path: Path) -> None:
         ("wheel_servo.current=1V", "1 s", "'1V' is in V, expected A"),
         ("wheel_servo.current=1A", "1 m", "'1 m' is in m, expected s"),
         ("wheel_servo.current", "1 s", "is not SETPOINT=VALUE"),
-        ('x": {}, "y=1A', "1 s", "is not a valid name"),
+        ("current=1A", "1 s", "did you mean 'wheel_servo.current'?"),
+        ("spindle.speed=1A", "1 s", "the rig lugre-1 has no setpoint 'spindle.speed'"),
+        ('x": {}, "y=1A', "1 s", "has no setpoint 'x\": {}, \"y'"),
     ],
 )
 def test_a_wrong_jog_moves_nothing(

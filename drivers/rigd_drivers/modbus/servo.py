@@ -76,7 +76,10 @@ class ServoConfig(ConnectionConfig):
         self.map.setpoint.encode(self.max_speed / self.map.scale, self.map.word_order)
         counts = self.watchdog / self.map.watchdog.scale
         if round(counts) < 1 or abs(counts - round(counts)) > 1e-6:
-            raise ValueError(f"'watchdog' must be a multiple of {self.map.watchdog.scale:g} s")
+            raise ValueError(
+                f"'watchdog' of {self.watchdog:g} s must be a multiple of "
+                f"{self.map.watchdog.scale:g} s, as the drive counts it"
+            )
         self.map.watchdog.time.encode(counts, self.map.word_order)
         least = 1 / self.rate + _LOST_REPLIES * self.lost_reply_s()
         if self.watchdog < least:

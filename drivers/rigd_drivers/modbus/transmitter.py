@@ -105,7 +105,7 @@ class TransmitterConfig(ConnectionConfig):
     @model_validator(mode="after")
     def _scaled(self) -> Self:
         if self.low >= self.high:
-            raise ValueError("'low' must be below 'high'")
+            raise ValueError(f"'low' ({self.low:g} N) must be below 'high' ({self.high:g} N)")
         if self.force_per_count() is None:
             raise ValueError(
                 f"the map of the {self.map.title} has no scale: give 'scale', such as "

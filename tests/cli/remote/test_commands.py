@@ -98,6 +98,17 @@ def test_start_holds_control_only_as_long_as_needed(ask: Asking) -> None:
     assert rig.state == "running"
 
 
+def test_start_tells_who_answers_prompts(ask: Asking) -> None:
+    (ask.folder / "mine.yaml").write_text(TEXT)
+    for words, told in (
+        (("start", "mine.yaml"), "prompts wait for an answer"),
+        (("start", "mine.yaml", "--yes"), "the procedure answers its prompts"),
+        (("resume-run", RUN), "answered as before the interruption"),
+    ):
+        ask.remote.rig.state = "idle"
+        assert told in ask(*words).out
+
+
 def test_resumed_run_takes_action_on_client_loss(ask: Asking) -> None:
     ask("resume-run", RUN, "--on-client-loss", "finish_trial")
     assert ask.remote.rig.given("resume_run") == [{"run": RUN, "on_client_loss": "finish_trial"}]
@@ -147,7 +158,7 @@ def test_run_commands_reach_rig_and_need_role(ask: Asking) -> None:
 
 def test_impossible_answer_is_reported_and_control_released(ask: Asking) -> None:
     ask.remote.rig.prompt = WEIGH
-    assert "is not in g" in ask("answer", "3 m", code=2).err
+    assert "'3 m' is not in g: write a quantity in g" in ask("answer", "3 m", code=2).err
     assert "no such prompt" in ask("answer", "1 kg", "--id", "3", code=3).err
     assert ask.remote.rig.lease.view().holder is None
 
