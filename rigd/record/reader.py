@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
+from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
@@ -419,7 +420,7 @@ class Recording:
     def _channels(self, stream: str) -> Channels:
         if stream not in self.streams:
             raise RecordingError(
-                f"{self.path} has no stream {stream!r}", hint=f"It has {sorted(self.streams)}."
+                f"{self.path} has no stream {stream!r}", hint=suggest(stream, self.streams)
             )
         return self._numbers[f"/{stream}"]
 

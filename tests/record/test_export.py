@@ -152,8 +152,9 @@ def test_one_stream_may_be_chosen(given: NDArray[np.void], tmp_path: Path) -> No
         "unit": "A", "description": "motor current",
     }  # fmt: skip
     assert beside["metadata"]["run"]["procedure"] == "sweep"
-    with pytest.raises(RecordingError, match="no stream 'forces'"):
+    with pytest.raises(RecordingError, match="no stream 'forces'") as refused:
         export(recording, tmp_path / "out", "csv", streams=["forces"])
+    assert refused.value.hint == "did you mean 'force'?"
 
 
 def test_a_channel_named_time_keeps_its_name(

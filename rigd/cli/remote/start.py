@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_about, add_json, add_quiet, read_about
 from rigd.cli.remote.command import RemoteCommand, again, connect_async, print_json
@@ -127,7 +127,7 @@ def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[St
         if args.json:
             print_json({"run": name})
         else:
-            print(_advice(name, _ANSWERED[vars(args).get("yes")], again(args)))
+            print(_advice(name, vars(args).get("yes"), again(args)))
         return 0
 
     return asyncio.run(run())
@@ -141,20 +141,18 @@ def _name(started: Started) -> str:
     return started.run
 
 
-#: Who answers the prompts, by `--yes`; None: a run that is resumed, which has no such option.
-_ANSWERED: Final = {
-    False: "prompts wait for an answer.",
-    True: "the procedure answers its prompts.",
-    None: "prompts are answered as before the interruption, by the procedure or by a person.",
-}
-
-
-def _advice(run: str, answered: str, target_options: str) -> str:
+def _advice(run: str, by_procedure: bool | None, target_options: str) -> str:
+    """Return what to do next; who answers a run that is resumed (None) its recording says."""
+    answered = {
+        False: "prompts wait for an answer.",
+        True: "the procedure answers its prompts.",
+        None: "prompts are answered as before the interruption, by the procedure or by a person.",
+    }[by_procedure]
+    answer = "" if by_procedure else f"\n  rigd remote answer VALUE{target_options}"
     return f"""\
 {run}
 The run needs no client; {answered}
-  rigd remote status --watch{target_options}
-  rigd remote answer VALUE{target_options}
+  rigd remote status --watch{target_options}{answer}
   rigd remote stop{target_options}"""
 
 
