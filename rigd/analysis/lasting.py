@@ -46,8 +46,9 @@ class Lasting:
     def gate(self, unit: str, scale: float) -> Gate:
         """Return what is said of it; ``scale`` times a residual is in ``unit``."""
         where = "trials" if self.parts == 1 else f"parts of trials ({self.parts} of each)"
+        size = f"{self.rms * scale:.2g}" + ("" if unit == "1" else f" {unit}")
         finding = (
-            f"{where} lie {self.rms * scale:.2g} {unit} off it (rms), {self.ratio:.2g} times what "
+            f"{where} lie {size} off it (rms), {self.ratio:.2g} times what "
             "the noise within them leaves. The intervals are widened for that. Compare load, "
             "temperature, wear, zero and range of the sensors, or fit another law."
         )

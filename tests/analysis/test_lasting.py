@@ -29,6 +29,12 @@ def test_noise_alone_is_no_lasting_error(phi: float) -> None:
     assert alarms <= 7  # 2 expected at most, and three and a half standard deviations
 
 
+@pytest.mark.parametrize(("unit", "size"), [("N", "0.03 N"), ("1", "0.03")])
+def test_lasting_error_has_its_unit(unit: str, size: str) -> None:
+    gate = Lasting(2.0, 2.0, 0.01, 3.0, 1).gate(unit, 3.0)
+    assert f"trials lie {size} off it" in gate.sentence
+
+
 def test_offset_of_each_trial_lasts_a_trial() -> None:
     offsets = np.random.default_rng(1).standard_normal((TRIALS, 1))
     found = found_in(noise(2) + offsets)

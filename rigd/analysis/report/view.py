@@ -215,8 +215,9 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
 def _trial_view(name: str, fit: TrialFit, shared: Sequence[Panel], figure: Figure) -> TrialView:
     used = int(fit.used.sum())
     condition = "" if names_condition(fit) else f"{fit.condition}: "
+    unit = "" if fit.unit == "1" else f" {fit.unit}"
     quality = (
-        f"{condition}RMS {number(fit.rms, digits=3)} {fit.unit}, R² {number(fit.r_squared, 3)}, "
+        f"{condition}RMS {number(fit.rms, digits=3)}{unit}, R² {number(fit.r_squared, 3)}, "
         f"{used} of {fit.used.size} samples used"
     )
     signals = ", ".join(words(signal) for panel in shared for signal in panel.names)

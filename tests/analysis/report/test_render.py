@@ -166,6 +166,13 @@ def test_section_of_an_almost_empty_result_is_drawn(bare_section: ReportSection)
     assert "Correlation" not in html
 
 
+def test_error_of_plain_number_has_no_unit(bare_section: ReportSection) -> None:
+    plain = tuple(replace(trial, unit="1") for trial in bare_section.result.trials)
+    section = replace(bare_section, result=replace(bare_section.result, trials=plain))
+    html = ParameterEvaluation("Plain", (section,), (), Provenance()).report()
+    assert re.search(r"RMS [\d.]+, R²", html)
+
+
 def test_section_without_trials(bare_section: ReportSection) -> None:
     empty = replace(bare_section, result=replace(bare_section.result, trials=()))
     assert (
