@@ -152,10 +152,11 @@ def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Pla
     if channel is None or of_kind(channel.unit, unit):
         return
     raw = rig.channel(f"{written}_raw")
+    fits = raw is not None and of_kind(raw.unit, unit)
     raise ConfigError(
         f"identify: the signal {signal} is {written}, in {channel.unit}; the model works from "
         f"{unit}",
-        hint="" if raw is None else f"did you mean '{written}_raw'?",
+        hint=f"did you mean '{written}_raw'?" if fits else f"choose a channel in {unit}",
         place=place,
     )
 

@@ -84,6 +84,10 @@ def test_signals_are_of_kind_that_model_works_from() -> None:
     with pytest.raises(ConfigError, match=r"gauge_b is daq\.gauge_b, in 1; .* from V") as caught:
         analysis_of(converted, rig=rig)
     assert caught.value.hint == "did you mean 'daq.gauge_b_raw'?"
+    converted = replace(PLAN, signals={**SIGNALS, "gauge_b": "relay.closed"})
+    with pytest.raises(ConfigError, match="gauge_b is relay") as caught:
+        analysis_of(converted, rig=rig)
+    assert str(caught.value).splitlines()[1:] == ["  choose a channel in V"]
 
 
 def test_shipped_analyses_know_units_of_constants() -> None:
