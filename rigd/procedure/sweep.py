@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from collections.abc import Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import Final
 
 from rigd.config.document import KeyPath
@@ -27,6 +28,9 @@ MAX_SIZE: Final = 400_000
 _LETTERS: Final = 16
 #: Part of a step by which the end of a range may differ: decimal fractions are not exact in binary.
 _ROUNDING: Final = 1e-6
+#: The two values that YAML makes of ``0,5 A`` in a list.
+_WHOLE: Final = re.compile(r"\s*[+-]?\d+\s*")
+_DIGITS: Final = re.compile(r"\s*\d+\s*[^\W\d_]")
 
 
 class TooLong(ConfigError):
@@ -161,13 +165,31 @@ def _axis(
     if isinstance(axis, RangeSource):
         values = _range(reader, path, axis, parameter, parameters.scope)
     else:
+        commas = _decimal_commas(axis, parameter)
+        for index in commas:
+            whole, rest = axis[index].strip(), axis[index + 1].strip()
+            reader.note((*path, index), f"{whole},{rest} are two values here",
+                        f"use a decimal point: {whole}.{rest}")  # fmt: skip
+        split = {*commas, *(index + 1 for index in commas)}
         values = [
             value
             for index, text in enumerate(axis)
-            if (value := _read_value(reader, (*path, index), text, parameter, parameters.scope))
+            if index not in split
+            and (value := _read_value(reader, (*path, index), text, parameter, parameters.scope))
             is not None
         ]
     return values
+
+
+def _decimal_commas(axis: Sequence[str], parameter: Parameter) -> list[int]:
+    """Return where a whole number without its unit stands before digits with one: 0,5 A."""
+    if parameter.choices or parameter.unit == "1":
+        return []
+    return [
+        index
+        for index, (whole, rest) in enumerate(pairwise(axis))
+        if _WHOLE.fullmatch(whole) and _DIGITS.match(rest)
+    ]
 
 
 def _read_value(

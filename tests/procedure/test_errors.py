@@ -108,6 +108,7 @@ END = "until: carriage.position > 1 m"
         (RANGE, "{from: 0.5 A, to: 1.5 A, step: 0.5 V}", "0.5 V", ["the step is in"]),
         (RANGE, "[0.5 A, 1.5 V]", "1.5 V", ["expected A"]),
         (RANGE, "[0.5 A, 1.7 A]", "1.7 A", ["above its max"]),
+        (RANGE, "[0.5 A, 1,2 A]", "1,2 A", ["1,2 A are two values", "decimal point: 1.2 A"]),
         ("    current: {from", "    curent: {from", "curent:", ["no parameter 'curent'"]),
         ("  grid:\n", "  order: random\n  grid:\n", "random", ["needs a seed"]),
         ("  grid:\n", "  seed: 3\n  grid:\n", "seed: 3", ["no effect in the order given"]),
@@ -231,6 +232,12 @@ def test_excessive_sweep_is_refused_before_it_is_made(compile_text: Compile, sma
 def test_a_problem_of_many_trials_is_reported_once(compile_text: Compile, small: str) -> None:
     with pytest.raises(ConfigError) as caught:
         compile_text(small.replace("timeout: 4 s", "timeout: 4 m"))
+    assert not caught.value.others
+
+
+def test_decimal_comma_in_list_is_one_problem(compile_text: Compile, small: str) -> None:
+    with pytest.raises(ConfigError, match="1,2 A are two values") as caught:
+        compile_text(small.replace(RANGE, "[0.5 A, 1,2 A]"))
     assert not caught.value.others
 
 
