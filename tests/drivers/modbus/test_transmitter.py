@@ -386,7 +386,7 @@ def test_slow_device_on_tcp_may_take_its_time() -> None:
         ({"scale": "0 N/count"}, "'scale' must not be zero"),
         ({"map": "seneca-z-sg2", "scale": "0 N/count"}, "'scale' must not be zero"),
         ({"low": "1 kg"}, "expected N"),
-        ({"low": "600 N"}, "'low' must be below 'high'"),
+        ({"low": "600 N"}, r"must be below 'high' \(9 N\)"),
         ({"host": None}, "either 'host'"),
         ({"baud": 9600}, "'baud' belongs to 'serial_port'"),
         ({"unit": 300}, "less than or equal to 255"),
