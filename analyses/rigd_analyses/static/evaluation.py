@@ -30,7 +30,13 @@ from rigd.analysis.response import (
     Wording,
     identify_response,
 )
-from rigd.analysis.result import BoolArray, FloatArray, IdentificationResult, Preprocessing
+from rigd.analysis.result import (
+    BoolArray,
+    FloatArray,
+    IdentificationResult,
+    Preprocessing,
+    Verdict,
+)
 from rigd.analysis.source import RecordedSweep, TrialInfo
 
 #: Below this share of the highest speed of a trial the body may be at rest.
@@ -41,6 +47,10 @@ CHANGE_SHARE: Final = 0.1
 OWN_SHARE: Final = 0.4
 #: ... within this time in s.
 CHANGE_S: Final = 0.1
+#: Speeds that are further apart than this share are two; a sweep has one in each such share.
+APART: Final = 0.05
+#: Of fewer speeds several laws go through all means exactly.
+LEAST_SPEEDS: Final = 5
 SLOWER: Final = "Play strokes from a hundredth of the speed on, in small steps."
 FASTER: Final = "Play strokes at speeds of 1 to 10: only a range of speeds parts the two."
 WORDING: Final = Wording(
@@ -95,7 +105,43 @@ def identify(group: Group, options: Options) -> IdentificationResult:
         )
     size = float(np.median(np.abs(force))) or 1.0
     model = ResponseModel(parameters(size, speed, force), friction, trials, size)
-    return identify_response(model, WORDING, options, account(trials))
+    result = identify_response(model, WORDING, options, account(trials))
+    return _within_reach(result, speeds(speed))
+
+
+def speeds(speed: FloatArray) -> int:
+    """Return how many different speeds the samples (n,), above 0 in m/s, show."""
+    sorted_logs = np.sort(np.log(speed))
+    ends = np.flatnonzero(np.diff(sorted_logs) > APART)
+    parts = np.split(sorted_logs, ends + 1)
+    widths = [np.diff(np.quantile(part, [0.05, 0.95]))[0] for part in parts]  # less the noise
+    return sum(1 + int(width / APART) for width in widths)
+
+
+def _within_reach(result: IdentificationResult, count: int) -> IdentificationResult:
+    """Return ``result`` without what ``count`` speeds, or v_s beside them, leave open.
+
+    F_s is the friction far below v_s. If the data do not limit v_s downwards, a refit that finds no
+    other F_s has not looked far enough.
+    """
+    stribeck = result.parameter("v_s")
+    reasons = {}
+    if stribeck.low is None:
+        reasons["F_s"] = "The data do not limit v_s downwards: this friction is extrapolated."
+    if count < LEAST_SPEEDS:
+        few = f"{count} different speeds cannot contradict a law of 4 parameters: it needs 5."
+        reasons = dict.fromkeys((item.name for item in result.parameters), few)
+    advice = {item.symbol: item.advice for item in WORDING.quantities}
+    parameters = tuple(
+        replace(
+            item, low=None, high=None, standard_error=None, verdict=Verdict.UNIDENTIFIABLE,
+            sentence=reasons[item.name], advice=advice[item.name],
+        )
+        if item.name in reasons and item.identifiable
+        else item
+        for item in result.parameters
+    )  # fmt: skip
+    return replace(result, parameters=parameters)
 
 
 def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:

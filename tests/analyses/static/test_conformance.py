@@ -14,7 +14,7 @@ from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.result import FitOutcome
 from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
-from rigd_analyses.static.evaluation import friction, steady
+from rigd_analyses.static.evaluation import friction, speeds, steady
 
 TRUTH = {"F_c": 60.0, "F_s": 75.0, "v_s": 0.002, "k_v": 300.0}
 TIMES_S = np.arange(0.0, 3.0, 0.01)
@@ -36,6 +36,38 @@ def test_static_law_passes_check_analysis(tmp_path: Path) -> None:
     high = Case([stroke(0.1, 0.4, 9)], {}, fast, unknown=("F_s", "v_s"))
     report = check_analysis(StaticFrictionAnalysis, [whole, high], tmp_path)
     assert report.skipped == {}
+
+
+def found(trials: list[SimulatedTrial], folder: Path) -> ParameterEvaluation:
+    """Return what the analysis makes of a recording of ``trials``."""
+    path = write_case(folder / "a.mcap", StaticFrictionAnalysis, Case(trials, {}, TRUTH))
+    evaluation = StaticFrictionAnalysis().evaluate([open_sweep(path)], Options(), lambda _: None)
+    assert isinstance(evaluation, ParameterEvaluation)
+    return evaluation
+
+
+@pytest.mark.parametrize("apart", [(0.02, 0.05, 0.1, 0.2), (0.005, 0.02, 0.1)])
+def test_few_speeds_give_no_number(apart: tuple[float, ...], tmp_path: Path) -> None:
+    """Four parameters go through four means: F_s was quoted 30 % off, within 1 %."""
+    trials = [stroke(v, v, seed) for seed, v in enumerate(apart)]
+    (section,) = found(trials, tmp_path).sections
+    assert not any(item.identifiable for item in section.result.parameters)
+
+
+@pytest.mark.parametrize("first", [1, 2, 3, 4])
+def test_friction_below_all_speeds_is_open(first: int, tmp_path: Path) -> None:
+    """Of these, all far above v_s, F_s was quoted as 16.9 to 20.7 N for 30 N."""
+    speeds_m_s = (0.05, 0.055, 0.06, 0.065, 0.07)
+    trials = [stroke(v, v, 10 * first + k) for k, v in enumerate(speeds_m_s)]
+    (section,) = found(trials, tmp_path).sections
+    assert section.result.parameter("F_s").quoted is None
+    assert section.result.parameter("v_s").quoted is None
+
+
+def test_a_sweep_has_many_speeds() -> None:
+    assert speeds(np.linspace(0.4, 0.6, 1000)) >= 8
+    noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(3000)
+    assert speeds(np.repeat([0.01, 0.02, 0.05], 1000) * noise) == 3
 
 
 def scaled(trial: SimulatedTrial, factor: float) -> SimulatedTrial:
@@ -107,9 +139,9 @@ def at_rate(speed_m_s: float, rate_hz: float, seed: int) -> SimulatedTrial:
 
 def test_trials_of_two_recordings_have_labels_apart(tmp_path: Path) -> None:
     sweeps = []
-    for name, speeds in (("first", (0.0005, 0.001, 0.01)), ("second", (0.002, 0.004, 0.03))):
+    for name, played in (("first", (0.0005, 0.001, 0.01)), ("second", (0.002, 0.004, 0.03))):
         (tmp_path / name).mkdir()
-        case = Case([stroke(v, v, seed) for seed, v in enumerate(speeds)], {}, TRUTH)
+        case = Case([stroke(v, v, seed) for seed, v in enumerate(played)], {}, TRUTH)
         path = write_case(tmp_path / name / "a.mcap", StaticFrictionAnalysis, case)
         sweeps.append(open_sweep(path))
     evaluation = StaticFrictionAnalysis().evaluate(sweeps, Options(), lambda _: None)
