@@ -142,7 +142,8 @@ def test_command_names_the_missing_extra(
     before = sorted(folder.glob("*.*"))
     done = rigd(bare, folder, *command.split())
     assert done.returncode == Exit.BAD_INPUT, done.stderr
-    (line,) = done.stderr.splitlines()
+    *first, line = done.stderr.splitlines()
+    assert all(text.startswith("rig ") for text in first)  # which rig file it took
     assert line.endswith(f"needs the extra \"{extra}\": pip install 'rigd[{extra}]'")
     assert sorted(folder.glob("*.*")) == before
 
