@@ -280,12 +280,13 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
 def _lacking_sibling(procedure: CompiledProcedure, rig: RigConfig) -> str:
     """Return a line on what keeps the sibling of ``rig`` from a dry run; "" if it can play it."""
     from rigd.config.sibling import read_sibling
-    from rigd.dry_run.elsewhere import for_sibling
     from rigd.model.errors import Blocked, ConfigError
 
     with suppress(ConfigError):  # a sibling that is wrong: the check of the rig file names it
         sibling = read_sibling(rig)
         if sibling is not None:
+            from rigd.dry_run.elsewhere import for_sibling  # with numerics
+
             try:
                 for_sibling(procedure, sibling.stand_in(rig), rig)
             except Blocked as lack:

@@ -338,7 +338,7 @@ def test_setpoints_carry_si_units_and_ranges() -> None:
         ("      safe: ['OUTP OFF\\n', 'VOLT 0\\n']\n", "", "9:7", "'safe' is missing"),
         ("['OUTP OFF\\n', 'VOLT 0\\n']", "[]", "20:13", "at least 1 needed"),
         ("state: {ask: 'OUTP?\\n', safe: '0', ready: '1'}", "", "9:7", "'state' is missing"),
-        ("ready: '1'", "ready: '0'", "21:14", "are the same answer"),
+        ("ready: '1'", "ready: '0'", "21:37", "are the same answer"),
         ("mV, low: 0 V, ", "mV, ", "18:18", "'low' is missing"),
         ("{voltage:.1f}", "{current:.1f}", "18:9", "must have {voltage} in braces"),
         ("{voltage:.1f}", "{voltage:.1q}", "18:9", "cannot be filled in"),
