@@ -129,7 +129,10 @@ def _within_reach(result: IdentificationResult, count: int) -> IdentificationRes
     if stribeck.low is None:
         reasons["F_s"] = "The data do not limit v_s downwards: this friction is extrapolated."
     if count < LEAST_SPEEDS:
-        few = f"{count} different speeds cannot contradict a law of 4 parameters: it needs 5."
+        few = (
+            f"{count} different speeds cannot contradict a law of {len(result.parameters)} "
+            f"parameters: it needs {LEAST_SPEEDS}."
+        )
         reasons = dict.fromkeys((item.name for item in result.parameters), few)
     advice = {item.symbol: item.advice for item in WORDING.quantities}
     parameters = tuple(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from scipy.stats import norm, t
@@ -12,8 +11,6 @@ from rigd.analysis.result import FloatArray
 
 #: Points that a line and its uncertainty need: two for the line, one that could contradict it.
 LEAST_POINTS = 3
-#: How a difference is written, by its unit.
-_FORMATS: Final = {"g": ".1f", "mV": ".2f", "N": ".2f"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,7 @@ def straight_line(x: FloatArray, y: FloatArray) -> Line:
     )
 
 
-def returns(x: FloatArray, y: FloatArray, scale: float, unit: str) -> str:
+def returns(x: FloatArray, y: FloatArray, scale: float, unit: str, decimals: int = 2) -> str:
     """Return in words by how much ``scale`` ``y`` (n,) differ between visits to the same ``x``.
 
     Readings on the way up alone, or at one place again and again, show neither drift nor
@@ -80,4 +77,4 @@ def returns(x: FloatArray, y: FloatArray, scale: float, unit: str) -> str:
             "and hysteresis are not seen"
         )
     most = max(float(np.ptp(y[x == item])) for item in np.unique(x))
-    return f"up and down differ by at most {scale * most:{_FORMATS[unit]}} {unit}"
+    return f"up and down differ by at most {scale * most:.{decimals}f} {unit}"

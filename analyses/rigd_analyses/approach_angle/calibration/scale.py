@@ -55,7 +55,7 @@ def calibrate_scale(
         f"{len(weight_kg)} readings up to {np.max(weight_kg):g} kg; empty it shows "
         f"{1e3 * line.offset:+.1f} g",
         f"linearity: worst {1e3 * line.worst:.1f} g off the line; "
-        f"{returns(weight_kg, shown_kg, 1e3, 'g')}",
+        f"{returns(weight_kg, shown_kg, 1e3, 'g', 1)}",
     )
     return CalibrationResult(
         title, {"load_scale": Measured(scale, "1", budget)}, facts, series=(series,)
