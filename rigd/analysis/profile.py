@@ -47,7 +47,7 @@ class ProfileScan:
     """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``.
 
     ``inverses`` (n, p, p) are those of the information at each point, all parameters free; of a
-    profile over a grid there are none.
+    profile over a grid there are none. ``direction`` (p,) makes the value of scaled parameters.
     ``better`` (p,) are natural parameters that fit better than what was taken for the best.
     ``slack`` is the factor on the threshold up to which a point stands for the end next to it.
     """
@@ -61,11 +61,21 @@ class ProfileScan:
     better: FloatArray | None = None
     slack: float = 1.0
     inverses: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    direction: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def accepted(self) -> FloatArray:
         """Return the natural parameters (m, p) of the points that are below the threshold."""
         return self.thetas[self.statistic <= self.slack * self.threshold]
+
+    def held(self, index: int) -> FloatArray:
+        """Return what a point leaves of its inverse (p, p) if the value of the profile is known."""
+        inverse = self.inverses[index]
+        moved = inverse @ self.direction
+        variance = float(self.direction @ moved)
+        if not variance > LEAST_VARIANCE:
+            return inverse
+        return np.asarray(inverse - np.outer(moved, moved) / variance)
 
 
 def scan(
@@ -186,7 +196,7 @@ def follow(
         np.array([point.statistic for point in points]),
         np.array([to_natural(model.parameters, point.scaled) for point in points]),
         threshold, ends[0], ends[1], path.better, (1.0 + AGREES) ** 2,
-        np.array([point.inverse for point in points]),
+        np.array([point.inverse for point in points]), direction,
     )  # fmt: skip
 
 

@@ -50,6 +50,20 @@ def test_inflation_widens_by_its_root(line: Callable[..., Model]) -> None:
     assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.01)
 
 
+def test_known_value_of_profile_leaves_the_rest(decay: Callable[..., Model]) -> None:
+    """What is left of a quantity beside the profile is not what the profile itself allows."""
+    t = np.linspace(0.0, 1.0, 300)
+    noise = 0.05 * np.random.default_rng(14).standard_normal(300)
+    model = decay(np.exp(-t / 0.3) + noise, t)
+    best = fit(model)
+    inverse = covariance(model, best, 30).white
+    found = follow(model, best, axis(2, 1), inverse, (-10.0, 10.0))
+    assert len(found.values) >= 3
+    for held in map(found.held, range(len(found.values))):
+        assert abs(held[1, 1]) < 1e-9 * inverse[1, 1]
+        assert held[0, 0] > 0.0
+
+
 def test_accepted_points_of_few_refits_reach_the_ends(decay: Callable[..., Model]) -> None:
     t = np.linspace(0.0, 1.0, 300)
     noise = 0.05 * np.random.default_rng(13).standard_normal(300)

@@ -17,7 +17,7 @@ from rigd.analysis import DataError
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import to_natural
 from rigd.analysis.output_error import CONVERGED, by_cost, conclude, estimate
-from rigd.analysis.profile import ProfileScan
+from rigd.analysis.profile import ProfileScan, axis
 from rigd.analysis.result import (
     Explanation,
     FitOutcome,
@@ -29,7 +29,7 @@ from rigd.analysis.result import (
 )
 from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1
+from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1, V_S, friction_gradient
 from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
@@ -42,8 +42,10 @@ from rigd_analyses.lugre.rig.identify import (
     fit_group,
     identify_output_error,
     rig_system,
+    with_intervals,
 )
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
+from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import effect_shown
 from rigd_analyses.lugre.rig.system import MASS
 from rigd_analyses.lugre.trial import LugreTrial
@@ -198,7 +200,7 @@ def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
     best, inverse = begun.whole.fit.theta, begun.whole.inverse
     return ProfileScan(
         np.log(best[:1] * [1.0, 2.0]), np.array([0.0, 5.0]), np.stack([best, best]), 3.84, low, 1.0,
-        inverses=np.stack([inverse, inverse]),
+        inverses=np.stack([inverse, inverse]), direction=axis(len(best), V_S),
     )  # fmt: skip
 
 
@@ -309,6 +311,18 @@ def test_friction_curve_holds_the_truth(pvc: IdentificationResult, bench: Bench)
     assert np.all((pvc.curve.low <= true) & (true <= pvc.curve.high))
     middle = np.argmin(np.abs(pvc.curve.x - 0.02))
     assert pvc.curve.high[middle] - pvc.curve.low[middle] < 0.12 * true[middle]
+
+
+def test_band_of_curve_counts_noise_once(begun: FirstFit) -> None:
+    """The profiles' points are noise too: added to it, the band was wider by half."""
+    found = with_intervals(begun.whole, lambda _: begun.system, begun.gate, begun.block)
+    curve = result(begun.system, found, (), begun.starts, begun.block).curve
+    place = int(np.argmin(np.abs(curve.x - 0.02)))
+    theta = found.theta[:6]
+    gradient = friction_gradient(theta, curve.x[[place]]) / curve.y[place]
+    noise = Z_95 * found.chance(gradient)
+    reach = 0.5 * math.log(curve.high[place] / curve.low[place])
+    assert noise < reach < 1.15 * math.hypot(noise, Z_95 * found.weight_u)
 
 
 def test_data_stand_beside_the_curve(pvc: IdentificationResult) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from rigd.analysis.result import (
     Meaning,
     ResidualTest,
 )
+from rigd.analysis.uncertainty import delta_sd
 from rigd_analyses.lugre.model import (
     PARAMETERS,
 )
@@ -50,8 +51,9 @@ HEIGHT = Quantity(
 class Beside:
     """A point that a profile accepts, for what the data allow around it.
 
-    ``theta`` (6,) natural, ``inverse`` (6, 6) of the information, scaled; ``reach`` is how many
-    standard deviations the point leaves until the region of 95 % ends.
+    ``theta`` (6,) natural, ``inverse`` (6, 6) of the information, scaled, with what the profile
+    holds held; ``reach`` is how many standard deviations the point leaves until the region of 95 %
+    ends.
     """
 
     theta: FloatArray
@@ -137,20 +139,29 @@ class Found:
         return math.hypot(shift, *(abs(item.size) for item in varies))
 
     def ridge(self, quantity: Quantity) -> tuple[float, float]:
-        """Return how far the logarithm may be below and above that of the fit.
+        """Return how far the logarithm may be below and above that of the fit; :meth:`region`."""
+        below, above = self.region(quantity.log, quantity.log_gradient)
+        return float(below[0]), float(above[0])
 
-        That is the region around all points that the profiles accept: if V_s is open, how well
-        the data determine another parameter depends on V_s.
+    def region(
+        self, log: Callable[[FloatArray], FloatArray], gradient: Callable[[FloatArray], FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how far logarithms (m,) may be below and above those of the fit, each (m,).
+
+        ``log`` (m,) and ``gradient`` (m, 6) are functions of the natural parameters. The region is
+        that around all points that the profiles accept: if V_s is open, how well the data determine
+        another parameter depends on V_s.
         """
-        centre = quantity.log(self.theta[:FRICTION])[0]
-        chance = self.chance(quantity.log_gradient(self.theta[:FRICTION]))
-        by_best = _spread(quantity, self._at_best())
-        coloured = chance / by_best if by_best > 0.0 else 1.0
+        here = self.theta[:FRICTION]
+        centre, by_natural = log(here), gradient(here)
+        chance = np.array([self.chance(row[None]) for row in by_natural])
+        by_best = _spread(by_natural, self._at_best())
+        coloured = np.divide(chance, by_best, out=np.ones_like(chance), where=by_best > 0.0)
         below = above = Z_95 * chance
         for point in self.beside:
-            moved = quantity.log(point.theta)[0] - centre
-            reach = point.reach * coloured * _spread(quantity, point)
-            below, above = max(below, reach - moved), max(above, reach + moved)
+            moved = log(point.theta) - centre
+            reach = point.reach * coloured * _spread(gradient(point.theta), point)
+            below, above = np.maximum(below, reach - moved), np.maximum(above, reach + moved)
         return below, above
 
     def doubt(self, quantity: Quantity) -> float:
@@ -161,8 +172,9 @@ class Found:
         """
         if quantity.value(self.theta[:FRICTION]) <= 0.0:  # at mu_s = mu_c, on the bound
             return math.inf
-        chance = self.chance(quantity.log_gradient(self.theta[:FRICTION]))
-        by_best = _spread(quantity, self._at_best())
+        by_natural = quantity.log_gradient(self.theta[:FRICTION])
+        chance = self.chance(by_natural)
+        by_best = float(_spread(by_natural, self._at_best())[0])
         error = math.hypot(chance, self.method(quantity))
         return max(error / by_best, 1.0) if by_best > 0.0 else 1.0
 
@@ -207,7 +219,7 @@ class Found:
 
 
 def beside(scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
-    """Return the points that ``scans`` accept, with the information at each.
+    """Return the points that ``scans`` accept, with what each leaves open besides its own value.
 
     A ratio of mu_s to mu_c that data without a Stribeck effect allow by chance comes with a V_s of
     its own: if the profile of V_s has an open end, the region is that of two parameters (Davies,
@@ -218,18 +230,19 @@ def beside(scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
     threshold = float(chi2.ppf(0.95, 2 if is_open else 1))
     found = []
     for line in scans.values():
-        points = zip(line.thetas, line.statistic, line.inverses, strict=True)
-        for theta, statistic, inverse in points:
-            if statistic <= max(threshold, line.slack * line.threshold):
-                reach = math.sqrt(max(threshold - statistic, 0.0))
-                found.append(Beside(theta[:FRICTION], inverse[:FRICTION, :FRICTION], reach))
+        for k in np.flatnonzero(line.statistic <= max(threshold, line.slack * line.threshold)):
+            reach = math.sqrt(max(threshold - float(line.statistic[k]), 0.0))
+            inverse = line.held(k)[:FRICTION, :FRICTION]
+            found.append(Beside(line.thetas[k, :FRICTION], inverse, reach))
     return tuple(found)
 
 
-def _spread(quantity: Quantity, point: Beside) -> float:
-    """Return the standard deviation of the logarithm by the information at ``point``."""
-    by_scaled = quantity.log_gradient(point.theta)[0] * slopes(PARAMETERS, point.theta)
-    return math.sqrt(max(float(by_scaled @ point.inverse @ by_scaled), 0.0))
+def _spread(by_natural: FloatArray, point: Beside) -> FloatArray:
+    """Return the standard deviations (m,) by the information at ``point``.
+
+    ``by_natural`` (m, 6) are the gradients to the natural parameters there.
+    """
+    return delta_sd(by_natural * slopes(PARAMETERS, point.theta), point.inverse)
 
 
 def all_states(system: RigSystem, whole: OutputErrorFit) -> list[FloatArray]:

@@ -127,24 +127,23 @@ def _point(found: Found) -> FittedPoint:
 
 
 def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
-    """Return g with its band: the sandwich, the accepted profiles and the filter's choice."""
+    """Return g with its band: the region of noise and constants, and the filter's choice."""
     theta = found.theta[:FRICTION]
     points = 0 if found.gate.outcome is FitOutcome.MISFIT else POINTS
     slip = np.geomspace(max(found.visited[0], 1e-6), found.visited[1], points)
+
+    def log_g(theta: FloatArray) -> FloatArray:
+        return np.asarray(np.log(friction(theta, slip)))
+
+    def gradient(theta: FloatArray) -> FloatArray:
+        return friction_gradient(theta, slip) / friction(theta, slip)[:, None]
+
     centre = friction(theta, slip)
-    moved = [np.log(friction(other[:FRICTION], slip) / centre) for other in found.others]
+    moved = [log_g(other[:FRICTION]) - np.log(centre) for other in found.others]
     method = np.mean(np.square(moved), axis=0) if moved else np.zeros(points)
-    by_natural = friction_gradient(theta, slip) / centre[:, None]
-    chance = np.array([found.chance(row[None]) ** 2 for row in by_natural])
-    method += np.array([found.unexplained(row[None]) ** 2 for row in by_natural])
-    reach = Z_95 * np.sqrt(chance + method + found.weight_u**2)
-    accepted = [line.accepted[:, :FRICTION] for line in found.scans.values()]
-    ridge = np.array(
-        [np.log(friction(point, slip) / centre) for part in accepted for point in part]
-        or [np.zeros(points)]
-    )
-    below = np.hypot(reach, np.maximum(-ridge.min(axis=0), 0.0))
-    above = np.hypot(reach, np.maximum(ridge.max(axis=0), 0.0))
+    method += np.array([found.unexplained(row[None]) ** 2 for row in gradient(theta)])
+    besides = Z_95 * np.sqrt(method + found.weight_u**2)
+    below, above = (np.hypot(part, besides) for part in found.region(log_g, gradient))
     return Curve(
         seen=data if points else (),
         name="friction_curve", x_name="V_r", x_unit="m/s", y_name="g", y_unit="1",
