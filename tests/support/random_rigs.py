@@ -59,6 +59,9 @@ OTHERS: Final = {
     ("sensors", "current_monitor", "noise"): 0.25,
 }
 BIAS_M_S2: Final = 0.02  #: of the accelerometer: 0.1 degrees of tilt
+#: What no person states; docs/identification.md says how large output error takes it to be.
+DRAG_N_S_M: Final = 0.05  #: of a cable
+REST_CURRENT_A: Final = 3e-3  #: that flows while the drive is set to 0
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,9 @@ def random_rig(
         "mu_s": number_of(surface["mu_static"]),
         **{name: number_of(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
     }
+    carriage = plant["carriage"]
+    drag = spread * DRAG_N_S_M * abs(random.standard_normal())
+    carriage["guide"]["viscous"] = f"{drag / _guide_load_n(plant)!r} s/m"
     YAML().dump(plant, folder / "plant.yaml")
     (folder / "rig.yaml").write_text(
         _rig_text(shipped, plant, number if start is None else start), "utf-8"
@@ -138,7 +144,9 @@ def random_rig(
 def measured(path: Path, number: int, floor: str) -> Path:
     """Return a copy of the recording whose constants are as far off as their uncertainties.
 
-    Each floor has draws of its own: with the same gravity on all three, their misses would be one.
+    A current flows at rest, which the monitor shows and which is taken for its zero: the readings
+    are off while the drive is on. Each floor has draws of its own: with the same gravity on all
+    three, their misses would be one.
     """
     random = np.random.default_rng((_CONSTANTS, number, FLOORS.index(floor)))
     content = Content.of(path)
@@ -147,14 +155,16 @@ def measured(path: Path, number: int, floor: str) -> Path:
         scale = abs(constants[name]) if stated["is_share"] else 1.0
         constants[name] += stated["size"] * scale * random.standard_normal()
     content.set_plan("constants", constants)
+    rows = content.rows["wheel_servo"]
+    driven = np.append(0.0, rows["current_setpoint"][:-1]) != 0.0  # a row's setpoint acts behind it
+    rows["current"] += REST_CURRENT_A * random.standard_normal() * driven
     return content.write(path.with_name("measured.mcap"))
 
 
 def _rig_text(shipped: Path, plant: Mapping[str, Any], start: int) -> str:
-    carriage, guide = plant["carriage"], plant["carriage"]["guide"]
+    carriage = plant["carriage"]
     mass, gravity = number_of(carriage["mass"]), number_of(plant["gravity"])
-    arm = abs(number_of(guide["contact_arm"]) - number_of(guide["mass_arm"]))
-    friction_n = number_of(guide["dry"]) * mass * gravity * arm / number_of(guide["half_span"])
+    friction_n = number_of(carriage["guide"]["dry"]) * _guide_load_n(plant)
     wheel, drive = plant["wheel"], plant["drive"]
     bearings = wheel["bearings"]
     spacing, overhang = number_of(bearings["spacing"]), number_of(bearings["overhang"])
@@ -176,6 +186,13 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], start: int) -> str:
         | {f"{name}: {{value: {old},": f"{name}: {{value: {new},"
            for name, (old, new) in constants.items()},
     )  # fmt: skip
+
+
+def _guide_load_n(plant: Mapping[str, Any]) -> float:
+    """Return the load on the guide, by which its friction is one of the carriage (Eq. 23)."""
+    guide, mass = plant["carriage"]["guide"], number_of(plant["carriage"]["mass"])
+    arm = abs(number_of(guide["contact_arm"]) - number_of(guide["mass_arm"]))
+    return mass * number_of(plant["gravity"]) * arm / number_of(guide["half_span"])
 
 
 def _procedure_text(surface: Mapping[str, Any], currents: str) -> str:
