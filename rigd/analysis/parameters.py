@@ -41,6 +41,8 @@ from rigd.record import TrialInfo
 #: What the verdict adds, given once below the table instead of in every row.
 FROM_HERE: Final = " from this excitation"
 
+CROWD: Final = 2  #: groups at once for each process that the machine has use for
+
 Trials = Sequence[tuple[RecordedSweep, TrialInfo]]
 T = TypeVar("T")
 
@@ -385,7 +387,8 @@ def each_group(
 ) -> tuple[list[tuple[Group, T]], list[RefusedGroup]]:
     """Return what ``evaluated`` makes of each group, and the groups whose data cannot answer.
 
-    At most ``processes`` groups are evaluated at once.
+    With one process all are evaluated here; with more, at most ``CROWD`` times as many groups at
+    once: one that begins when the others end would leave processors without work.
 
     Raises:
         DataError: that is so of all groups; with the reason of the first.
@@ -398,7 +401,8 @@ def each_group(
             return error
 
     all_groups = list(groups)
-    answers = side_by_side([partial(answered, group) for group in all_groups], processes)
+    at_once = processes if processes < 2 else CROWD * processes
+    answers = side_by_side([partial(answered, group) for group in all_groups], at_once)
     found: list[tuple[Group, T]] = []
     refused: list[RefusedGroup] = []
     for group, answer in zip(all_groups, answers, strict=True):
