@@ -70,7 +70,7 @@ class ProfileScan:
 
     def held(self, index: int) -> FloatArray:
         """Return what a point leaves of its inverse (p, p) if the value of the profile is known."""
-        inverse = self.inverses[index]
+        inverse: FloatArray = self.inverses[index]
         moved = inverse @ self.direction
         variance = float(self.direction @ moved)
         if not variance > LEAST_VARIANCE:

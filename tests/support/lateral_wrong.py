@@ -19,7 +19,8 @@ from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s
 
-FIXED: Final = ("roller_transitions", "gravity", "gear_ratio")  #: right in every world
+#: Right in every world.
+FIXED: Final = ("roller_transitions", "gravity", "guide_lift", "gear_ratio")
 LENGTHS: Final = ("lever", "height", "half_span", "row_distance", "mass_offset")
 RANGES_M_S: Final = ((0.2, 0.65), (0.2, 0.5), (0.35, 0.65))
 CURRENTS_A: Final = ((0.6, 1.2), (0.9, 1.5), (0.6, 1.5))

@@ -5,6 +5,7 @@ It shares no code with the identification or with rigd_sim; a common one would h
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -214,5 +215,6 @@ def known_rig(constants: LugreConstants, **changed: Known) -> RigConstants:
         "motor_inertia": Known(1.2e-6, 1.2e-7),
         "wheel_inertia": Known(4.5e-4, 1.4e-5),
         "bearing_torque": Known(bearing, 0.3 * bearing),
+        "guide_lift": Known(0.0, constants.guide_friction_n / math.sqrt(3.0)),
     }
     return RigConstants(**{**stated, **changed}, roller_transitions=18.0)

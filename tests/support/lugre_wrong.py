@@ -116,6 +116,7 @@ class World:
             wheel_radius_m=rig.wheel_radius.value,
             guide_friction_n=rig.guide_friction.value,
             rolling_resistance=rig.rolling_resistance.value,
+            guide_lift_n=rig.guide_lift.value,
         )
 
     @cached_property

@@ -59,6 +59,8 @@ OTHERS: Final = {
     ("sensors", "current_monitor", "noise"): 0.25,
 }
 BIAS_M_S2: Final = 0.02  #: of the accelerometer: 0.1 degrees of tilt
+#: Forces over the load, of a floor.
+NORMALISED: Final = ("mu_coulomb", "mu_static", "sigma_0", "sigma_1", "sigma_2")
 #: What no person states; docs/identification.md says how large output error takes it to be.
 DRAG_N_S_M: Final = 0.05  #: of a cable
 REST_CURRENT_A: Final = 3e-3  #: that flows while the drive is set to 0
@@ -130,6 +132,9 @@ def random_rig(
         "mu_s": number_of(surface["mu_static"]),
         **{name: number_of(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
     }
+    lift = spread * random.uniform(-1.0, 1.0) * _guide_friction_n(plant) / _weight_n(plant)
+    for name in (*NORMALISED, "rolling"):  # shares of a load that no person knows better
+        scale(surface, (name,), 1.0 - lift)
     carriage = plant["carriage"]
     drag = spread * DRAG_N_S_M * abs(random.standard_normal())
     carriage["guide"]["viscous"] = f"{drag / _guide_load_n(plant)!r} s/m"
@@ -162,13 +167,11 @@ def measured(path: Path, number: int, floor: str) -> Path:
 
 
 def _rig_text(shipped: Path, plant: Mapping[str, Any], start: int) -> str:
-    carriage = plant["carriage"]
-    mass, gravity = number_of(carriage["mass"]), number_of(plant["gravity"])
-    friction_n = number_of(carriage["guide"]["dry"]) * _guide_load_n(plant)
+    mass, friction_n = number_of(plant["carriage"]["mass"]), _guide_friction_n(plant)
     wheel, drive = plant["wheel"], plant["drive"]
     bearings = wheel["bearings"]
     spacing, overhang = number_of(bearings["spacing"]), number_of(bearings["overhang"])
-    load_n = mass * gravity * (spacing + 2 * overhang) / spacing  # of both bearings, Eq. 48
+    load_n = _weight_n(plant) * (spacing + 2 * overhang) / spacing  # of both bearings, Eq. 48
     bearing_mn_m = number_of(bearings["dry"]) * number_of(bearings["pitch_diameter"]) / 2 * load_n
     constants = {
         "moving_mass": ("3.9593 kg", f"{mass!r} kg"),
@@ -190,9 +193,17 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], start: int) -> str:
 
 def _guide_load_n(plant: Mapping[str, Any]) -> float:
     """Return the load on the guide, by which its friction is one of the carriage (Eq. 23)."""
-    guide, mass = plant["carriage"]["guide"], number_of(plant["carriage"]["mass"])
+    guide = plant["carriage"]["guide"]
     arm = abs(number_of(guide["contact_arm"]) - number_of(guide["mass_arm"]))
-    return mass * number_of(plant["gravity"]) * arm / number_of(guide["half_span"])
+    return _weight_n(plant) * arm / number_of(guide["half_span"])
+
+
+def _guide_friction_n(plant: Mapping[str, Any]) -> float:
+    return number_of(plant["carriage"]["guide"]["dry"]) * _guide_load_n(plant)
+
+
+def _weight_n(plant: Mapping[str, Any]) -> float:
+    return number_of(plant["carriage"]["mass"]) * number_of(plant["gravity"])
 
 
 def _procedure_text(surface: Mapping[str, Any], currents: str) -> str:

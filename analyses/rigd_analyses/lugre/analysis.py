@@ -29,6 +29,7 @@ class LugreAnalysis(Analysis):
         constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
         optional_constants=(
             "guide_friction_mass",  # that of the trials, if it is left out
+            "guide_lift",  # 0 if left out, as much as the guide's friction at most
             *("torque_constant", "gear_ratio", "gear_efficiency"),
             *("no_load_torque", "no_load_viscous", "motor_inertia"),  # at the motor shaft
             # At the wheel; of its bearings the dry torque at `guide_friction_mass`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -25,6 +26,9 @@ CONSTANTS = LugreAnalysis.needs.constants
 MASS = "mass"
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
+GUIDE_LIFT = "guide_lift"
+#: Constants that grow with the mass; they are stated at ``FRICTION_MASS``.
+WITH_MASS = ("guide_friction", "bearing_torque", GUIDE_LIFT)
 OUTPUT_ERROR = "output-error"
 SLIP_FORCE = "slip-force"
 #: What the simulation of the rig takes besides; relative u of one that states none.
@@ -293,7 +297,7 @@ def _constants(
     Raises:
         DataError: a constant is missing, not possible, or differs between trials.
     """
-    given = [name for name in (*CONSTANTS, FRICTION_MASS) if _gives(trials, name)]
+    given = [name for name in (*CONSTANTS, FRICTION_MASS, GUIDE_LIFT) if _gives(trials, name)]
     values = _in_common(trials, given, differing)
     mass = values[MASS]
     friction_mass = values.get(FRICTION_MASS, mass)
@@ -305,6 +309,7 @@ def _constants(
         guide_friction_n=values["guide_friction"] * mass / friction_mass,
         rolling_resistance=values["rolling_resistance"],
         gravity_m_s2=values["gravity"],
+        guide_lift_n=values.get(GUIDE_LIFT, 0.0) * mass / friction_mass,
     )
 
 
@@ -359,7 +364,11 @@ def rig_constants(
         share = constants.mass_kg / sweep.constant(trial, FRICTION_MASS)
     values["guide_friction"] = constants.guide_friction_n
     values["bearing_torque"] *= share
-    return known_constants(values, uncertainties(trials, tuple(UNSTATED_U)), share)
+    names = tuple(UNSTATED_U)
+    if _gives(trials, GUIDE_LIFT):
+        names = (*names, GUIDE_LIFT)
+        values[GUIDE_LIFT] = constants.guide_lift_n
+    return known_constants(values, uncertainties(trials, names), share)
 
 
 def uncertainties(
@@ -394,11 +403,15 @@ def known_constants(
 ) -> RigConstants:
     """Return ``values`` with their standard uncertainties, that of each kind if none is stated.
 
-    ``share`` is the mass over that at which guide friction and bearing torque are stated.
+    ``share`` is the mass over that at which those ``WITH_MASS`` are stated. A guide that rubs along
+    the travel may rub as much up or down: a lift that states no u may be anything between (GUM,
+    JCGM 100:2008, 4.3.7: u is the half width over the root of 3).
     """
+    unstated = {name: part * abs(values[name]) for name, part in UNSTATED_U.items()}
+    unstated[GUIDE_LIFT] = values["guide_friction"] / math.sqrt(3.0)
     known = {}
-    for name, unstated in UNSTATED_U.items():
-        scale = share if name in ("guide_friction", "bearing_torque") else 1.0
+    for name, without in unstated.items():
+        scale = share if name in WITH_MASS else 1.0
         u = stated.get(name)
-        known[name] = Known(values[name], unstated * abs(values[name]) if u is None else u * scale)
+        known[name] = Known(values.get(name, 0.0), without if u is None else u * scale)
     return RigConstants(**known, roller_transitions=values["roller_transitions"])

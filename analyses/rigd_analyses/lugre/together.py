@@ -23,6 +23,7 @@ from rigd_analyses.lugre.reading import (
     CONSTANTS,
     DRIVE,
     FRICTION_MASS,
+    GUIDE_LIFT,
     MASS,
     SLIP_FORCE,
     as_stated,
@@ -57,7 +58,7 @@ def check_joint(sweeps: Sequence[RecordedSweep], options: Options) -> None:
         )
     trials = [(sweep, trial) for sweep in sweeps for trial in sweep.trials]
     names = [name for name in (*CONSTANTS, *DRIVE) if name not in (MASS, OF_THE_FLOOR)]
-    names += [FRICTION_MASS] if _all_give(sweeps, FRICTION_MASS) else []
+    names += [name for name in (FRICTION_MASS, GUIDE_LIFT) if _all_give(sweeps, name)]
     for name in names:
         found = {as_stated(sweep, trial, name): sweep.path for sweep, trial in reversed(trials)}
         if len(found) > 1:

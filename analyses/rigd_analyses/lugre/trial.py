@@ -9,6 +9,7 @@ import numpy as np
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.counts import Rounding, count
+from rigd_analyses.lugre.rig.constants import refuse_lift
 
 #: Uniform sampling may jitter by this share of the period before the filters stop being right.
 MAX_JITTER = 0.5
@@ -67,7 +68,8 @@ class LugreConstants:
 
     ``guide_friction_n`` is the kinetic friction of the guide at ``mass_kg`` (0.304 N at 3.9593 kg
     in the paper); it scales with the mass, see :meth:`for_mass`. ``rolling_resistance`` is the
-    share of the carriage's weight that rolling costs.
+    share of the load that rolling costs. ``guide_lift_n`` is the force of the guide that lifts the
+    carriage off its wheel, of either sign.
     """
 
     mass_kg: float
@@ -75,6 +77,7 @@ class LugreConstants:
     guide_friction_n: float
     rolling_resistance: float
     gravity_m_s2: float = 9.81
+    guide_lift_n: float = 0.0
 
     def __post_init__(self) -> None:
         positive = {
@@ -91,11 +94,12 @@ class LugreConstants:
         ):
             if not (np.isfinite(value) and value >= 0.0):
                 raise DataError(f"{name} is {value}, must not be negative")
+        refuse_lift(self.guide_lift_n, self.mass_kg * self.gravity_m_s2)
 
     @property
     def normal_force_n(self) -> float:
-        """Return the weight on the wheel in N (Eq. 25: F_r1 + F_r2 = m_T g)."""
-        return self.mass_kg * self.gravity_m_s2
+        """Return the load on the wheel in N: m_T g of Eq. 25, less the lift of the guide."""
+        return self.mass_kg * self.gravity_m_s2 - self.guide_lift_n
 
     @property
     def resistance_n(self) -> float:
@@ -110,6 +114,7 @@ class LugreConstants:
             self.guide_friction_n * mass_kg / self.mass_kg,
             self.rolling_resistance,
             self.gravity_m_s2,
+            self.guide_lift_n * mass_kg / self.mass_kg,
         )
 
 

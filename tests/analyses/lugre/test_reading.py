@@ -172,3 +172,21 @@ def test_trial_with_gaps_is_excluded_others_are_fitted(light: Trials) -> None:
     object.__setattr__(gappy, "stalled", frozenset(trial.number for _, trial in light))
     with pytest.raises(DataError, match="11 samples"):
         identify([(gappy, trial) for _, trial in light], Options(starts=2))
+
+
+def test_lift_of_the_guide_is_as_large_as_its_friction(light: Trials) -> None:
+    """A guide that rubs along the travel may rub as much up or down (GUM 4.3.7)."""
+    _, constants = arrays(light)
+    lift = rig_constants(light, constants).guide_lift
+    assert lift.value == 0.0
+    assert lift.u == pytest.approx(0.304 * LIGHT_KG / PAPER_KG / math.sqrt(3.0), rel=1e-6)
+
+
+def test_stated_lift_of_the_guide_grows_with_mass(light: Trials) -> None:
+    lifted = with_constants(light, guide_lift=1.0)
+    _, constants = arrays(lifted)
+    known = rig_constants(lifted, constants)
+    share = LIGHT_KG / PAPER_KG
+    assert known.guide_lift.value == pytest.approx(share)
+    assert known.normal_force_n == constants.normal_force_n
+    assert constants.normal_force_n == pytest.approx(LIGHT_KG * 9.81 - share)

@@ -25,6 +25,9 @@ CONSTANTS = LugreConstants(3.9593, 0.05, 0.304, 0.009)
         ("mass", Known(math.inf, 0.0), "mass is inf kg"),
         ("wheel_radius", Known(0.05, math.nan), "uncertainty of wheel_radius"),
         ("wheel_radius", Known(0.05, -1e-4), "uncertainty of wheel_radius"),
+        ("guide_lift", Known(-39.0, 0.1), "guide_lift is -39 N, must be below the weight, 38.84 N"),
+        ("guide_lift", Known(math.nan, 0.1), "guide_lift is nan N"),
+        ("guide_lift", Known(0.0, math.inf), "uncertainty of guide_lift"),
     ],
 )
 def test_impossible_constant_is_refused_by_name(name: str, known: Known, words: str) -> None:
@@ -32,6 +35,15 @@ def test_impossible_constant_is_refused_by_name(name: str, known: Known, words: 
         known_rig(CONSTANTS, **{name: known})
     assert words in raised.value.message
     assert "--set" in str(raised.value.hint)
+
+
+def test_guide_that_lifts_takes_load_from_the_wheel() -> None:
+    rig = known_rig(CONSTANTS, guide_lift=Known(1.0, 0.2), gravity=Known(9.81, 0.0981))
+    load_n = 3.9593 * 9.81 - 1.0
+    assert rig.normal_force_n == pytest.approx(load_n)
+    assert rig.weight_u == pytest.approx(math.hypot(3.9593 * 0.0981, 0.2) / load_n)
+    gravity, lift = rig.load_shares
+    assert gravity.effect < 0.0 < lift.effect  # a larger load is less friction over it
 
 
 def test_losses_may_be_zero() -> None:

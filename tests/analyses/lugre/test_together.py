@@ -22,6 +22,7 @@ from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
+from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 from rigd_analyses.lugre.together import check_joint, identify_together
@@ -37,7 +38,8 @@ def first_fit(bench: Bench, floor: str, *, current_gain: float = 1.0) -> FirstFi
         replace(trial, motor_current_a=current_gain * trial.motor_current_a)
         for trial in rig.sweep(3, CURRENTS_A)
     ]
-    return fit_group(trials, rig.constants, known_rig(rig.constants))
+    weighed = known_rig(rig.constants, guide_lift=Known(0.0, 0.0))  # no fit narrows the load
+    return fit_group(trials, rig.constants, weighed)
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +106,7 @@ def test_masses_on_one_floor_share_friction(recorded: Path) -> None:
         entry = result.parameter(name)
         assert entry.low is not None and entry.high is not None, name
         assert entry.low <= truth <= entry.high, name
-        assert entry.high - entry.low < 0.02 * truth, name
+        assert entry.high - entry.low < 0.025 * truth, name
     assert next(t for t in result.residual_tests if t.name == "agreement of masses").passed
     assert len({trial.label for trial in result.trials}) == 6
     saved = json.loads(json.dumps(found.to_json(), allow_nan=False))

@@ -19,7 +19,14 @@ from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
 from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, obtained, slip_of
 from rigd_analyses.lugre.model import PARAMETERS, V_S
-from rigd_analyses.lugre.reading import CONSTANTS, DRIVE, FRICTION_MASS, MASS, known_constants
+from rigd_analyses.lugre.reading import (
+    CONSTANTS,
+    DRIVE,
+    FRICTION_MASS,
+    MASS,
+    WITH_MASS,
+    known_constants,
+)
 from rigd_analyses.lugre.rig import sensors as rows
 from rigd_analyses.lugre.rig.parts import LEAST_TRIALS
 from rigd_analyses.lugre.rig.system import FITTED_NAMES
@@ -161,8 +168,8 @@ def subject_of(ground: Ground) -> Subject:
     if FRICTION_MASS in ground.constants:
         share = ground.constants["mass"] / ground.constants[FRICTION_MASS]
     values = dict(ground.constants)
-    values["guide_friction"] *= share
-    values["bearing_torque"] *= share
+    for name in (name for name in WITH_MASS if name in values):
+        values[name] *= share
     settings = saved.get(*SETTINGS)
     given = settings if isinstance(settings, dict) else {}
     wanted = [rows.FITTED + name for name in FITTED_NAMES if name != MASS]

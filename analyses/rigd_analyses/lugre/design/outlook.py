@@ -254,11 +254,11 @@ def _loaded(subject: Subject, load: float) -> Subject:
     old, shared = subject.constants, subject.shared.copy()
     shared[[MASS, GUIDE]] *= load
     shared[NO_LOAD] += (load - 1.0) * old.bearing_torque.value
-    mass, guide, bearing = (
+    mass, guide, bearing, lift = (
         Known(load * known.value, load * known.u)
-        for known in (old.mass, old.guide_friction, old.bearing_torque)
+        for known in (old.mass, old.guide_friction, old.bearing_torque, old.guide_lift)
     )
-    new = replace(old, mass=mass, guide_friction=guide, bearing_torque=bearing)
+    new = replace(old, mass=mass, guide_friction=guide, bearing_torque=bearing, guide_lift=lift)
     return replace(subject, shared=shared, constants=new)
 
 

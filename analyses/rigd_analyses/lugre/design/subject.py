@@ -118,7 +118,6 @@ class Subject:
 
     def target(self, name: str, group: int, size: int) -> DesignTarget:
         """Return a target by its name: a parameter, or g at a slip, such as ``g@50mm/s``."""
-        gravity = self.constants.gravity
         speed = slip_of(name)
         if speed is None:
             quantity = QUANTITIES[name]
@@ -128,7 +127,7 @@ class Subject:
             by_log = friction_gradient(self.theta, at)[0] / friction(self.theta, at)[0]
         gradient = np.zeros(size)
         gradient[:FRICTION] = by_log * slopes(PARAMETERS, self.theta)
-        other = 0.0 if name == STRIBECK_SPEED.name else gravity.u / gravity.value
+        other = 0.0 if name == STRIBECK_SPEED.name else self.constants.weight_u
         return DesignTarget(name, group, gradient, other)
 
     def slip(self, motion: Motion) -> FloatArray:

@@ -29,7 +29,7 @@ class LateralAnalysis(Analysis):
         signals={**LugreAnalysis.needs.signals, "lateral_speed": "m/s"},
         optional_signals=LugreAnalysis.needs.optional_signals,
         constants=(*LugreAnalysis.needs.constants, *DRIVE, *GEOMETRY),
-        optional_constants=("guide_friction_mass", *ROLLERS),
+        optional_constants=("guide_friction_mass", "guide_lift", *ROLLERS),
         constant_units={
             **LugreAnalysis.needs.constant_units,
             **dict.fromkeys(GEOMETRY, "m"),

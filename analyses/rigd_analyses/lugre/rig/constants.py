@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from rigd.analysis import DataError
+from rigd.analysis.estimates import Share
 
 #: Unit of each constant, and whether it may be zero.
 CONSTANTS = {
@@ -23,6 +24,7 @@ CONSTANTS = {
     "wheel_inertia": ("kg m^2", False),
     "bearing_torque": ("N m", True),
     "roller_transitions": ("per turn", True),
+    "guide_lift": ("N", True),
 }
 #: The same units as rigd reads them; a number per turn has none.
 UNITS = {name: "1" if unit in ("", "per turn") else unit for name, (unit, _) in CONSTANTS.items()}
@@ -36,11 +38,15 @@ class Known:
     u: float
 
 
+NOTHING = Known(0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class RigConstants:
     """Constants in SI. ``guide_friction`` is that at ``mass``; the rest as in lugre.md section 3.
 
-    ``bearing_torque`` is the dry torque of the wheel's bearings under the load at hand.
+    ``bearing_torque`` is the dry torque of the wheel's bearings under the load at hand,
+    ``guide_lift`` the force of the guide that lifts the carriage off its wheel, of either sign.
     """
 
     mass: Known
@@ -57,6 +63,7 @@ class RigConstants:
     wheel_inertia: Known
     bearing_torque: Known
     roller_transitions: float
+    guide_lift: Known = NOTHING
 
     def __post_init__(self) -> None:
         """Check each constant.
@@ -68,18 +75,38 @@ class RigConstants:
             known = getattr(self, field.name)
             value, u = (known.value, known.u) if isinstance(known, Known) else (known, 0.0)
             unit, may_be_zero = CONSTANTS[field.name]
-            if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
+            if field.name != "guide_lift" and not (
+                math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))
+            ):
                 least = "must be 0 or more" if may_be_zero else "must be above 0"
                 raise _refused(f"{field.name} is {value:g} {unit}".rstrip() + f", {least}")
             if not (math.isfinite(u) and u >= 0.0):
                 raise _refused(f"the uncertainty of {field.name} is {u:g}, must be 0 or more")
+        refuse_lift(self.guide_lift.value, self.mass.value * self.gravity.value)
         if self.gear_efficiency.value > 1.0:
             raise _refused(f"gear_efficiency is {self.gear_efficiency.value:g}, must be at most 1")
 
     @property
     def normal_force_n(self) -> float:
-        """Return the weight on the wheel in N (Eq. 25: F_r1 + F_r2 = m_T g)."""
-        return self.mass.value * self.gravity.value
+        """Return the load on the wheel in N: m_T g of Eq. 25, less the lift of the guide."""
+        return self.mass.value * self.gravity.value - self.guide_lift.value
+
+    @property
+    def load_shares(self) -> tuple[Share, ...]:
+        """Return what is not known of the load, as effects on the logarithm of all friction.
+
+        Friction is traction over load: a load that is larger makes it smaller.
+        """
+        gravity, lift, load_n = self.gravity, self.guide_lift, self.normal_force_n
+        return (
+            Share("gravity", gravity.value, gravity.u, -self.mass.value * gravity.u / load_n),
+            Share("guide_lift", lift.value, lift.u, lift.u / load_n),
+        )
+
+    @property
+    def weight_u(self) -> float:
+        """Return the relative standard uncertainty of the load on the wheel."""
+        return math.hypot(*(share.effect for share in self.load_shares))
 
     @property
     def drive_gain(self) -> Known:
@@ -106,6 +133,16 @@ class RigConstants:
         motor = _product(self.motor_inertia, self.gear_efficiency, self.gear_ratio, self.gear_ratio)
         u = math.hypot(motor.u, self.wheel_inertia.u)
         return Known(motor.value + self.wheel_inertia.value, u)
+
+
+def refuse_lift(lift_n: float, weight_n: float) -> None:
+    """Refuse a lift of the guide that is no share of the weight.
+
+    Raises:
+        DataError: it is.
+    """
+    if not abs(lift_n) < weight_n:
+        raise _refused(f"guide_lift is {lift_n:g} N, must be below the weight, {weight_n:.4g} N")
 
 
 def _refused(message: str) -> DataError:

@@ -33,7 +33,6 @@ from rigd_analyses.lugre.quantities import (
     height_gradient,
 )
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.system import (
     RigSystem,
 )
@@ -41,7 +40,8 @@ from rigd_analyses.lugre.rig.system import (
 WINDOW_S = 0.021  #: least filter of the current
 FRICTION = len(PARAMETERS)
 UNEXPLAINED = "what varies or is not explained"  #: in a budget
-NO_DOUBT = Known(1.0, 0.0)
+#: Of the load: what its shares are called in a budget.
+OF_THE_LOAD = {"gravity": "gravity", "guide_lift": "what the guide bears"}
 HEIGHT = Quantity(
     "mu_s-mu_c", "μ_s - μ_c", "1", "height of the Stribeck effect", height, height_gradient
 )
@@ -71,7 +71,7 @@ class Found:
     visited: tuple[float, float]
     gate: Gate
     tests: tuple[ResidualTest, ...] = ()
-    gravity: Known = NO_DOUBT  #: friction is force over weight
+    load: tuple[Share, ...] = ()  #: of its constants, on the logarithm of friction over it
     #: (6,) or longer, scaled: of what is left unexplained, and of what explains as much
     shifts: tuple[FloatArray, ...] = ()
     without: FloatArray = field(  #: (trials, p), scaled: steps without each trial, if named
@@ -81,8 +81,8 @@ class Found:
 
     @property
     def weight_u(self) -> float:
-        """Relative standard uncertainty of gravity."""
-        return self.gravity.u / self.gravity.value
+        """Relative standard uncertainty of the load on the wheel."""
+        return math.hypot(*(share.effect for share in self.load))
 
     @property
     def theta(self) -> FloatArray:
@@ -109,7 +109,7 @@ class Found:
         return math.hypot(max(alone.ridge(quantity)) / Z_95, self.weight(quantity))
 
     def weight(self, quantity: Quantity) -> float:
-        """Return what gravity adds: all but V_s are forces over the weight."""
+        """Return what the load adds: all but V_s are forces over it."""
         return 0.0 if quantity.name == "V_s" else self.weight_u
 
     def method(self, quantity: Quantity) -> float:
@@ -168,7 +168,7 @@ class Found:
         """Return the standard error of the logarithm over that of the curvature alone, 1 or more.
 
         A profile rises with the curvature: by the square of this it rises too fast. The doubt in
-        gravity, by which all friction grows alike, is left out. Infinite for a quantity that is 0.
+        the load, by which all friction grows alike, is left out. Infinite for a quantity that is 0.
         """
         if quantity.value(self.theta[:FRICTION]) <= 0.0:  # at mu_s = mu_c, on the bound
             return math.inf
@@ -190,15 +190,14 @@ class Found:
             **{name: math.sqrt(share) for name, share in shares.items()},
             "filter of the current": self.filters(quantity),
             UNEXPLAINED: self.unexplained(by_natural),
-            "gravity": self.weight(quantity),
+            **self._of_the_load(quantity),
         }
 
     def shares(self, quantity: Quantity) -> tuple[Share, ...]:
         """Return what stated constants add to the logarithm, each if it is 1 u larger."""
         gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
-        known, weight = self.gravity, self.weight(quantity)
-        gravity = (Share("gravity", known.value, known.u, -weight),) if weight else ()
-        return (*self.whole.shares(gradient), *gravity)
+        load = [share for share in self.load if share.effect and quantity.name != "V_s"]
+        return (*self.whole.shares(gradient), *load)
 
     def owed(self, quantity: Quantity, spread: float) -> str:
         """Return which constant keeps a quantity from being known; empty if none does.
@@ -207,9 +206,16 @@ class Found:
         """
         gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
         owed = owed_to_constants(
-            self.whole, gradient, spread, UNIDENTIFIABLE_LOG_SD, {"gravity": self.weight(quantity)}
+            self.whole, gradient, spread, UNIDENTIFIABLE_LOG_SD, self._of_the_load(quantity)
         )
         return "" if owed is None else owed.sentence
+
+    def _of_the_load(self, quantity: Quantity) -> dict[str, float]:
+        """Return the standard deviations of the logarithm by what the load is made of."""
+        if quantity.name == "V_s":
+            return dict.fromkeys(OF_THE_LOAD.values(), 0.0)
+        found = {OF_THE_LOAD[share.constant]: abs(share.effect) for share in self.load}
+        return dict.fromkeys(OF_THE_LOAD.values(), 0.0) | found
 
     def _padded(self, by_natural: FloatArray) -> FloatArray:
         gradient = np.zeros(len(self.theta))
@@ -230,7 +236,8 @@ def beside(scans: Mapping[str, ProfileScan]) -> tuple[Beside, ...]:
     threshold = float(chi2.ppf(0.95, 2 if is_open else 1))
     found = []
     for line in scans.values():
-        for k in np.flatnonzero(line.statistic <= max(threshold, line.slack * line.threshold)):
+        accepted = line.statistic <= max(threshold, line.slack * line.threshold)
+        for k in map(int, np.flatnonzero(accepted)):
             reach = math.sqrt(max(threshold - float(line.statistic[k]), 0.0))
             inverse = line.held(k)[:FRICTION, :FRICTION]
             found.append(Beside(line.thetas[k, :FRICTION], inverse, reach))

@@ -226,7 +226,7 @@ def with_intervals(
         others.append(again.theta)
     found = Found(
         whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
-        first.constants.gravity, shifts, beside=beside(scans),
+        first.constants.load_shares, shifts, beside=beside(scans),
     )  # fmt: skip
     if gate.outcome is FitOutcome.CORRECTED:
         found = replace(found, without=without_each_trial(whole))

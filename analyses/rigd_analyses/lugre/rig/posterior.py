@@ -18,7 +18,7 @@ def friction_posterior(found: Found, given: frozenset[str], seed: int) -> Poster
     """Return the posterior of the six friction parameters, all other unknowns eliminated.
 
     ``given`` are the names that the table gives a number for. What the intervals of the table
-    hold besides the likelihood, filter of the current and gravity, is joined here too.
+    hold besides the likelihood, filter of the current and load, is joined here too.
     """
     ridge = [
         point

@@ -101,7 +101,7 @@ class SlipObserver(ObserverModel):
     )
     constants: ClassVar[Mapping[str, str]] = UNITS
     optional_constants: ClassVar[frozenset[str]] = frozenset(
-        ("no_load_viscous", "bearing_torque", "roller_transitions")
+        ("no_load_viscous", "bearing_torque", "roller_transitions", "guide_lift")
     )
 
     @classmethod
