@@ -170,6 +170,23 @@ def test_constant_is_named_not_a_law_without_size() -> None:
     assert first.stated is not None
 
 
+def test_guide_that_bears_weight_is_within_intervals() -> None:
+    """Half of what the guide rubs, 0.4 % of the weight: sigma_2 was off by 2 half widths."""
+    base = right("pvc")
+    share = base.rig.guide_friction.value / (base.rig.mass.value * base.rig.gravity.value)
+    world = replace(base, physics=base.physics._replace(guide_bears=0.5 * share))
+    result = found(world, CONSTANT)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.FITS
+    for name, truth in world.truth.items():
+        entry = result.parameter(name)
+        assert entry.low is not None and entry.high is not None, name
+        assert entry.low <= truth <= entry.high, name
+    assert result.budget["sigma_2"]["what the guide bears"] == pytest.approx(
+        share / math.sqrt(3.0), rel=0.01
+    )
+
+
 def test_scale_of_an_encoder_is_named_beside_radius() -> None:
     """A longer measured way is a larger wheel: the data hardly tell which, and both leave g."""
     world = right("stone")
