@@ -35,11 +35,14 @@ TINY_STEP = 1e-9  #: in scaled coordinates
 LEAST_VARIANCE = 1e-24
 UNDETERMINED_SD = 0.05  #: to begin with, if the information has no value
 CLEAR = 5.0  #: times an interval: no effect is that far from what was found
+NEXT = 0.3  #: of the way to an end, beyond which another branch is looked for
 FAR_OUT = 20.0  #: root of the statistic that counts at most
 
 
 #: Returns natural parameters (p,) near a ridge, of a point on it and of another value (scaled).
 Bend = Callable[[FloatArray, float], FloatArray]
+#: Returns natural parameters (p,) of another branch that have a value (scaled); None: none has.
+Branch = Callable[[float], "FloatArray | None"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +158,7 @@ def follow(
     confidence: float = 0.95,
     none: float | None = None,
     bend: Bend | None = None,
+    branch: Branch | None = None,
 ) -> ProfileScan:
     """Return the profile of ``direction @ scaled`` to the crossing of the threshold, in few refits.
 
@@ -167,7 +171,8 @@ def follow(
     other optima (natural parameters (p,)): if one is accepted too, the interval reaches around it.
     ``none`` is a value that stands for no effect: it has a refit too, unless it is further from the
     best than ``CLEAR`` times the end on its side. ``bend`` gives the begin of each refit along a
-    ridge that is known not to be straight.
+    ridge that is known not to be straight. ``branch`` is one that no path from the best may reach:
+    if it is accepted a little beyond an end, the interval goes on along it.
     """
     threshold = float(chi2.ppf(confidence, 1))
     path = _Path(model, best, direction, inverse, limits, threshold, bend)
@@ -184,6 +189,17 @@ def follow(
             point = path.refit(value, start, elsewhere=True)
             if point.statistic <= threshold:
                 ends[side > 0] = path.end(point, side)
+    for side in (-1, 1):
+        end = ends[side > 0]
+        if branch is None or end is None or path.better is not None:
+            continue
+        value = float(np.clip(end + NEXT * (end - begin.value), *limits))
+        there = branch(value)
+        if there is None:
+            continue
+        point = path.refit(value, to_scaled(model.parameters, there), elsewhere=True)
+        if point.statistic <= threshold:
+            ends[side > 0] = path.end(point, side)
     if none is not None and path.better is None:
         end = ends[none > begin.value]
         near = end is None or abs(none - begin.value) < CLEAR * abs(end - begin.value)

@@ -148,6 +148,22 @@ def test_second_branch_is_followed_from_any_touching_origin() -> None:
     assert both.low == pytest.approx(-both.high, abs=0.05)
 
 
+def test_interval_goes_on_along_another_branch() -> None:
+    """The optimum of that branch is not known: only that it exists."""
+    model, inverse = TwoBranches(), np.diag([0.25, 0.01])
+    left = fit(model, np.array([-1.0, -1.0]))
+    limits = (-3.0, 3.0)
+    alone = follow(model, left, axis(2, 0), inverse, limits)
+    assert alone.high is not None and alone.high < 0.0
+    both = follow(
+        model, left, axis(2, 0), inverse, limits,
+        branch=lambda x: np.array([x, 1.0]) if x > -1.5 else None,
+    )  # fmt: skip
+    assert both.high is None or both.high > 1.0  # None: a refit that has not converged ends none
+    assert np.max(both.accepted[:, 1]) > 0.9
+    assert both.low == pytest.approx(alone.low, abs=1e-6)
+
+
 def test_crossing_accepts_all_between_the_outermost_points() -> None:
     grid = np.arange(7.0)
     low, high = crossing(grid, np.array([16.0, 1.0, 9.0, 9.0, 0.0, 1.0, 16.0]), 4.0)

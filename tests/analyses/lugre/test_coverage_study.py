@@ -59,7 +59,7 @@ def test_rigs_differ_in_friction_constants_and_starts(floor: str, tmp_path: Path
         known = getattr(parameters.floors, floor)
         # Of a load that the guide changes by its friction at most.
         lifted = known.sigma_0 / rig.truth["sigma_0"]
-        most = plan.constants["guide_friction"] / (plant.mass * 9.81)
+        most = float(plan.constants["guide_friction"]) / (plant.mass * 9.81)
         assert 0.0 <= abs(lifted - 1.0) <= 1.001 * most
         assert (lifted == 1.0) == (rig.number == 0)
         assert known.mu_static / rig.truth["mu_s"] == pytest.approx(lifted, rel=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -65,9 +66,9 @@ from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import (
     along_ridge,
     bent,
-    beyond,
     effect_shown,
     on_ridge,
+    unseen,
     without_effect,
 )
 from rigd_analyses.lugre.rig.system import (
@@ -85,6 +86,7 @@ SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
 OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
 BASINS = 3  #: optima of method A that output error starts from
 OTHER_BASIN = 0.3  #: in scaled coordinates
+LN_2 = math.log(2.0)
 OTHER_ITERATIONS = 3  #: with another filter; the optimum is near
 
 
@@ -359,17 +361,24 @@ def profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, P
     if speed >= visited[0]:
         lines["mu_s"] = (axis(count, MU_C) + axis(count, RATIO), MU_C)
     ridge = on_ridge(whole)
-    far = (
-        dict(zip(("mu_c", "mu_s"), beyond(whole.fit.theta, visited), strict=True)) if ridge else {}
-    )
+    theta = whole.fit.theta
+    there = math.log(float(friction(theta[:FRICTION], np.array([visited[1]]))[0]))
+    # Half of mu_c and twice mu_s may fit as well.
+    far = {"mu_c": (MU_C, there - LN_2), "mu_s": (RATIO, there + LN_2)} if ridge else {}
     scans = {}
     for name, (direction, index) in lines.items():
-        others = (*whole.others, far[name]) if name in far else whole.others
+        others, branch = whole.others, None
+        if name in far:
+            place, value = far[name]
+            branch = unseen(theta, visited, place)
+            point = branch(value)
+            others = others if point is None else (*others, point)
         scans[name] = follow(
             whole.model, whole.fit, direction, whole.inverse,
             (float(low[index]), float(high[index])), others=others,
             none=0.0 if name == "ratio" else None,
             bend=bent if name == "V_s" and ridge else None,
+            branch=branch,
         )  # fmt: skip
         if scans[name].better is not None:
             return scans

@@ -7,7 +7,7 @@ mu_c and mu_s. The ridge is bent, and a straight line from a fit soon leaves it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from rigd_analyses.lugre.rig.found import FRICTION
 SHOWN = 0.999  #: level at which the data show a Stribeck effect
 RIDGE_M_S = (5e-3, 5e-2, 0.5)  #: V_s of starts along the ridge
 KEPT_M_S = (5e-3, 0.1)  #: slips whose friction they keep
+FAR = 10.0  #: V_s over the end of the slip, or the other way round
 KNOWN_SD = 0.1  #: standard deviation of ln V_s below which there is no ridge
 
 
@@ -55,27 +56,33 @@ def with_speed(theta: FloatArray, speed: float) -> FloatArray:
     return out
 
 
-def beyond(theta: FloatArray, visited: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return points (p,) with half of mu_c, and with twice mu_s, that may fit as well.
+def unseen(
+    theta: FloatArray, visited: tuple[float, float], index: int
+) -> Callable[[float], FloatArray | None]:
+    """Return the branch of a profile on which V_s is beyond the ``visited`` slip in m/s, or below.
 
-    With V_s far above, or below, the ``visited`` slip in m/s friction hardly changes within it, and
-    one of the two is g where no data are. No path leads there from a fit with mu_s = mu_c, at
-    which V_s means nothing.
+    Of the logarithm of mu_c (``MU_C``) it has V_s above, of that of mu_s (``RATIO``) V_s below, and
+    the same friction at the end of the slip: within the slip it hardly changes, and one of the two
+    is g where no data are. No path may lead there from a fit with V_s elsewhere, or with mu_s =
+    mu_c, at which V_s means nothing.
     """
-    friction_there = float(friction(theta[:FRICTION], np.array([visited[1]]))[0])
-    out = []
-    for index, share, speed in ((MU_C, 0.5, 10.0 * visited[1]), (RATIO, 2.0, 0.1 * visited[1])):
+    there = float(friction(theta[:FRICTION], np.array([visited[1]]))[0])
+
+    def point(value: float) -> FloatArray | None:
+        held = math.exp(value)
+        speed = (FAR if index == MU_C else 1.0 / FAR) * visited[1]
         fallen = math.exp(-math.sqrt(visited[1] / speed))
         if index == MU_C:
-            coulomb = share * friction_there
-            static = coulomb + (friction_there - coulomb) / fallen
+            coulomb, static = held, held + (there - held) / fallen
         else:
-            static = share * friction_there
-            coulomb = (friction_there - static * fallen) / (1.0 - fallen)
-        point = theta.copy()
-        point[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
-        out.append(point)
-    return out[0], out[1]
+            coulomb, static = (there - held * fallen) / (1.0 - fallen), held
+        if not 0.0 < coulomb <= static:
+            return None
+        out = theta.copy()
+        out[[V_S, MU_C, RATIO]] = speed, coulomb, math.log(static / coulomb)
+        return out
+
+    return point
 
 
 def bent(theta: FloatArray, value: float) -> FloatArray:
