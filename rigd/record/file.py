@@ -142,7 +142,7 @@ class RecordingFile:
         try:
             self._replace([*parts, tail])
         except OSError as error:
-            raise write_error(self.path, error) from error
+            raise write_error(self.path, error, begun=True) from error
         self._sealed, self._crc = seal_at, seal_crc
         self._tail, self._open_size = tail, len(opened)
 
@@ -155,7 +155,7 @@ class RecordingFile:
         try:
             sync_data(self._fd)
         except OSError as error:
-            raise write_error(self.path, error) from error
+            raise write_error(self.path, error, begun=True) from error
 
     def close(self) -> None:
         """Close the file; silent the second time. The journal stays if the file is damaged."""
@@ -225,15 +225,18 @@ def lock(fd: int, path: Path) -> None:
         )
 
 
-def write_error(path: Path, error: OSError) -> RecordingError:
-    """Return the message for the user if the system refuses to write ``path``."""
+def write_error(path: Path, error: OSError, *, begun: bool = False) -> RecordingError:
+    """Return the message for the user if the system refuses to write ``path``.
+
+    ``begun``: it holds a run already, which can be continued.
+    """
+    todo = "Its folder must be there and yours to write"
     if error.errno in _FULL:
-        todo = "Free space on that disk or record elsewhere"
-    else:
-        todo = "Its folder must be there and yours to write"
+        todo = "Free space on that disk" + ("" if begun else " or record elsewhere")
+    rest = f", and `rigd run --resume {quote(str(path))}` plays what is missing" if begun else ""
     return RecordingError(
         f"cannot write {path}: {error.strerror}",
-        hint=f"{todo}; the data flushed before are readable.",
+        hint=f"{todo}; the data flushed before are readable{rest}.",
     )
 
 

@@ -297,6 +297,7 @@ def test_full_disk_is_reported_and_no_row_released(bench: Bench) -> None:
     with pytest.raises(RecordingError, match=r"cannot write .*run\.mcap: File too large") as caught:
         bench.recorder.finish()
     assert "Free space" in (caught.value.hint or "")
+    assert f"rigd run --resume {bench.job.recording}" in (caught.value.hint or "")
     assert run_info(Recording.open(bench.job.recording)).state == "interrupted"
     # There is room again: the next start, or `rigd recover`, adds what the rings still hold.
     drain_leftovers(bench.folder)
