@@ -53,6 +53,12 @@ def analysis_of(
     return analysis
 
 
+def not_given(plan: IdentifyPlan, analysis: type[Analysis], rig: RigConfig) -> tuple[str, ...]:
+    """Return the constants that ``rig`` states and ``analysis`` takes, and ``plan`` leaves out."""
+    names = analysis.needs.optional_constants
+    return tuple(name for name in names if name in rig.constants and name not in plan.constants)
+
+
 def check_plan(
     plan: IdentifyPlan,
     analysis: type[Analysis],

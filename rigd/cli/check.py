@@ -252,18 +252,24 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     procedure = load_procedure(given)
     if rig is None:
         return "a procedure with right keys; give --rig to check it against a rig"
-    from rigd.analysis.plan import analysis_of
+    from rigd.analysis.plan import analysis_of, not_given
     from rigd.config.following import unseen_levels
     from rigd.procedure.compile import compile_procedure
 
     compiled = compile_procedure(procedure, rig, {})
+    left_out = ""
     if compiled.identify is not None:
-        analysis_of(
+        analysis = analysis_of(
             compiled.identify,
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,
             compiled.on(rig),
             compiled.record,
+        )
+        left_out = "".join(
+            f"\n  the rig states {name}, which model {compiled.identify.model} takes: give it as "
+            f"`{name}: ${{rig.{name}}}` under `identify: constants:`, or it does not count"
+            for name in not_given(compiled.identify, analysis, rig)
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"
@@ -272,9 +278,8 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
         f"\n  {text}" for text in unseen_levels(compiled.on(rig), compiled.constant_levels())
     )
     lacking = _lacking_sibling(compiled, rig)
-    return (
-        f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right{unseen}{lacking}"
-    )
+    title = titled(compiled.name, found)
+    return f"procedure {title}, {trials} on {rig.name}: right{left_out}{unseen}{lacking}"
 
 
 def _lacking_sibling(procedure: CompiledProcedure, rig: RigConfig) -> str:

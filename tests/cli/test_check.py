@@ -192,6 +192,21 @@ def test_setpoint_that_interlock_cannot_see_is_named(capsys: pytest.CaptureFixtu
     assert "wheel_servo.current is 0.15 A there, within its band of 0.2 A" in out
 
 
+def test_constant_that_procedure_leaves_out_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (shipped_folder("configs") / "sim_lugre.yaml").read_text("utf-8")
+    assert text.count("\nconstants:\n") == 1
+    weighed = "\nconstants:\n  guide_lift: {value: 0.3 N, u: 0.02 N}\n"
+    rig = tmp_path / "mine.yaml"
+    rig.write_text(text.replace("\nconstants:\n", weighed), "utf-8")
+    code, out, _ = check("constant_current", "--rig", str(rig), capsys=capsys)
+    assert code == 0
+    assert "the rig states guide_lift, which model lugre takes: give it as" in out
+    _, out, _ = check("constant_current", "--rig", "lugre-1", capsys=capsys)
+    assert "guide_lift" not in out
+
+
 def test_derived_channels_count_as_no_device(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
