@@ -174,7 +174,7 @@ def test_trial_with_gaps_is_excluded_others_are_fitted(light: Trials) -> None:
         identify([(gappy, trial) for _, trial in light], Options(starts=2))
 
 
-def test_lift_of_the_guide_is_as_large_as_its_friction(light: Trials) -> None:
+def test_unstated_lift_is_as_large_as_guide_friction(light: Trials) -> None:
     """A guide that rubs along the travel may rub as much up or down (GUM 4.3.7)."""
     _, constants = arrays(light)
     lift = rig_constants(light, constants).guide_lift
