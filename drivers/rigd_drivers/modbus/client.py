@@ -15,7 +15,7 @@ from rigd_drivers.modbus.transport import Transport
 #: How long opening a connection may take, in s.
 OPEN_S: Final = 2.0
 #: How often, and for how many s, :meth:`Client.ask` asks before it gives up, and at most.
-TRIES: Final = 3
+TRIES: Final = 5
 TRYING_S: Final = 1.0
 ASK_S: Final = 3.0
 
@@ -92,7 +92,7 @@ class Client:
     def ask(self, request: Request, within_s: float = ASK_S) -> tuple[int, ...]:
         """Wait for the answer to ``request``: the registers read, none after a write.
 
-        A request under way is waited out first. A failed one is made again, three times and for a
+        A request under way is waited out first. A failed one is made again, five times and for a
         second: this computer may stall, and the device may be busy.
 
         Raises:
