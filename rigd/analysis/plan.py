@@ -1,4 +1,4 @@
-"""Checks that the `identify` plan of a procedure gives its analysis all that this analysis needs.
+"""Judges a procedure against a rig and the analysis that its `identify` plan names.
 
 Importing this module loads no large library.
 """
@@ -13,11 +13,42 @@ from rigd.analysis.analysis import Analysis, ChecksTrials
 from rigd.config.registry import ANALYSES, find, installed
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import parse_unit
-from rigd.procedure.program import IdentifyPlan
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import Procedure
+from rigd.procedure.program import CompiledProcedure, IdentifyPlan
+from rigd.procedure.sweep import MAX_SIZE
 from rigd.sdk.analysis import ANY_UNIT
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
+
+
+def judged(
+    procedure: Procedure,
+    rig: RigConfig,
+    overrides: Mapping[str, str] | None = None,
+    *,
+    done: Collection[int] = (),
+    most: int = MAX_SIZE,
+) -> CompiledProcedure:
+    """Return ``procedure`` for ``rig``, compiled, and its plan checked against its analysis.
+
+    This is the one judgement of a procedure: of a run, a dry run, a check, and of a daemon. The
+    arguments are those of :func:`compile_procedure`.
+
+    Raises:
+        ConfigError: the procedure does not fit the rig, its sibling or its analysis.
+    """
+    compiled = compile_procedure(procedure, rig, overrides, done=done, most=most)
+    if compiled.identify is not None:
+        analysis_of(
+            compiled.identify,
+            procedure.document.key_place(("identify",)),
+            compiled.trials[0].parameters,
+            compiled.on(rig),
+            compiled.record,
+        )
+    return compiled
 
 
 def analysis_of(

@@ -165,24 +165,20 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
 
 def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     """Run the procedure; return the recording, and how the run ended."""
-    from rigd.analysis.plan import analysis_of, calibrating
+    from rigd.analysis.plan import analysis_of, calibrating, judged
     from rigd.cli.playing import conclusion_of, record
     from rigd.daemon.execute import RunRequest
     from rigd.model.errors import ConfigError
-    from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
     source = load_procedure(args.procedure)
     overrides = options.read_assignments(args.set)
-    procedure = compile_procedure(source, rig, overrides)
-    plan, place = procedure.identify, source.document.key_place(("identify",))
-    if (
-        plan is None
-        or not analysis_of(plan, place, procedure.trials[0].parameters, procedure.on(rig)).measures
-    ):
+    procedure = judged(source, rig, overrides)
+    plan = procedure.identify
+    if plan is None or not analysis_of(plan).measures:
         raise ConfigError(
             f"procedure {procedure.name} calibrates nothing",
-            place=place,
+            place=source.document.key_place(("identify",)),
             hint=(
                 f"its `identify:` block names no model that calibrates: {', '.join(calibrating())}"
             ),

@@ -252,20 +252,13 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     procedure = load_procedure(given)
     if rig is None:
         return "a procedure with right keys; give --rig to check it against a rig"
-    from rigd.analysis.plan import analysis_of, not_given
+    from rigd.analysis.plan import analysis_of, judged, not_given
     from rigd.config.following import unseen_levels
-    from rigd.procedure.compile import compile_procedure
 
-    compiled = compile_procedure(procedure, rig, {})
+    compiled = judged(procedure, rig)
     left_out = ""
     if compiled.identify is not None:
-        analysis = analysis_of(
-            compiled.identify,
-            procedure.document.key_place(("identify",)),
-            compiled.trials[0].parameters,
-            compiled.on(rig),
-            compiled.record,
-        )
+        analysis = analysis_of(compiled.identify)
         left_out = "".join(
             f"\n  the rig states {name}, which model {compiled.identify.model} takes: give it as "
             f"`{name}: ${{rig.{name}}}` under `identify: constants:`, or it does not count"

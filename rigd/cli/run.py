@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -125,8 +123,6 @@ def execute(args: argparse.Namespace) -> int:
 def _execute(args: argparse.Namespace) -> int:
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
-    from rigd.daemon.calibration import needed, unusable
-    from rigd.daemon.execute import day_of
     from rigd.daemon.requested import requested
     from rigd.daemon.resume import read_resume_point
     from rigd.model.errors import ConfigError
@@ -179,8 +175,7 @@ def _execute(args: argparse.Namespace) -> int:
                 f"{', '.join(without_effect)}",
                 file=sys.stderr,
             )
-        unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
-        return _dry_run(request, unfit, as_json=args.json)
+        return _dry_run(request, as_json=args.json)
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
 
@@ -196,16 +191,15 @@ def _without_effect(args: argparse.Namespace) -> list[str]:
     return [option for option, is_given in given.items() if is_given]
 
 
-def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:
-    """Play and print the dry run; ``unfit`` is why the calibration would block the run."""
+def _dry_run(request: RunRequest, *, as_json: bool) -> int:
+    """Play and print the dry run."""
     from rigd.cli.dry_run_view import dry_run_json, print_dry_run
-    from rigd.dry_run import dry_run
+    from rigd.daemon.rehearsal import rehearse
     from rigd.model.errors import Exit
 
     if not as_json:
         print(f"dry run: {request.title}", flush=True)
-    found = dry_run(request.procedure, request.rig, request.seed)
-    found = replace(found, refusals=(*found.refusals, *unfit))
+    found = rehearse(request.procedure, request.rig, request.seed, request.start_ns)
     if as_json:
         print(json.dumps(dry_run_json(found), indent=2))
     else:

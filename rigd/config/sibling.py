@@ -48,7 +48,12 @@ class Sibling:
             elif name in self.rig.devices:
                 devices[name] = replace(self.rig.devices[name], limits=device.limits)
         return replace(
-            rig, plant=self.rig.plant, devices=devices, links=self.rig.links, simulation=None
+            rig,
+            plant=self.rig.plant,
+            devices=devices,
+            links=self.rig.links,
+            simulation=None,
+            sibling=None,
         )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rigd.analysis.plan import analysis_of
+from rigd.analysis.plan import judged
 from rigd.config.lab import stated_specimen
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute, perform
@@ -17,7 +17,6 @@ from rigd.engine.control import Control
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, Exit
 from rigd.model.extras import require
-from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
 from rigd.record.compression import Compression
@@ -63,19 +62,11 @@ def requested(
     source = load_procedure(procedure, texts.get("procedure.yaml"))
     done = frozenset[int]() if resume is None else resume.done
     unplayed = left_out(loaded, pace, done)
-    compiled = compile_procedure(source, loaded, overrides, done=unplayed)
+    compiled = judged(source, loaded, overrides, done=unplayed)
     if resume is not None:
         resume.check_same("procedure.yaml", source.file.text)
         resume.check_same("rig.yaml", loaded.source.text)
         resume.check_specimen(about.specimen)
-    if compiled.identify is not None:
-        analysis_of(
-            compiled.identify,
-            source.document.key_place(("identify",)),
-            compiled.trials[0].parameters,
-            compiled.on(loaded),
-            compiled.record,
-        )
     if seed is None:
         seed = SEED if resume is None else resume.seed
     return RunRequest(

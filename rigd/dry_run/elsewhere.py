@@ -24,6 +24,7 @@ from rigd.procedure.program import (
     Step,
     Until,
 )
+from rigd.procedure.prompts import change_problem, changeable_plants
 
 
 def for_sibling(
@@ -34,7 +35,8 @@ def for_sibling(
     Also the number of its faults, which are left out.
 
     Raises:
-        Blocked: the sibling lacks channels, words of status or settings that the procedure uses.
+        Blocked: the sibling lacks channels or words of status that the procedure uses, or its plant
+            cannot follow an answer.
     """
     fitting = _Fitting(rig, real)
     trials = tuple(
@@ -48,16 +50,16 @@ def for_sibling(
         finish=fitting.steps(procedure.finish),
     )
     fitting.derived(procedure.derived)
+    reasons = list(fitting.refused)
     if fitting.lacks:
         names = ", ".join(fitting.lacks)
-        raise Blocked(
-            [
-                f"procedure {procedure.name} uses {names}, and the sibling has not\n"
-                "  add what is missing to the sibling, or remove `sibling` from the rig file: "
-                "without it a dry run computes no physics"
-            ],
-            "nothing is played",
+        reasons.append(
+            f"procedure {procedure.name} uses {names}, and the sibling has not\n"
+            "  add what is missing to the sibling, or remove `sibling` from the rig file: "
+            "without it a dry run computes no physics"
         )
+    if reasons:
+        raise Blocked(reasons, "nothing is played")
     return fitted, fitting.faults
 
 
@@ -67,6 +69,7 @@ class _Fitting:
     real: RigConfig
     faults: int = 0
     lacks: dict[str, None] = field(default_factory=dict)  #: in order, each once
+    refused: dict[str, None] = field(default_factory=dict)  #: why a plant cannot follow answers
     _known: dict[int, Segment] = field(default_factory=dict)  #: by what the procedure keeps alive
 
     def steps(self, steps: tuple[Step, ...]) -> tuple[Step, ...]:
@@ -106,9 +109,9 @@ class _Fitting:
             self._need(agrees.channel)
             stable = None if agrees.stable is None else self._status(agrees.stable)
             agrees = replace(agrees, stable=stable)
-        settings = self.rig.settings or {}
-        if prompt.changes is not None and prompt.changes not in settings:
-            self.lacks[f"the setting {prompt.changes} of its plant"] = None
+        for plant in changeable_plants(self.rig):
+            if (problem := change_problem(prompt, plant)) is not None:
+                self.refused[f"prompt {prompt.name!r}: {problem.message}"] = None
         return replace(prompt, until=self._until(prompt.until), agrees=agrees)
 
     def _until(self, until: Until) -> Until:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Final
 
 from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.config.sibling import read_sibling
+from rigd.model.errors import ConfigError
 from rigd.model.limits import rounded_to
 from rigd.model.units import format_quantity, meant_unit, parse_unit
 from rigd.procedure.agreement import inside
@@ -18,6 +22,7 @@ from rigd.procedure.expression import Number, Scope
 from rigd.procedure.program import Agreement, AnswerKind, Prompt, StatusCondition, Until
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import AgreesSource, PromptSource
+from rigd.sdk.setting import Setting
 
 #: The word for a device's report that its reading has come to rest.
 STABLE: Final = "stable"
@@ -25,13 +30,40 @@ STABLE: Final = "stable"
 PLANT: Final = "plant"
 
 
+@dataclass(frozen=True)
+class ChangeablePlant:
+    """A simulated plant whose ``settings`` answers can change; ``rig`` is its name in errors."""
+
+    rig: str
+    settings: Mapping[str, Setting]
+
+
+def changeable_plants(rig: RigConfig) -> Iterator[ChangeablePlant]:
+    """Yield each plant that a procedure for ``rig`` plays on: that of the rig, of its sibling.
+
+    A sibling that is wrong is left out: the check of the rig file names what is wrong with it.
+    """
+    if rig.settings is not None:
+        yield ChangeablePlant(rig.name, rig.settings)
+    with suppress(ConfigError):
+        sibling = read_sibling(rig)
+        if sibling is not None and sibling.rig.settings is not None:
+            yield ChangeablePlant(sibling.rig.name, sibling.rig.settings)
+
+
 def read_prompt(
-    reader: Reader, path: KeyPath, source: PromptSource, scope: Scope, rig: RigConfig
+    reader: Reader,
+    path: KeyPath,
+    source: PromptSource,
+    scope: Scope,
+    rig: RigConfig,
+    plants: Sequence[ChangeablePlant],
 ) -> Prompt:
     """Return the prompt at ``path``, with its check; problems are noted.
 
-    Its keys decide the kind of answer: ``unit`` a quantity, ``choices`` a word, ``free_text`` any
-    text, none of them a confirmation.
+    ``plants`` are the :func:`changeable_plants` of ``rig``, if the prompt changes one. Its keys
+    decide the kind of answer: ``unit`` a quantity, ``choices`` a word, ``free_text`` any text, none
+    of them a confirmation.
     """
     prompt = _question(reader, path, source, scope)
     until: Until = ()
@@ -41,7 +73,11 @@ def read_prompt(
     if source.agrees is not None:
         agrees = _agreement(reader, (*path, "agrees"), source.agrees, prompt, scope, rig)
     _check_timeout(reader, path, source)
-    _check_change(reader, path, prompt, rig)
+    for plant in plants:
+        if (problem := change_problem(prompt, plant)) is not None:
+            place = reader.document.place((*path, problem.key))
+            lacks = f"{PLANT}.{prompt.changes}"
+            reader.problems.add(place, problem.message, problem.hint, lacks=lacks)
     timeout_s = reader.time((*path, "timeout"), source.timeout, scope)
     return replace(prompt, until=until, agrees=agrees, timeout_s=timeout_s)
 
@@ -174,28 +210,40 @@ def _agreement(
     return agreement
 
 
-def _check_change(reader: Reader, path: KeyPath, prompt: Prompt, rig: RigConfig) -> None:
-    """Note a planned answer that the plant of the rig cannot follow."""
-    name, settings = prompt.changes, rig.settings
-    if name is None or settings is None:
-        return
-    lacks = f"{PLANT}.{name}"
-    if name not in settings:
-        message = f"the plant of {rig.name} has no {name!r} to change"
-        place = reader.document.place((*path, "changes"))
-        reader.problems.add(place, message, suggest(name, settings), lacks=lacks)
-        return
-    setting, answer = settings[name], prompt.answer
+@dataclass(frozen=True)
+class ChangeProblem:
+    """Why a plant cannot follow the answer of a prompt; ``key`` is that of the prompt."""
+
+    key: str
+    message: str
+    hint: str = ""
+
+
+def change_problem(prompt: Prompt, plant: ChangeablePlant) -> ChangeProblem | None:
+    """Return why ``plant`` cannot follow the planned answer of ``prompt``; None if it can.
+
+    The name of the setting, its unit and its range or choices are compared.
+    """
+    name, answer = prompt.changes, prompt.answer
+    if name is None:
+        return None
+    setting = plant.settings.get(name)
+    if setting is None:
+        message = f"the plant of {plant.rig} has no {name!r} to change"
+        return ChangeProblem("changes", message, suggest(name, plant.settings))
     unit = prompt.unit if prompt.kind is AnswerKind.NUMBER else ""
     if bool(unit) != bool(setting.unit) or not parse_unit(unit).same_kind(parse_unit(setting.unit)):
-        message = f"the prompt asks for {unit or 'a word'}, but {name} takes {setting}"
-        reader.problems.add(reader.document.place((*path, "changes")), message, lacks=lacks)
-    elif isinstance(answer, float | str) and answer == answer:
+        message = (
+            f"the prompt asks for {unit or 'a word'}, but {name} on the plant of {plant.rig} takes "
+            f"{setting}"
+        )
+        return ChangeProblem("changes", message)
+    if isinstance(answer, float | str) and answer == answer:
         try:
             setting.accepted(name, answer)
         except ValueError as error:
-            message = f"{error} on the plant of {rig.name}"
-            reader.problems.add(reader.document.place((*path, "answer")), message, lacks=lacks)
+            return ChangeProblem("answer", f"{error} on the plant of {plant.rig}")
+    return None
 
 
 def _check_timeout(reader: Reader, path: KeyPath, source: PromptSource) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
@@ -25,7 +26,7 @@ from rigd.procedure.program import (
     Step,
     TrialLimit,
 )
-from rigd.procedure.prompts import read_prompt
+from rigd.procedure.prompts import ChangeablePlant, changeable_plants, read_prompt
 from rigd.procedure.reader import Reader
 from rigd.procedure.setpoints import read_setpoint
 from rigd.procedure.source import (
@@ -84,12 +85,17 @@ class StepCompiler:
                 steps.append(CycleProgram(tuple(segments), limits))
                 segments = []
             if isinstance(source, PromptSource):
-                steps.append(read_prompt(self.reader, where, source, scope, self.rig))
+                plants = () if source.changes is None else self._plants
+                steps.append(read_prompt(self.reader, where, source, scope, self.rig, plants))
             else:
                 steps.append(_read_fault(self.reader, where, source, scope, self.rig))
         if segments:
             steps.append(CycleProgram(tuple(segments), limits))
         return tuple(steps)
+
+    @cached_property
+    def _plants(self) -> tuple[ChangeablePlant, ...]:
+        return tuple(changeable_plants(self.rig))
 
     def limits(
         self, path: KeyPath, sources: Mapping[str, TrialLimitSource], scope: Scope

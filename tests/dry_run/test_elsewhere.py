@@ -10,7 +10,7 @@ import pytest
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.dry_run import DryRunResult, dry_run
-from rigd.model import Blocked
+from rigd.model import Blocked, ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import CompiledProcedure, Prompt
@@ -173,8 +173,32 @@ def test_setting_that_sibling_lacks_blocks() -> None:
     assert isinstance(prompt, Prompt)
     other = replace(prompt, changes="humidity")
     trial = replace(procedure.trials[0], steps=(other, *rest))
-    with pytest.raises(Blocked, match="the setting humidity of its plant"):
+    with pytest.raises(Blocked, match=r"prompt 'weight': the plant of .* has no 'humidity'"):
         dry_run(replace(procedure, trials=(trial,)), rig, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("answer: 5 kg", "answer: 500 kg", r"drive.yaml:9:15: load cannot be 500 kg"),
+        ("changes: load", "changes: laod", r"drive.yaml:10:16: the plant .* has no 'laod'"),
+        ("unit: kg\n      answer: 5 kg", "unit: N\n      answer: 5 N",
+         r"drive.yaml:10:16: the prompt asks for N, but load on the plant of .* takes"),
+        ("unit: kg\n      answer: 5 kg", "choices: [low, high]\n      answer: low",
+         r"the prompt asks for a word, but load"),
+    ],
+)  # fmt: skip
+def test_answer_for_real_rig_fits_its_sibling(old: str, new: str, problem: str) -> None:
+    rig = load_rig(CONFIGS / "wire_approach_angle.yaml")
+    real = replace(rig, simulation=None)
+    simulated = load_rig(CONFIGS / "sim_approach_angle.yaml")
+    without = SCALE.replace("      agrees: {with: scale.mass, within: 0.3 kg, for: 0.5 s}\n", "")
+    without = without.replace("      timeout: 10 s\n", "")
+    assert without.count(old) == 1
+    for where in (real, simulated):
+        compiled(where, without)
+        with pytest.raises(ConfigError, match=problem):
+            compiled(where, without.replace(old, new))
 
 
 def test_faults_are_left_out_with_a_note() -> None:

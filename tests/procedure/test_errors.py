@@ -167,7 +167,8 @@ END = "until: carriage.position > 1 m"
          "21 kg", ["mass cannot be 21 kg: it takes 0.5 kg to 20 kg"]),
         ("choices: [\"${floor}\"]\n    answer: ${floor}\n    changes: floor",
          "unit: N\n    answer: 1 N\n    changes: mass",
-         "mass\n", ["the prompt asks for N, but mass takes 0.5 kg to 20 kg"]),
+         "mass\n",
+         ["the prompt asks for N, but mass on the plant of lugre-1 takes 0.5 kg to 20 kg"]),
     ],
 )  # fmt: skip
 def test_problem_is_reported_at_its_place_in_file(

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from rigd.analysis.plan import judged
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
-from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
 from rigd.procedure.program import CompiledProcedure, Prompt
 from rigd.procedure.sweep import MAX_SIZE, TooLong
@@ -107,7 +107,7 @@ class Library:
         problem = None
         if not _undecided(procedure):
             try:
-                compile_procedure(procedure, self._rig)
+                judged(procedure, self._rig)
             except ConfigError as error:
                 problem = error.message
         return ProcedureLine(
@@ -154,7 +154,7 @@ def check(args: Checked, rig: RigConfig, most: int = MAX_SIZE) -> CheckReport:
 def _compile(args: Checked, rig: RigConfig, most: int) -> CompiledProcedure:
     # Errors name it before line and column; a client has no use for a path of this machine.
     source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
-    return compile_procedure(source, rig, args.set, most=most)
+    return judged(source, rig, args.set, most=most)
 
 
 def _view(procedure: Procedure) -> ProcedureView:

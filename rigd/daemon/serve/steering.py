@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from rigd.analysis.plan import judged
 from rigd.config.lab import stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
@@ -34,7 +35,6 @@ from rigd.engine.result import TimeLeft
 from rigd.engine.shared import RunFolder
 from rigd.model.about import About
 from rigd.model.severity import Severity
-from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
 from rigd.remote.protocol import ClientUser, Code, Refusal, Requester
@@ -152,7 +152,7 @@ class Steering:
         """
         with self._preparation():
             point = read_resume_point(recording, self._folder)
-            procedure = compile_procedure(
+            procedure = judged(
                 parse_procedure(_text(point), Path("procedure.yaml")),
                 self._rig,
                 point.overrides,

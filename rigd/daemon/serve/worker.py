@@ -203,15 +203,15 @@ def _check(job: Mapping[str, Any]) -> CheckReport:
 def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from dataclasses import asdict
 
-    from rigd.dry_run import dry_run
-    from rigd.procedure.compile import compile_procedure
+    from rigd.analysis.plan import judged
+    from rigd.daemon.rehearsal import rehearse
     from rigd.procedure.loader import parse_procedure
     from rigd.remote.protocol.results import DifferenceView, PeakView, StepView
 
     rig: RigConfig = job["rig"]
     source = parse_procedure(job["procedure"], Path(f"{job['name']}.yaml"))
-    procedure = compile_procedure(source, rig, job["set"])
-    found = dry_run(procedure, rig, seed=1)
+    procedure = judged(source, rig, job["set"])
+    found = rehearse(procedure, rig, seed=1)
     return DryRun(
         ok=not found.refusals,
         duration_s=found.duration_s,

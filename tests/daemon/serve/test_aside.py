@@ -64,6 +64,24 @@ def test_dry_run_without_sibling_has_no_peaks() -> None:
     assert done.known_s < done.duration_s
 
 
+def test_calibration_that_blocks_run_refuses_dry_run() -> None:
+    rig = load_rig("angle-wire-1")
+    text = rig.source.text.replace("sibling: sim_approach_angle.yaml", "")
+    text = text.replace("calibrations/approach_angle.yaml", "calibrations/absent.yaml")
+    angles = (ROOT / "procedures" / "approach_angles.yaml").read_text()
+    done = CalculationWorker().dry_run(text, rig.source.path, angles, "approach_angles", {})
+    assert not done.ok
+    assert any("there is no calibration file" in reason for reason in done.refusals)
+
+
+def test_plan_its_analysis_refuses_is_wrong_here_too() -> None:
+    rig = load_rig("lugre-1")
+    text = QUICK + "identify: {model: lugre, signals: {wheel_current: wheel_servo.current}}\n"
+    found = CalculationWorker().check(rig.source.text, rig.source.path, text, "quick", {})
+    assert not found.ok
+    assert "identify: model lugre needs the signal" in found.problems[0].message
+
+
 def test_wrong_sibling_is_refused_with_places(tmp_path: Path) -> None:
     rig = load_rig("wire-1")
     text = rig.source.text.replace("sim_lugre.yaml", "absent.yaml")
