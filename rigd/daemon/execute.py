@@ -25,7 +25,7 @@ from rigd.daemon.signals import handle_signals
 from rigd.daemon.trial_check import CheckApart, check_trial
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.checked import TrialJudge
-from rigd.engine.clock import Clock, VirtualClock, WallClock
+from rigd.engine.clock import VirtualClock, WallClock
 from rigd.engine.control import Control
 from rigd.engine.draws import trial_seeds
 from rigd.engine.result import Progress, RunResult
@@ -256,11 +256,28 @@ def _form(
             command=command,
             held=held,
         )
-    clock: Clock = VirtualClock(rig.period_ns, start_ns)
-    if request.pace is not None:
-        clock = WallClock(rig.period_ns, request.pace, start_ns)
-    virtual = request.pace is None
-    return in_process(rig, clock, control, request.seed, virtual=virtual, kept=kept)
+    if request.pace is None:
+        clock = VirtualClock(rig.period_ns, start_ns)
+        return in_process(rig, clock, control, request.seed, virtual=True, kept=kept)
+    return _paced(rig, request.pace, control, request.seed, start_ns, kept)
+
+
+def _paced(
+    rig: RigConfig, pace: float, control: Control, seed: int, start_ns: int, kept: RecordingSpec
+) -> RunSetup:
+    """Return a host at ``pace``, which states once if this machine computes slower."""
+    clock = WallClock(rig.period_ns, pace, start_ns)
+    form = in_process(rig, clock, control, seed, virtual=False, kept=kept)
+
+    def tell(reached: float) -> None:
+        control.notices.append(
+            f"slower than asked: {reached:.2g} of {pace:g} times real time is what this machine "
+            "computes now"
+        )
+        form.host.event("slower", {"pace": pace, "reached": reached})
+
+    clock.on_slower = tell
+    return form
 
 
 class _Display:

@@ -32,6 +32,8 @@ DRAIN_NS = 50_000_000
 ARM_NS = 3_000_000_000
 #: In virtual time frequent draining has no benefit; larger blocks are cheaper.
 VIRTUAL_DRAIN_NS = 1_000_000_000
+#: ``on_drain`` is called this often, in time of the wall, however long cycles take to compute.
+SHOW_NS = 250_000_000
 
 
 class InProcessHost:
@@ -80,7 +82,7 @@ class InProcessHost:
         self._present: dict[str, Rows] = {}  #: those of the present slot, while muted
         self._trial = NO_TRIAL
         self._cycles = 0
-        self._flushed_ns = monotonic_ns()
+        self._flushed_ns = self._shown_ns = monotonic_ns()
 
     @property
     def trial(self) -> int:
@@ -231,7 +233,13 @@ class InProcessHost:
         self._cycles += 1
         if self._cycles >= self._drain_every:
             self.drain()
+        elif monotonic_ns() - self._shown_ns >= SHOW_NS:
+            self._show()  # rows stay: where they are drained must not depend on the wall
         return outcome
+
+    def _show(self) -> None:
+        self._shown_ns = monotonic_ns()
+        self.on_drain()
 
     def drain(self) -> None:
         """Write all waiting rows to the sink; flush if the last flush is old enough."""
@@ -242,7 +250,7 @@ class InProcessHost:
         if now - self._flushed_ns >= FLUSH_NS - DRAIN_NS // 2:
             self._sink.flush()
             self._flushed_ns = now
-        self.on_drain()
+        self._show()
 
     def flush(self) -> None:
         """Write all rows and events so far."""

@@ -202,7 +202,7 @@ class Run:
         counters = self.host.counters
         if counters.missed > MISSED_SHARE * (counters.cycles + counters.missed):
             share = 100 * counters.missed / (counters.cycles + counters.missed)
-            return incomplete, f"{share:.0f} % of the cycles were missed: run at a lower pace"
+            return incomplete, f"{share:.0f} % of the cycles were missed (`rigd doctor`)"
         if self._incomplete:
             early = len(self._incomplete)
             return incomplete, f"{early} of {len(self.procedure.trials)} trials ended early"
