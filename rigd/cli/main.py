@@ -6,10 +6,10 @@ import argparse
 import atexit
 import difflib
 import gc
-import os
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from types import ModuleType
 from typing import Any, Final, NoReturn
 
@@ -49,7 +49,7 @@ from rigd.cli import (
     verify,
 )
 from rigd.cli.options import expanded
-from rigd.cli.shown import screened
+from rigd.cli.shown import OutputLost, screened
 from rigd.model import compiling
 from rigd.model.errors import Exit, RigdError
 
@@ -110,7 +110,8 @@ exit codes:
   0  done                         4  an interlock or a device fault ended the run
   1  an error inside rigd         5  a person stopped the run before its end
   2  bad arguments or a bad file  6  a step did not end as the procedure demands
-  3  blocked: preflight refused   7  a recording cannot be written, read or used
+  3  blocked: preflight refused   7  a recording cannot be written, read or used, or the
+                                     output cannot be written
                                   8  a model does not fit the data, or is rejected
                                   9  a result is rejected, not decided or not read
 """
@@ -182,8 +183,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     # At its end the interpreter searches all imported modules for garbage: 0.1 s of a check, 0.5 s
     # of a simulated run. What is frozen is left out.
     atexit.register(gc.freeze)
-    with screened():
-        return _main(argv)
+    code = int(Exit.OK)
+    try:
+        with screened():
+            code = _main(argv)
+    except OutputLost as lost:
+        if lost.unread or lost.why is None:
+            return code
+        with suppress(OSError), screened():
+            print(f"rigd: standard output cannot be written: {lost.why.strerror}", file=sys.stderr)
+        return code or int(Exit.BAD_DATA)
+    return code
 
 
 def _main(argv: Sequence[str] | None) -> int:
@@ -198,11 +208,8 @@ def _main(argv: Sequence[str] | None) -> int:
             raise
         print(f"rigd: {error}", file=sys.stderr)
         return int(error.exit_code)
-    except BrokenPipeError:
-        # The reader of the output has closed the pipe (`rigd runs | head`); prevent a write at
-        # exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return int(Exit.OK)
+    except OutputLost:
+        raise
     except KeyboardInterrupt:
         if args.debug:
             raise

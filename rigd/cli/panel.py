@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rigd.cli.remote.command import add_target, connect_async
+from rigd.cli.shown import outlive_output
 
 HELP = "serve the operator's page of a rig to browsers"
 EXAMPLES = """\
@@ -101,6 +102,7 @@ def execute(args: argparse.Namespace) -> int:
         if not serving.cancelled():
             serving.result()
 
+    outlive_output()
     asyncio.run(until_signal())
     return int(Exit.OK)
 

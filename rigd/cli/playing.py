@@ -14,6 +14,7 @@ from rigd.analysis.plan import analysis_of
 from rigd.cli.asking import ask_prompt
 from rigd.cli.junit import suite_of, write_junit
 from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
+from rigd.cli.shown import outlive_output
 from rigd.daemon.execute import RecordedRun, RunRequest, execute
 from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import Answers, OwnAnswers
@@ -93,6 +94,7 @@ def _json(result: MeasureResult) -> dict[str, Any]:
 
 def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
     """Execute ``request`` and show its progress; see :func:`play`."""
+    outlive_output()
     screen = (
         sys.stderr
     )  # sys.stderr itself, not rich's replacement while the bar is shown, which ends every line

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_rig, add_runs
+from rigd.cli.shown import outlive_output
 
 if TYPE_CHECKING:  # imported when it is needed: a command line that only prints help is quick
     from rigd.config.rig import RigConfig
@@ -83,6 +84,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.errors import Exit
     from rigd.model.extras import is_installed, missing, require
 
+    outlive_output()
     if args.panel:
         require("panel", "rigd serve --panel")
     has_panel = args.panel is not False and is_installed("panel")

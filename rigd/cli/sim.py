@@ -12,6 +12,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from rigd.cli.shown import outlive_output
+
 HELP = "serve the simulated devices of a rig behind real connections"
 EXAMPLES = """\
 examples:
@@ -50,6 +52,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.engine.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit
 
+    outlive_output()
     rig = load_rig(args.rig)
     print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     if rig.simulation is None:

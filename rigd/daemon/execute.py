@@ -6,6 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
 from functools import partial
@@ -116,14 +117,14 @@ def execute(
     """Execute the procedure for a person at a terminal; see :func:`perform`.
 
     Signals are handled while it runs (:func:`rigd.daemon.signals.handle_signals`). ``notify`` gets
-    lines for the operator; like ``watch`` it may wait for the terminal.
+    lines for the operator; like ``watch`` and ``announce`` it may wait for the terminal, or fail.
     """
     control = control or Control()
-    display = _Display(watch, notify, control)
+    display = _Display(watch, notify, announce, control)
     try:
         with handle_signals(control):
             return perform(
-                request, control, answers=answers, watch=display.watch, announce=announce
+                request, control, answers=answers, watch=display.watch, announce=display.announce
             )
     finally:
         display.close()
@@ -283,25 +284,35 @@ def _paced(
 class _Display:
     """Shows the run to a person from a thread of its own.
 
-    A terminal may be stopped (Ctrl-S), closed or full: the cycle never waits for it.
+    A terminal may be stopped (Ctrl-S), closed or full: the cycle never waits for it, and no run
+    ends for it.
     """
 
     def __init__(
-        self, show: Callable[[Progress], None], notify: Callable[[str], None], control: Control
+        self,
+        show: Callable[[Progress], None],
+        notify: Callable[[str], None],
+        announce: Callable[[Path], None],
+        control: Control,
     ) -> None:
         self._show = show
         self._notify = notify
+        self._announce = announce
         self._control = control
-        self._shown: SimpleQueue[str | Progress | None] = SimpleQueue()
+        self._shown: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="display", daemon=True)
         self._thread.start()
+
+    def announce(self, path: Path) -> None:
+        """Pass the path of the recording."""
+        self._shown.put(partial(self._announce, path))
 
     def watch(self, progress: Progress) -> None:
         """Pass notices, then the progress of the run; if no client watches, skip."""
         while self._control.notices:
-            self._shown.put(self._control.notices.popleft())
+            self._shown.put(partial(self._notify, self._control.notices.popleft()))
         if self._shown.qsize() < MAX_UNSEEN:
-            self._shown.put(progress)
+            self._shown.put(partial(self._show, progress))
 
     def close(self) -> None:
         """Show the queued lines, as far as the terminal accepts them."""
@@ -309,14 +320,9 @@ class _Display:
         self._thread.join(timeout=1.0)
 
     def _work(self) -> None:
-        try:
-            while (item := self._shown.get()) is not None:
-                if isinstance(item, str):
-                    self._notify(item)
-                else:
-                    self._show(item)
-        except (OSError, SystemExit):
-            return  # the terminal is gone (rich ends the program if a pipe has closed)
+        with suppress(OSError):  # the terminal is gone
+            while (show := self._shown.get()) is not None:
+                show()
 
 
 def _start_ns(request: RunRequest, *, on_the_wall: bool) -> int:

@@ -15,6 +15,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, TypeVar
@@ -373,8 +374,9 @@ class CycleProcess:
         problems = [*self._make_safe(), *close_devices(self._cycle), *self._rescue_beside()]
         for problem in problems:
             self._record_event("fault", {"reason": problem})
-        sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that restarts
         self.over = True
+        with suppress(OSError):  # its log is on a full disk
+            sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that restarts
 
     def _rescue_beside(self) -> Sequence[str]:
         """Make the slow devices that the daemon ran safe over new links; return the problems."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 from rigd.cli.asking import ask, ask_prompt, is_terminal
 from rigd.cli.remote.command import again
 from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
+from rigd.cli.shown import outlive_output
 from rigd.daemon.signals import ESCALATION, present
 from rigd.engine.control import Control
 from rigd.model.errors import Exit, LinkError, RigdError
@@ -55,6 +56,7 @@ async def watch(
     The user at this terminal answers prompts while this client has control. ``steers``: the run is
     this command's own, so that Ctrl-C stops it if there is no terminal to ask at.
     """
+    outlive_output()
     target_options = again(args)
     with RunDisplay(
         quiet=args.quiet or args.json, paused=f"rigd remote resume{target_options} continues it"
