@@ -54,6 +54,8 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     yield from _line_of("Procedure", (info.procedure for info in infos))
     yield ("Recordings" if several else "Recording", files)
     yield from _line_of("Imported from", (_original(info) for info in infos))
+    times = (info.metadata.get("import", {}).get("times", "") for info in infos)
+    yield from _line_of("Times in the files", times)
     yield from _line_of("Recorded", [_recorded(infos)])
     yield from _line_of("Operator", (_operator(info) for info in infos))
     specimens = [info.specimen.get("name", "") for info in infos]

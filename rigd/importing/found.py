@@ -74,7 +74,7 @@ def found_trials(
             )
     windows = [(span.first_ns, span.last_ns) for span in spans]
     for reader in readers.values():
-        reader.times.check_jumps(windows)
+        reader.times.check_jumps(windows, what.trials)
     table = _table(what, test)
     decimal = what.trials.table_text.decimal if table else shown.source.text.decimal
     numbers = _numbers(spans)

@@ -247,6 +247,11 @@ class _Import:
             "map": self._what.path.name,
             "map_sha256": hashlib.sha256(self._what.document.text.encode()).hexdigest(),
             "started_from": started_from,
+            "times": "; ".join(
+                f"{name}: {done}"
+                for name, reader in readers.items()
+                if (done := reader.times.statement(reader.rows))
+            ),
             "files": json.dumps(files, ensure_ascii=False),
         }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,16 +11,16 @@ from typing import Final
 from rigd.analysis.plan import find_analysis, of_kind
 from rigd.config.document import Document
 from rigd.importing.patterns import Pattern
-from rigd.importing.source import (
-    Format,
-    TextTableSource,
-)
+from rigd.importing.source import Format, TextTableSource
+from rigd.importing.zones import Zone
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import Quantity, Unit, si_symbol
 from rigd.procedure.program import IdentifyPlan
 from rigd.sdk.analysis import ANY_UNIT
 
+#: What a form of times has if it has a day, as Python writes it.
+HAS_DATE: Final = re.compile(r"%[aAdjbBmyYGVuUwWcx]")
 #: Suffix of the channel with the reading before ``zero`` and ``scale``.
 RAW: Final = "_raw"
 
@@ -66,6 +67,16 @@ class TimeMap:
     restarts: bool
     longest_gap_ns: int | None
     place: Place
+    wraps_ns: int | None = None  #: the range of its counter
+    wraps_bits: int | None = None  #: the same in counts of the unit that the file states
+    zone: Zone | None = None
+    coarse: bool = False
+    origin_s: float = 0.0  #: subtracted from each time, for a zero that ns since 1970 cannot hold
+
+    @property
+    def is_time_of_day(self) -> bool:
+        """Whether times are written without a date."""
+        return self.format not in (None, "iso") and not HAS_DATE.search(self.format or "")
 
 
 @dataclass(frozen=True)

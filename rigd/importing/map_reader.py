@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
 from rigd.analysis.plan import check_plan, find_analysis
 from rigd.config.binding import bind
@@ -13,6 +15,7 @@ from rigd.config.document import Document, KeyPath, parse_document, read_documen
 from rigd.config.problems import Problems, suggest
 from rigd.config.shipped import find_file
 from rigd.importing.map import (
+    HAS_DATE,
     RAW,
     ChannelMap,
     ImportMap,
@@ -30,6 +33,7 @@ from rigd.importing.source import (
     TextTableSource,
     TimeSource,
 )
+from rigd.importing.zones import Zone
 from rigd.model.channels import Channel, Stream
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, RecordingError
@@ -39,6 +43,12 @@ from rigd.procedure.identify import read_plan
 from rigd.procedure.program import IdentifyPlan
 from rigd.procedure.reader import Reader
 from rigd.record.schema import check_streams
+
+#: The zero of the days of MATLAB, "January 0, 0000", and 1970-01-01 in such days (both from the
+#: manual of datenum).
+MATLAB_ZERO: Final = "0000-01-00"
+MATLAB_EPOCH_DAYS: Final = 719_529
+_DAY_NS: Final = 86_400_000_000_000
 
 
 def load_map(given: str | Path) -> ImportMap:
@@ -213,10 +223,17 @@ class _MapReader:
         if (item.column is None) == (item.rate is None):
             self._note_key(path, "give the column of the times, or else a rate",
                            "column: Time, or rate: 1 kHz")  # fmt: skip
-        if item.column is None and (item.unit or item.format or item.since or item.restarts):
-            self._note_key(path, "unit, format, since and restarts belong to a column")
-        if item.format is not None and (item.unit or item.since):
-            self._note_key(path, "times that are written as dates have no unit, and no since")
+        of_column = (item.unit, item.format, item.since, item.restarts, item.zone, item.wraps,
+                     item.coarse)  # fmt: skip
+        if item.column is None and any(of_column):
+            self._note_key(
+                path, "unit, format, since, restarts, zone, wraps and coarse belong to a column"
+            )
+        since, origin_s = item.since, 0.0
+        if since == MATLAB_ZERO:
+            since, origin_s = "1970-01-01", MATLAB_EPOCH_DAYS * 86_400.0
+        self._check_dates(path, item)
+        wraps_ns, wraps_bits = self._wraps((*path, "wraps"), item)
         unit = self._unit((*path, "unit"), item.unit)
         if unit is not None and not unit.same_kind(parse_unit("s")):
             self._note((*path, "unit"), f"{unit} is no unit of time", "such as s, ms or ns")
@@ -225,11 +242,67 @@ class _MapReader:
             self._note((*path, "rate"), f"{item.rate} is no rate", "such as 1 kHz")
         shift = self._in((*path, "shift"), item.shift, "s") or 0.0
         return TimeMap(
-            item.column, unit, rate, self._moment((*path, "since"), item.since), item.format,
+            item.column, unit, rate, self._moment((*path, "since"), since), item.format,
             round(shift * 1e9), item.restarts,
             self._duration_ns((*path, "longest_gap"), item.longest_gap),
             self._document.place((*path, "column")),
+            wraps_ns, wraps_bits, self._zone(path, item), item.coarse is not None, origin_s,
         )  # fmt: skip
+
+    def _check_dates(self, path: KeyPath, item: TimeSource) -> None:
+        """Check what belongs to times that are written as dates, or as times of a day."""
+        form = item.format
+        if form is None:
+            return
+        if item.unit is not None or item.wraps is not None:
+            self._note_key(path, "times that are written as dates have no unit, and no wraps")
+        if form == "iso" or HAS_DATE.search(form):
+            if item.since is not None:
+                self._note((*path, "since"), "times that are written as dates have no `since:`",
+                           "remove `since:`")  # fmt: skip
+            if form != "iso" and not re.search("%[yYGcx]", form):
+                self._note((*path, "format"), f"{form!r} has no year, and the file must state it")
+            return
+        if "%I" in form and "%p" not in form:
+            self._note((*path, "format"), f"{form!r} does not tell morning from evening",
+                       "write `%H` for hours up to 23, or `%I` and `%p` for AM, PM")  # fmt: skip
+        if item.since is None:
+            self._note((*path, "format"), "times of a day need the day of the first row",
+                       "add `since: 2025-03-03` below `time:`, with that day")  # fmt: skip
+        elif not re.fullmatch(r"[-0-9]+(T00:00(:00)?(Z|[-+]\d\d:\d\d)?)?", item.since):
+            self._note((*path, "since"), f"{item.since!r} is no day",
+                       f"write `since: {item.since[:10]}`")  # fmt: skip
+
+    def _wraps(self, path: KeyPath, item: TimeSource) -> tuple[int | None, int | None]:
+        """Return the range of a counter in ns, or else in bits, that is in counts of its unit."""
+        if item.format is not None and item.since is not None:
+            return _DAY_NS, None
+        if item.wraps is None:
+            return None, None
+        if item.restarts:
+            self._note(path, "a counter that wraps does not begin again in each test",
+                       "remove `wraps:` or `restarts:`")  # fmt: skip
+        if (bits := re.fullmatch(r"(\d{1,2}) *bits?", item.wraps)) and 0 < int(bits[1]) < 64:
+            return None, int(bits[1])
+        power = re.fullmatch(r"2\^(\d{1,2}) +(\S+)", item.wraps)
+        text = item.wraps if power is None else f"{2 ** int(power[1])} {power[2]}"
+        return self._duration_ns(path, text), None
+
+    def _zone(self, path: KeyPath, item: TimeSource) -> Zone | None:
+        if item.zone is None:
+            return None
+        if item.format is None and item.since is None:
+            self._note((*path, "zone"), "a zone belongs to times with a date",
+                       "add `since:` or `format:`, or remove `zone:`")  # fmt: skip
+        if item.since is not None and re.search(r"T.*(Z|[-+]\d\d:?\d\d)$", item.since):
+            self._note((*path, "since"), f"{item.since!r} states its zone, too",
+                       "remove `zone:`, or the zone in `since:`")  # fmt: skip
+        try:
+            return Zone(item.zone)
+        except ValueError as error:
+            self._note((*path, "zone"), str(error), "such as `zone: Europe/Berlin` or `zone: "
+                       "'+01:00'`; `pip install tzdata` brings the database")  # fmt: skip
+            return None
 
     def _trials(self, sources: Mapping[str, SourceMap]) -> TrialsMap:
         item, path = self._source.trials, ("trials",)

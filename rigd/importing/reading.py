@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from rigd.importing.clock import Clock
 from rigd.importing.formats import open_table
 from rigd.importing.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
 from rigd.importing.table import Batch, Kind, SourceTable, find_column, stated_unit, unit_of
@@ -54,9 +55,11 @@ class SourceReader:
             ConfigError: the file has a mistake; names the place.
         """
         dtype = row_dtype(self.stream)
-        for batch in self.table.batches(self._wanted()):
-            kept = self._kept(batch) if self.source.sparse else None
-            times = self.times.of(batch, kept)
+        read = self.table.batches(self._wanted())
+        for timed in self.times.over(
+            (batch, self._kept(batch) if self.source.sparse else None) for batch in read
+        ):
+            batch, kept, times = timed.batch, timed.kept, timed.times
             rows = np.empty(len(times), dtype)
             rows[TIME_FIELD] = times
             for column in self.columns:
@@ -73,15 +76,15 @@ class SourceReader:
             wanted |= dict.fromkeys(self.finder.wanted, "text")
         for index in (column.index for column in self.columns):
             self._want(wanted, index, "number")
-        time = self.times
-        if time.column is not None:
+        clock = self.times.clock
+        if clock.column is not None:
             kind: Kind = "number"
-            if self.source.time.format is not None:
+            if clock.time.format is not None:
                 kind = "text"
-            elif time.unit is not None and time.unit.factor == _NANO:
+            elif clock.unit is not None and clock.unit.factor == _NANO:
                 # A double does not hold a time in ns since 1970.
-                kind = "whole" if self.table.is_whole(time.column) else "number"
-            self._want(wanted, time.column, kind)
+                kind = "whole" if self.table.is_whole(clock.column) else "number"
+            self._want(wanted, clock.column, kind)
         return wanted
 
     def _want(self, wanted: dict[int, Kind], index: int, kind: Kind) -> None:
@@ -195,8 +198,11 @@ def _times(time: TimeMap, table: SourceTable, base_ns: int, *, started: bool) ->
     if time.since_ns is not None:
         base_ns = time.since_ns
     if time.format is not None:
-        base_ns = 0
-    return Times(table, time, column, unit, base_ns)
+        base_ns = (time.since_ns or 0) if time.is_time_of_day else 0
+    if time.wraps_bits is not None:
+        range_ns = round(2**time.wraps_bits * 1e9 * (unit.factor if unit else 1.0))
+        time = replace(time, wraps_ns=range_ns)
+    return Times(Clock(table, time, column, unit, base_ns))
 
 
 def _convert(rows: NDArray[np.void], column: UsedColumn, values: NDArray[np.float64]) -> None:

@@ -58,16 +58,36 @@ class TimeSource(Source):
     rate: QuantityText | None = None
     """Without a column: samples per second, such as `1 kHz`."""
     since: MomentText | None = None
-    """The moment that a time of 0 means: `1970-01-01` for Unix times; by default `started`."""
+    """The moment that a time of 0 means: `1970-01-01` for Unix times, `1899-12-30` for days of
+    Excel, `0000-01-00` for days of MATLAB (datenum); by default `started`. For times of a day: the
+    day of the first row.
+    """
     format: Annotated[str, StringConstraints(min_length=2, max_length=60)] | None = None
     """The form of times that are written as dates: `iso`, or as Python writes it, such as
-    `%d.%m.%Y %H:%M:%S.%f`. They are UTC unless they state their zone.
+    `%d.%m.%Y %H:%M:%S.%f`. They are UTC unless they state their zone, or `zone` does. Without a
+    day, as `%H:%M:%S`, they are times of a day: `since` gives the first one, and they go on over
+    midnight.
+    """
+    zone: Annotated[str, StringConstraints(min_length=1, max_length=60)] | None = None
+    """The zone of times that are local: a name of the tz database such as `Europe/Berlin`, or a
+    fixed offset such as `+01:00`. In the hour that occurs twice a year, times are of its first time
+    until they go back.
+    """
+    wraps: Annotated[str, StringConstraints(min_length=3, max_length=40)] | None = None
+    """The range of a counter that begins again at 0: `32 bit` of the unit of the column, or a time
+    such as `2^32 us` or `24 h`. The time goes on there. A gap that is longer than the range does
+    not show.
+    """
+    coarse: Literal["spread"] | None = None
+    """`spread`: the clock is coarser than the rate of the logger, and several rows have the same
+    time. They are spread evenly up to the next one, the first of them at the time that they have.
     """
     shift: QuantityText = "0 s"
     """Added to each time, such as the delay of one logger against the other."""
     restarts: bool = False
     """Whether the times may begin again, as where a file has several tests one after the other.
-    What follows is placed 1 s after what was before.
+    What follows is placed 1 s after what was before, or ten usual periods if that is longer; a
+    trial must end there.
     """
     longest_gap: QuantityText | None = None
     """The longest time between two samples; by default ten times the usual one. A longer one is an

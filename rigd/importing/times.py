@@ -1,19 +1,18 @@
-"""Turns the times of a table into ns since 1970, and refuses times that run backward or jump."""
+"""Puts the times of a table in order, and refuses times that run backward, stand still or jump."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.importing.map import TimeMap
-from rigd.importing.table import Batch, SourceTable
-from rigd.model.errors import ConfigError, Place
-from rigd.model.units import Unit
+from rigd.importing.clock import Clock
+from rigd.importing.map import TimeMap, TrialsMap
+from rigd.importing.table import Batch
+from rigd.model.errors import ConfigError
 
 #: A time between samples that is so many times the usual one is a jump.
 JUMP_PERIODS: Final = 10
@@ -21,146 +20,242 @@ JUMP_PERIODS: Final = 10
 PAUSE_NS: Final = 1_000_000_000
 #: So many jumps are remembered; the first that lies in a trial is reported.
 _MOST_JUMPS: Final = 100_000
-_LAST_S: Final = 9.2e9
-#: Of a unit of time in ns: it is a whole number but for rounding.
-_ROUNDING: Final = 1e-12
+#: A stamp that is farther from the one before than so many usual ones comes after a gap.
+_NEXT_TICKS: Final = 1.5
+#: Ranges of counters that a hint proposes, in bits.
+_COUNTERS: Final = (16, 24, 31, 32)
+_HOUR_NS: Final = 3_600_000_000_000
+Rows = NDArray[np.intp] | None
 
 
 @dataclass(frozen=True)
 class TimeJump:
-    """Two samples that lie far apart: their times, and the row of the second one."""
+    """Two samples that lie far apart: their times, and the row of the second one.
+
+    ``moved``: the time of the second one was moved, because the times began again.
+    """
 
     before_ns: int
     after_ns: int
     row: int
+    moved: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A batch, the rows that count (None: all), and their times in ns since 1970."""
+
+    batch: Batch
+    kept: Rows
+    times: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stamps:
+    """Times of a batch in order, of which some may be the same; ``moved`` are rows (n,) of bool."""
+
+    batch: Batch
+    kept: Rows
+    times: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    moved: NDArray[np.bool_]
 
 
 @dataclass
 class Times:
-    """The times of one table, batch by batch; ``base_ns`` is when its time 0 was.
+    """The times of one table, batch by batch.
 
     ``jumps`` are those that were found, ``first_ns`` and ``last_ns`` the times so far.
     """
 
-    table: SourceTable
-    time: TimeMap
-    column: int | None
-    unit: Unit | None
-    base_ns: int
+    clock: Clock
     jumps: list[TimeJump] = field(default_factory=list)
     first_ns: int = 0
     last_ns: int = 0
+    _last_stamp: int | None = None
     _last_ns: int | None = None
     _moved_ns: int = 0  #: by times that began again
-    _usual_ns: float = 0.0
+    _usual_ns: float = 0.0  #: between two times of the file, as it has them
+    _restarts: int = 0
+    _stamps: int = 0
 
-    def of(self, batch: Batch, kept: NDArray[np.intp] | None = None) -> NDArray[np.int64]:
-        """Return the times of a batch in ns since 1970 (n,); ``kept`` are the rows that count.
+    @property
+    def time(self) -> TimeMap:
+        """What the map states of them."""
+        return self.clock.time
+
+    def over(self, batches: Iterable[tuple[Batch, Rows]]) -> Iterator[Timed]:
+        """Yield each batch with its times; beside it are the rows that count.
 
         Raises:
-            ConfigError: a time is missing, runs backward, or is before 1970.
+            ConfigError: a time is missing, runs backward, stands still, or is before 1970.
         """
-        rows = np.arange(batch.first, batch.first + batch.rows)
-        since = self._since(batch, rows)
-        if kept is not None:
-            since, rows = since[kept], rows[kept]
-        times = since + (self.base_ns + self.time.shift_ns + self._moved_ns)
+        ordered = (self._ordered(batch, kept) for batch, kept in batches)
+        for item in self._spread(ordered) if self.time.coarse else ordered:
+            self._note_jumps(item)
+            if len(item.times):
+                if self._last_ns is None:
+                    self.first_ns = int(item.times[0])
+                self._last_ns = self.last_ns = int(item.times[-1])
+            yield Timed(item.batch, item.kept, item.times)
+
+    def statement(self, rows: int) -> str:
+        """Return what was done to the times that the file has, "" if nothing."""
+        time = self.time
+        found = []
+        if time.coarse:
+            found.append(
+                f"{rows} rows at {self._stamps} different times, spread evenly between them"
+            )
+        if self.clock.wraps:
+            what = "midnights" if time.is_time_of_day else "wraps of the counter"
+            found.append(f"{what}: {self.clock.wraps}")
+        if time.zone is not None:
+            found.append(f"local times of {time.zone.name}")
+        if self._restarts:
+            pause = _seconds(self._pause_ns)
+            found.append(f"times began again {self._restarts} times, and go on after {pause} each")
+        return "; ".join(found)
+
+    def _ordered(self, batch: Batch, kept: Rows) -> _Stamps:
+        """Return the times of a batch in order; what runs backward is moved or refused."""
+        times, rows = self.clock.read(batch, kept)
+        moved = np.zeros(len(times), np.bool_)
         if not len(times):
-            return times
-        joined = times if self._last_ns is None else np.concatenate([[self._last_ns], times])
+            return _Stamps(batch, kept, times, rows, moved)
+        times += self._moved_ns
+        joined = times if self._last_stamp is None else np.concatenate([[self._last_stamp], times])
         steps = np.diff(joined)
+        if not self._usual_ns and np.any(steps > 0):
+            self._usual_ns = float(np.median(steps[steps > 0]))
         skipped = len(times) - len(steps)  # 1 of the first batch, else 0
-        for index in np.flatnonzero(steps <= 0) + skipped:
-            before = int(times[index - 1]) if index else int(self._last_ns or 0)
-            if not self.time.restarts:
-                self._refuse(before, int(times[index]), int(rows[index]))
-            moved = before + PAUSE_NS - int(times[index])
-            if moved > 0:  # else a move before has put it right
-                times[index:] += moved
-                self._moved_ns += moved
+        for index in np.flatnonzero(steps < 0 if self.time.coarse else steps <= 0) + skipped:
+            before = int(times[index - 1]) if index else int(self._last_stamp or 0)
+            back = before - int(times[index])
+            if back == 0 or not self.time.restarts:
+                self._refuse(back, int(rows[index]))
+            if back > 0:  # else a move before has put it right
+                times[index:] += back + self._pause_ns
+                self._moved_ns += back + self._pause_ns
+                self._restarts += 1
+                moved[index] = True
         if times[0] < 0:
-            raise ConfigError(
-                f"{_shown(int(times[0]))} is before 1970, the first time that can be recorded",
-                place=self._place(int(rows[0])),
-                hint="give `since:` below `time:`: the moment that a time of 0 means",
-            )
-        self._note_jumps(times, rows)
-        if self._last_ns is None:
-            self.first_ns = int(times[0])
-        self._last_ns = self.last_ns = int(times[-1])
-        return times
+            self._refuse_early(int(times[0]), int(rows[0]))
+        self._last_stamp = int(times[-1])
+        return _Stamps(batch, kept, times, rows, moved)
 
-    def _since(self, batch: Batch, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the times in ns since their zero."""
-        if self.column is None:
-            even: NDArray[np.float64] = np.rint(rows * (1e9 / (self.time.rate_hz or 1.0)))
-            return even.astype(np.int64)
-        if self.time.format is not None:
-            return self._dates(batch.texts[self.column], batch.first)
-        values = batch.numbers[self.column]
-        factor = 1e9 * (1.0 if self.unit is None else self.unit.factor)
-        if values.dtype == np.int64:
-            exact: NDArray[np.int64] = values * round(factor)
-            return exact
-        if not np.all(np.isfinite(values)):
-            row = batch.first + int(np.flatnonzero(~np.isfinite(values))[0])
-            raise ConfigError("a time is missing", place=self._place(row))
-        if np.any(np.abs(values) * (factor * 1e-9) > _LAST_S):
-            row = batch.first + int(np.argmax(np.abs(values)))
-            raise ConfigError(
-                f"the time {values[row - batch.first]:.6g} {self.unit} lies after the year 2260",
-                place=self._place(row),
-            )
-        ns = round(factor)
-        if abs(factor - ns) > _ROUNDING * factor:
-            rounded: NDArray[np.float64] = np.rint(values * factor)
-            return rounded.astype(np.int64)
-        whole = np.floor(values)  # apart: a double has no ns of a time since 1970
-        parts: NDArray[np.float64] = np.rint((values - whole) * factor)
-        joined: NDArray[np.int64] = whole.astype(np.int64) * ns + parts.astype(np.int64)
-        return joined
+    def _spread(self, batches: Iterable[_Stamps]) -> Iterator[_Stamps]:
+        """Yield the batches with the rows of each stamp spread evenly up to the next stamp.
 
-    def _dates(self, texts: Any, first: int) -> NDArray[np.int64]:
-        found = np.empty(len(texts), np.int64)
-        for index, text in enumerate(texts.to_pylist()):
-            try:
-                if self.time.format == "iso":
-                    moment = datetime.fromisoformat(text.strip())
-                else:
-                    moment = datetime.strptime(text.strip(), self.time.format or "")
-            except ValueError as error:
-                raise ConfigError(
-                    f"{text!r} is no time in the form {self.time.format!r}",
-                    place=self._place(first + index),
-                ) from error
-            aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-            since = aware - datetime(1970, 1, 1, tzinfo=UTC)
-            seconds = since.days * 86_400 + since.seconds
-            found[index] = (seconds * 1_000_000 + since.microseconds) * 1000
+        A batch waits until a later one has another stamp than its last.
+        """
+        spreading = _Spreading()
+        waiting: list[_Stamps] = []
+        for item in batches:
+            if not len(item.times):
+                waiting.append(item)
+                continue
+            last = next((held.times[-1] for held in reversed(waiting) if len(held.times)), None)
+            if last is not None and item.times[-1] != last:
+                yield from self._even(spreading, waiting, item)
+                waiting = []
+            waiting.append(item)
+        yield from self._even(spreading, waiting, None)
+
+    def _even(
+        self, spreading: _Spreading, waiting: Sequence[_Stamps], after: _Stamps | None
+    ) -> list[_Stamps]:
+        found = spreading.spread(waiting, after)
+        self._stamps, self._usual_ns = spreading.stamps, spreading.period_ns
+        if not self._usual_ns and sum(len(item.times) for item in waiting) > 1:
+            raise ConfigError(
+                "all rows have the same time",
+                place=self.clock.place(0),
+                hint="give `rate:` in place of `column:` below `time:`: how many samples there are "
+                "in a second, such as `rate: 1 kHz`",
+            )
         return found
 
-    def _refuse(self, before: int, after: int, row: int) -> None:
-        back = (before - after) * 1e-9
-        what = f"runs backward by {back:.6g} s" if back > 0 else "is the same as in the row before"
+    def _refuse(self, back_ns: int, row: int) -> None:
+        place = self.clock.place(row)
+        if back_ns == 0:
+            raise ConfigError(
+                "the time is the same as in the row before",
+                place=place,
+                hint="if its clock is coarser than the rate of the logger, add `coarse: spread` "
+                "below `time:`; if a row is there twice, delete it",
+            )
         raise ConfigError(
-            f"the time {what}",
-            place=self._place(row),
-            hint="if a new test begins there, add `restarts: true` below `time:`",
+            f"the time runs backward by {back_ns * 1e-9:.6g} s", place=place,
+            hint=self._remedy(back_ns),
+        )  # fmt: skip
+
+    def _remedy(self, back_ns: int) -> str:
+        """Return what fits times that go back by so much."""
+        time, most = self.time, JUMP_PERIODS * self._usual_ns
+        if time.format is not None and time.zone is None and 0 < _HOUR_NS - back_ns <= most:
+            return (
+                "if these are local times and summer time ends there, name their zone below "
+                "`time:`, such as `zone: Europe/Berlin`"
+            )
+        unit_ns = 1e9 * (1.0 if self.clock.unit is None else self.clock.unit.factor)
+        for bits in _COUNTERS if time.format is None and time.wraps_ns is None else ():
+            if 0 < 2**bits * unit_ns - back_ns <= most:
+                return (
+                    f"if a counter of {bits} bits begins again at 0 there, add `wraps: {bits} bit` "
+                    "below `time:`"
+                )
+        if time.format is None and time.wraps_ns is None and 0 < 24 * _HOUR_NS - back_ns <= most:
+            return "if these are times of a day, add `wraps: 24 h` below `time:`"
+        return (
+            "if a new test begins there, add `restarts: true` below `time:`, and show below "
+            f"`trials:` where trials end, such as by `gaps: {_seconds(self._pause_ns)}`"
         )
 
-    def _note_jumps(self, times: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    def _refuse_early(self, t_ns: int, row: int) -> None:
+        hint = "give `since:` below `time:`: the moment that a time of 0 means"
+        if self.time.format is not None:
+            hint = (
+                "if the clock was wrong, `shift:` below `time:` corrects it, such as `shift: 1 d`"
+            )
+        raise ConfigError(
+            f"a time of {t_ns * 1e-9:.6g} s is before 1970, the first time that can be recorded",
+            place=self.clock.place(row),
+            hint=hint,
+        )
+
+    @property
+    def _pause_ns(self) -> int:
+        """The time after which times that began again go on."""
+        return max(PAUSE_NS, round(JUMP_PERIODS * self._usual_ns))
+
+    @property
+    def _limit_ns(self) -> float:
+        """The longest time between two rows that is no jump."""
+        if self.time.longest_gap_ns is not None:
+            return self.time.longest_gap_ns
+        most = JUMP_PERIODS * self._usual_ns
+        # A counter that goes back a little seems to go on by nearly all of its range.
+        return most if self.time.wraps_ns is None else min(most, self.time.wraps_ns / 2)
+
+    def _note_jumps(self, item: _Stamps) -> None:
+        times = item.times
         joined = times if self._last_ns is None else np.concatenate([[self._last_ns], times])
         steps = np.diff(joined)
         if not len(steps):
             return
-        self._usual_ns = self._usual_ns or float(np.median(steps))
-        limit = self.time.longest_gap_ns or JUMP_PERIODS * self._usual_ns
         skipped = len(times) - len(steps)
-        for index in np.flatnonzero(steps > limit)[: _MOST_JUMPS - len(self.jumps)]:
-            jump = TimeJump(int(joined[index]), int(joined[index + 1]), int(rows[index + skipped]))
-            self.jumps.append(jump)
+        far = (steps > self._limit_ns) | item.moved[skipped:]
+        for index in np.flatnonzero(far)[: _MOST_JUMPS - len(self.jumps)]:
+            at = index + skipped
+            self.jumps.append(
+                TimeJump(
+                    int(joined[index]), int(joined[index + 1]), int(item.rows[at]),
+                    bool(item.moved[at]),
+                )
+            )  # fmt: skip
 
-    def check_jumps(self, spans: Sequence[tuple[int, int]]) -> None:
+    def check_jumps(self, spans: Sequence[tuple[int, int]], trials: TrialsMap) -> None:
         """Check that no jump lies within one of the trials, ``spans`` of first and last time.
 
         Raises:
@@ -169,17 +264,96 @@ class Times:
         for jump in self.jumps:
             if any(first <= jump.before_ns and jump.after_ns <= last for first, last in spans):
                 length = (jump.after_ns - jump.before_ns) * 1e-9
+                what = (
+                    "begins again" if jump.moved
+                    else f"jumps by {length:.6g} s"
+                )  # fmt: skip
                 raise ConfigError(
-                    f"the time jumps by {length:.6g} s within a trial; usual are "
-                    f"{self._usual_ns * 1e-9:.3g} s",
-                    place=self._place(jump.row),
-                    hint="if a trial ends there, add `gaps:` below `trials:`; if samples are "
-                    "missing, state how long a gap may be: `longest_gap:` below `time:`",
+                    f"the time {what} within a trial; usual are {self._usual_ns * 1e-9:.3g} s",
+                    place=self.clock.place(jump.row),
+                    hint=self._gap_remedy(length, trials, moved=jump.moved),
                 )
 
-    def _place(self, row: int) -> Place:
-        return self.time.place if self.column is None else self.table.place(self.column, row)
+    def _gap_remedy(self, length_s: float, trials: TrialsMap, *, moved: bool) -> str:
+        shortest = _seconds(self._pause_ns if moved else self._limit_ns)
+        ends = {
+            True: f"if a trial ends there, add `gaps: {shortest}` below `trials:`",
+            False: "if a trial ends there, a column that changes there shows it: add it to "
+            "`columns:` below `trials:`",
+        }[trials.is_whole_file or trials.gap_ns is not None]
+        if moved:
+            return ends
+        return (
+            f"{ends}; if samples are missing, state how long a gap may be: `longest_gap: "
+            f"{_seconds(length_s * 1.1e9)}` below `time:`"
+        )
 
 
-def _shown(t_ns: int) -> str:
-    return f"a time of {t_ns * 1e-9:.6g} s"
+def _seconds(ns: float) -> str:
+    """Return a time in s, with two digits, that is not longer."""
+    rounded = float(f"{ns * 1e-9:.2g}")
+    return f"{rounded if rounded <= ns * 1e-9 else float(f'{ns * 0.95e-9:.2g}'):.9g} s"
+
+
+class _Spreading:
+    """Spreads the rows that have the same stamp.
+
+    Rows of a stamp lie evenly between it and the next one. Before a gap, those of the last stamp
+    have the usual period, and so have those of the first and of the last stamp of a file, of which
+    some may be missing.
+    """
+
+    def __init__(self) -> None:
+        self.stamps = 0
+        self.period_ns = 0.0
+        self._tick_ns = 0.0
+        self._before = (0, 0)  #: a stamp, and how many of its rows lie in earlier batches
+
+    def spread(self, items: Sequence[_Stamps], after: _Stamps | None) -> list[_Stamps]:
+        """Return ``items`` with their times; ``after`` comes next and has another last stamp."""
+        count = sum(len(item.times) for item in items)
+        parts = [item.times for item in items] + ([] if after is None else [after.times])
+        if not count:
+            return list(items)
+        stamps = np.concatenate(parts)
+        times = self._times(stamps)
+        kept = stamps[:count]
+        same = int(np.count_nonzero(kept == kept[-1]))
+        earlier = self._before[1] if kept[0] == kept[-1] == self._before[0] else 0
+        self.stamps += len(np.unique(kept)) - int(kept[0] == self._before[0] and self.stamps > 0)
+        self._before = (int(kept[-1]), same + earlier)
+        ends = np.cumsum([len(item.times) for item in items])
+        return [
+            _Stamps(
+                item.batch, item.kept, times[end - len(item.times) : end], item.rows, item.moved
+            )
+            for item, end in zip(items, ends.tolist(), strict=True)
+        ]
+
+    def _times(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+        starts = np.flatnonzero(np.diff(stamps, prepend=stamps[0] - 1))
+        counts = np.diff(starts, append=len(stamps))
+        ticks = stamps[starts]
+        is_first = self.stamps == 0
+        known = self._before[1] if not is_first and ticks[0] == self._before[0] else 0
+        counts[0] += known
+        steps = np.diff(ticks)
+        if is_first and len(steps):
+            self._tick_ns = float(np.median(steps))
+            usual = steps <= _NEXT_TICKS * self._tick_ns
+            usual[0] = not np.any(usual[1:])  # the first stamp may lack rows
+            self.period_ns = float(np.sum(steps[usual]) / np.sum(counts[:-1][usual]))
+        lengths = np.append(steps, 0).astype(np.float64)
+        by_period = counts * self.period_ns
+        gap = steps > _NEXT_TICKS * self._tick_ns
+        lengths[:-1][gap] = np.minimum(steps, by_period[:-1])[gap]
+        lengths[-1] = by_period[-1]
+        begins = ticks.copy()
+        if is_first and len(steps) and not gap[0]:
+            lengths[0] = min(float(steps[0]), by_period[0])
+            begins[0] += steps[0] - round(lengths[0])
+        group = np.repeat(np.arange(len(ticks)), np.diff(starts, append=len(stamps)))
+        position = np.arange(len(stamps)) - starts[group]
+        position[group == 0] += known
+        late: NDArray[np.float64] = np.rint(position * (lengths / counts)[group])
+        return begins[group] + late.astype(np.int64)

@@ -37,6 +37,7 @@ _UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
     "s": (1.0, _dimension(s=1), True),
     "min": (60.0, _dimension(s=1), False),
     "h": (3600.0, _dimension(s=1), False),
+    "d": (86_400.0, _dimension(s=1), False),
     "A": (1.0, _dimension(A=1), True),
     "K": (1.0, _dimension(K=1), True),
     "rad": (1.0, _dimension(rad=1), True),
@@ -46,6 +47,8 @@ _UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
     "count": (1.0, _dimension(count=1), False),
     "Hz": (1.0, _dimension(s=-1), True),
     "N": (1.0, _dimension(kg=1, m=1, s=-2), True),
+    "kgf": (9.80665, _dimension(kg=1, m=1, s=-2), False),  # 3rd CGPM, 1901: standard gravity
+    "gf": (9.80665e-3, _dimension(kg=1, m=1, s=-2), False),
     "Pa": (1.0, _dimension(kg=1, m=-1, s=-2), True),
     "J": (1.0, _dimension(kg=1, m=2, s=-2), True),
     "W": (1.0, _dimension(kg=1, m=2, s=-3), True),
@@ -81,6 +84,7 @@ PREFIXES: Final = {
 }  # fmt: skip
 _SYNONYMS: Final = {
     "Ω": "ohm", "°": "deg", "counts": "count", "sec": "s", "l": "L", "°C": "degC", "°F": "degF",
+    "U": "rev",
 }  # fmt: skip
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _OFFSET_DECIMALS: Final = 9  # of a number in a unit with an offset

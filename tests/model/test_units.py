@@ -28,7 +28,7 @@ REFEREE: pint.UnitRegistry[float] = pint.UnitRegistry()
 SPELT = {
     "1": "dimensionless", "%": "percent", "rev": "turn", "strain": "dimensionless", "l": "liter",
     "L": "liter", "°": "degree", "Ω": "ohm", "counts": "count", "sec": "second",
-    "psi": "lbf/inch**2", "h": "hour",
+    "psi": "lbf/inch**2", "h": "hour", "kgf": "kilogram_force", "gf": "gram_force", "U": "turn",
 }  # fmt: skip
 #: The dimensions of the referee; ``rad``, ``count``, ``bit`` and ``strain`` are none there.
 EXPONENTS = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
