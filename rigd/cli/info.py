@@ -119,6 +119,7 @@ def _print(info: RunInfo) -> None:
         "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
         "from": info.metadata.get("run", {}).get("imported_from", ""),
         "started": info.started + (", the clock of the run" if is_virtual(info) else ""),
+        "warned": info.metadata.get("import", {}).get("warnings", ""),
         "times": info.metadata.get("import", {}).get("times", ""),
         "recorded": _recorded(info),
         "operator": info.metadata.get("run", {}).get("operator", ""),

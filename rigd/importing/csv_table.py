@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +34,13 @@ _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _WHOLE: Final = re.compile(r"[-+]?\d+")
 #: A plus before a number, which pyarrow does not read: loggers write `+1.5E-03`.
 _PLUS: Final = re.compile(rb"(?m)(^|[,;\t| \"])\+(?=[0-9.,])")
+#: A line end of old Macs and of some instruments.
+_LONE_CR: Final = re.compile(rb"\r(?!\n)")
+#: What looks like a part of a number, and is none -> what is meant.
+_LOOKALIKES: Final = {
+    "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-", "\u00a0": "", "\u202f": "",
+    "\u2009": "", "\ufeff": "",
+}  # fmt: skip
 _SPACES: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"(?m)^ | \r?$")
 
@@ -50,6 +58,7 @@ class CsvTable:
         self._text = text
         self._first_line = text.first or max(text.header, text.units) + 1
         self._drops_plus = False
+        self._no_cells: list[str] = []
         head = self._head()
         named = text.header or self._first_line
         if len(head) < named:
@@ -75,6 +84,11 @@ class CsvTable:
                 place=self._at(len(head), 1),
             )
         self._sample = self._cells(head[self._first_line - 1])
+        count = len(self._sample)
+        if 1 < count < len(cells) and text.header:
+            # LabVIEW ends its line of names with `Comment`, of which most rows have no cell.
+            self._names, self._units = self._names[:count], self._units[:count]
+            self._no_cells = [cell.strip() for cell in cells[count:]]
 
     @property
     def path(self) -> Path:
@@ -85,6 +99,11 @@ class CsvTable:
     def names(self) -> Sequence[str]:
         """The names of the columns."""
         return self._names
+
+    @property
+    def without_cells(self) -> Sequence[str]:
+        """The last names, if the first row of the data has no cells for them."""
+        return self._no_cells
 
     @property
     def start_ns(self) -> int | None:
@@ -192,7 +211,13 @@ class CsvTable:
                 return self._not_decoded(number, error.start + 1, raw[error.start])
             cells = self._cells(line)
             if not line.strip():
-                return ConfigError("the line is empty", place=self._at(number, 1))
+                return ConfigError(
+                    "the line is empty, and others follow",
+                    place=self._at(number, 1),
+                    hint=f"if another table begins there, `last: {number - 1}` below `text:` ends "
+                    "this one; `header:` and `first:` of another source, or of another map, begin "
+                    "the next one",
+                )
             if len(cells) != len(self._names):
                 return ConfigError(
                     f"the line has {len(cells)} cells, expected {len(self._names)} columns",
@@ -228,6 +253,12 @@ class CsvTable:
             return f"{cell!r} is no whole number, as the first row has", None
         if problem := self.wrong_decimal(cell):
             return problem
+        odd = next((sign for sign in cell if sign in _LOOKALIKES), None)
+        if odd is not None:
+            name = f"U+{ord(odd):04X} {unicodedata.name(odd)}"
+            return f"{cell!r} has the character {name}", (
+                f"write {_LOOKALIKES[odd]!r} in its place in the file"
+            )
         return f"{cell!r} is no number", (
             f"if it means that there is no value, add `missing: [{cell!r}]` below `text:`"
         )
@@ -250,7 +281,7 @@ class CsvTable:
             ConfigError: the last line has no end.
         """
         number, skip, carry = 1, first - 1, b""
-        for data in self._chunks():
+        for data in self._upto_last():
             data = carry + data if carry else data
             at = 0
             while skip and (end := data.find(b"\n", at)) >= 0:
@@ -273,6 +304,16 @@ class CsvTable:
             )
         yield number, carry + b"\n"
 
+    def _upto_last(self) -> Iterator[bytes]:
+        """Yield the text up to the last line of data, if the map states it."""
+        rest = self._text.last
+        for data in self._chunks():
+            if rest and (count := data.count(b"\n")) >= rest:
+                yield b"\n".join(data.split(b"\n", rest)[:rest]) + b"\n"
+                return
+            yield data
+            rest -= count if rest else 0
+
     def _chunks(self) -> Iterator[bytes]:
         """Yield the text in UTF-8, without empty lines at its end."""
         held = b""  # line ends, which are empty lines if nothing follows
@@ -281,8 +322,8 @@ class CsvTable:
             if not body:
                 held += data
                 continue
-            yield held + body if held else body
-            held = data[len(body) :]
+            data, held = held + body if held else body, data[len(body) :]
+            yield _LONE_CR.sub(b"\n", data) if b"\r" in data else data
         if held:
             yield b"\n"
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from rigd.importing.source import Format, TextTableSource
 from rigd.importing.table import SourceTable
+from rigd.importing.warned import hear
 from rigd.model.errors import ConfigError, Place
 from rigd.model.extras import require
 
@@ -61,7 +62,9 @@ def open_table(
         return open_mat(path, group)
     if kind != "csv":
         require("import", f"the import of {path.name}")
-        return _opener(kind)(path, group)
+        opener = _opener(kind)
+        hear("nptdms" if kind == "tdms" else "asammdf")
+        return opener(path, group)
     from rigd.importing.csv_table import CsvTable
 
     return CsvTable(path, text)

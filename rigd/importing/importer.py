@@ -21,6 +21,7 @@ from rigd.importing.files import SourceFiles, sort_files
 from rigd.importing.found import FoundTrial, found_trials
 from rigd.importing.map import ImportMap
 from rigd.importing.reading import SourceReader, find_trials_in, open_source, prefetched
+from rigd.importing.warned import listening
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.rows import TIME_FIELD
@@ -125,9 +126,13 @@ class _Import:
         """Write the recording to ``part``.
 
         Raises:
-            ConfigError: a file has a mistake.
+            ConfigError: a file has a mistake, or a library warns while it reads one.
             RecordingError: the recording cannot be written.
         """
+        with listening() as heard:
+            return self._write(part, heard)
+
+    def _write(self, part: Path, heard: Sequence[str]) -> Imported:
         what, paths = self._what, self._test.files
         before = {name: _stamp(path) for name, path in paths.items()}
         base_ns, started_from = self._base()
@@ -173,7 +178,9 @@ class _Import:
                 )
                 hashes = {path: digest.result() for path, digest in digests.items()}
                 self._check_unchanged(before)
+                self._check_warned(heard)
                 origin = self._origin(readers, hashes, started_from)
+                origin["warnings"] = "; ".join(dict.fromkeys(heard))
                 run = {"trials": str(len(trials)), "imported_from": _in_words(origin)}
                 writer.add_metadata({"run": run, IMPORT_METADATA: origin})
         return Imported(
@@ -192,6 +199,16 @@ class _Import:
                 place=self._what.document.key_place(("sources",)),
                 hint="state below `time:` which moment a time of 0 means: `since: 1970-01-01` for "
                 "Unix times",
+            )
+
+    def _check_warned(self, heard: Sequence[str]) -> None:
+        if heard and not self._what.accepts_warnings:
+            names = ", ".join(str(path) for path in dict.fromkeys(self._test.files.values()))
+            raise ConfigError(
+                f"a library warns while it reads {names}: {'; '.join(dict.fromkeys(heard))}",
+                place=self._what.document.key_place(("sources",)),
+                hint="the file may be damaged, or hold what the library cannot read; if that does "
+                "not matter for your channels, add `warnings: accept` to the map",
             )
 
     def _check_unchanged(self, before: Mapping[str, tuple[int, int]]) -> None:

@@ -15,7 +15,7 @@ from rigd.importing.source import Format, TextTableSource
 from rigd.importing.zones import Zone
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, Place
-from rigd.model.units import Quantity, Unit, si_symbol
+from rigd.model.units import Quantity, Unit, parse_unit, si_symbol
 from rigd.procedure.program import IdentifyPlan
 from rigd.sdk.analysis import ANY_UNIT
 
@@ -35,10 +35,18 @@ class ChannelMap:
     name: str
     column: str
     unit: Unit | None
-    zero: float
+    zero: Quantity | None
     scale: Quantity | None
     doc: str
     place: Place  #: of the column in the map
+
+    def contradiction(self, unit: Unit) -> tuple[str, str] | None:
+        """Return which key does not fit a column in ``unit``, and why; None if all fit."""
+        if self.zero is not None and not self.zero.unit.same_kind(unit):
+            return "zero", f"'{self.zero}' is no quantity in {unit}"
+        if self.scale is not None and (self.scale.unit.offset or unit.offset):
+            return "scale", "a unit with a zero of its own cannot be scaled"
+        return None
 
     def channels(self, unit: Unit) -> tuple[Channel, ...]:
         """Return what is recorded of a column in ``unit``: the channel, and its raw reading."""
@@ -95,11 +103,22 @@ class SourceMap:
 
 @dataclass(frozen=True)
 class SignalMap:
-    """A trial goes on while ``channel`` of the source is above ``low`` and below ``high`` (SI)."""
+    """A trial goes on while ``channel`` of the source is above ``above`` and below ``below``."""
 
     channel: str
-    low: float
-    high: float
+    above: Quantity | None
+    below: Quantity | None
+    place: Place
+
+    def check(self, unit: str) -> None:
+        """Check that the channel, which is recorded in ``unit``, can be compared with both.
+
+        Raises:
+            ConfigError: it is of another kind.
+        """
+        for value in (self.above, self.below):
+            if value is not None and not value.unit.same_kind(parse_unit(unit)):
+                raise ConfigError(f"'{value}' is no quantity in {unit}", place=self.place)
 
 
 @dataclass(frozen=True)
@@ -144,6 +163,7 @@ class ImportMap:
     title: str
     rig: str
     started_ns: int | None
+    accepts_warnings: bool
     sources: Mapping[str, SourceMap]
     ignore: tuple[Pattern, ...]
     trials: TrialsMap

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -109,8 +108,8 @@ class _MapReader:
         if self._problems.found:
             return None
         return ImportMap(
-            self._document, source.map, source.title, source.rig, started_ns, sources, ignore,
-            trials, parameters, plan,
+            self._document, source.map, source.title, source.rig, started_ns,
+            source.warnings == "accept", sources, ignore, trials, parameters, plan,
         )  # fmt: skip
 
     def _note(self, path: KeyPath, message: str, hint: str | None = None) -> None:
@@ -206,18 +205,13 @@ class _MapReader:
         scale = self._quantity((*path, "scale"), item.scale)
         if item.zero is not None and item.scale is None:
             self._note_key((*path, "zero"), "a zero needs a scale", "add `scale: 1`")
-        if unit is None and item.unit is None and scale is not None:
-            self._note_key(
-                path, "what is scaled needs the unit of its column", "add `unit: V`, or `unit: 1`"
-            )
-        if zero is not None and unit is not None and not zero.unit.same_kind(unit):
-            self._note((*path, "zero"), f"{item.zero!r} is no quantity in {unit}")
-        if scale is not None and (scale.unit.offset or (unit is not None and unit.offset)):
-            self._note((*path, "scale"), "a unit with a zero of its own cannot be scaled")
-        return ChannelMap(
-            name, item.column, unit, 0.0 if zero is None else zero.value, scale, item.doc,
-            self._document.place((*path, "column")),
-        )  # fmt: skip
+        found = ChannelMap(
+            name, item.column, unit, zero, scale, item.doc, self._document.place((*path, "column"))
+        )
+        if unit is not None and (problem := found.contradiction(unit)):
+            key, message = problem
+            self._note((*path, key), message)
+        return found
 
     def _time(self, path: KeyPath, item: TimeSource) -> TimeMap:
         if (item.column is None) == (item.rate is None):
@@ -345,18 +339,14 @@ class _MapReader:
             self._note_key(path, "give `above`, `below`, or both")
         low = self._quantity((*path, "above"), item.above)
         high = self._quantity((*path, "below"), item.below)
-        for key, value in (("above", low), ("below", high)):
-            found = known.get(item.channel)
-            if found is None or value is None or found.unit is None:
-                continue
-            wanted = parse_unit(found.channels(found.unit)[0].unit)
-            if not value.unit.same_kind(wanted):
-                self._note((*path, key), f"'{value}' is no quantity in {wanted}")
-        return SignalMap(
-            channel,
-            -math.inf if low is None else low.value,
-            math.inf if high is None else high.value,
-        )
+        signal = SignalMap(channel, low, high, self._document.key_place(path))
+        found = known.get(item.channel)
+        if found is not None and found.unit is not None:
+            try:
+                signal.check(found.channels(found.unit)[0].unit)
+            except ConfigError as error:
+                self._problems.take([error])
+        return signal
 
     def _parameters(self, sources: Mapping[str, SourceMap]) -> dict[str, ParameterMap]:
         fields = {name for item in sources.values() if item.pattern for name in item.pattern.fields}

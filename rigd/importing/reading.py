@@ -141,6 +141,8 @@ def open_source(source: SourceMap, path: Path, base_ns: int, *, started: bool) -
     for channel in source.channels:
         index = find_column(table, channel.column, channel.place)
         unit = unit_of(table, index, channel.unit, channel.place)
+        if problem := channel.contradiction(unit):
+            raise ConfigError(f"the channel {channel.name}: {problem[1]}", place=channel.place)
         columns.append(UsedColumn(channel, index, unit))
     stream = Stream(
         source.name,
@@ -159,6 +161,9 @@ def find_trials_in(what: ImportMap, reader: SourceReader) -> TrialFinder:
         ConfigError: a column that shows trials, steps or a parameter is not there.
     """
     trials, table = what.trials, reader.table
+    if trials.signal is not None:
+        units = {channel.name: channel.unit for channel in reader.stream.channels}
+        trials.signal.check(units[trials.signal.channel])
     place = what.document.place(("trials", "columns"))
     columns = [find_column(table, name, place) for name in trials.columns]
     own = {} if trials.table is not None else what.parameters
@@ -214,7 +219,8 @@ def _convert(rows: NDArray[np.void], column: UsedColumn, values: NDArray[np.floa
         rows[channel.name] = values
         return
     rows[f"{channel.name}{RAW}"] = values
-    rows[channel.name] = (values - channel.zero) * channel.scale.value
+    zero = 0.0 if channel.zero is None else channel.zero.value
+    rows[channel.name] = (values - zero) * channel.scale.value
 
 
 def text_cells(table: SourceTable, columns: Mapping[str, int]) -> Iterator[dict[str, str]]:

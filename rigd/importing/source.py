@@ -38,6 +38,8 @@ class TextTableSource(Source):
     """The line with the units of the columns; 0 if there is none."""
     first: LineNumber = 0
     """The first line of data; by default the one after names and units."""
+    last: LineNumber = 0
+    """The last line of data, as in a file with several tables; by default that of the file."""
     missing: Annotated[list[Annotated[str, StringConstraints(max_length=40)]], OneOrMore()] = Field(
         default_factory=list
     )
@@ -206,6 +208,10 @@ class ImportSource(Source):
     """Name of the rig that the data are from."""
     started: MomentText | None = None
     """When the tests began; by default times with a date show it, or else the date of the file."""
+    warnings: Literal["refuse", "accept"] = "refuse"
+    """What is done if a library such as npTDMS or asammdf warns while it reads a file: by default
+    nothing is imported; with `accept` the recording states the warning.
+    """
     sources: Annotated[dict[Name, StreamSource], Field(min_length=1, max_length=32)]
     """The tables of samples by name; each becomes a stream of that name."""
     ignore: Annotated[list[PatternText], OneOrMore()] = Field(default_factory=list)

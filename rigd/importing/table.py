@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,11 @@ from rigd.model.units import Unit, parse_unit
 
 #: How a column is read: as float64, as int64 (times in ns), or as an Arrow array of texts.
 Kind = Literal["number", "whole", "text"]
-_WITH_UNIT: Final = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
+_WITH_UNIT: Final = re.compile(r"(?P<name>.*?)\s*(?P<sign>[\[(])(?P<unit>[^\[\]()]*)[\])]\s*")
+#: What stands between the factors of a unit for others: ``N.m``, ``N⋅m``, ``N-m``.
+_JOINED: Final = re.compile(r"(?<=[A-Za-z])[.⋅-](?=[A-Za-z])")
+#: A torque without the blank: ``Nm``, ``mNm``, ``kNm``, ``Ncm``, ``Nmm``, ``kgfm``.
+_TORQUE: Final = re.compile(r"\b((?:[numkM]?N)|kgf|gf)([cm]?m)\b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +90,11 @@ def find_column(table: SourceTable, name: str, place: Place) -> int:
             return found[0]
     if name.isdecimal() and 1 <= int(name) <= len(bare):
         return int(name) - 1
+    if name in getattr(table, "without_cells", ()):
+        raise ConfigError(
+            f"the column {name!r} has a name and no cells: the first row has {len(bare)}",
+            place=table.place(0, 0),
+        )
     raise ConfigError(
         f"{table.path} has no column {name!r}", place=place, hint=suggest(name, table.names)
     )
@@ -93,23 +103,42 @@ def find_column(table: SourceTable, name: str, place: Place) -> int:
 def split_unit(name: str) -> tuple[str, str]:
     """Return the parts of ``Force [kN]``: the name, and the unit or ""."""
     match = _WITH_UNIT.fullmatch(name)
-    if match is None:
-        return name, ""
-    try:
-        parse_unit(match["unit"])
-    except ValueError:
+    # `Force (1)` is the second column of a name for many programs, not one without a unit.
+    if match is None or (match["sign"] == "(" and match["unit"].strip().isdecimal()):
         return name, ""
     return match["name"], match["unit"].strip()
 
 
-def stated_unit(table: SourceTable, column: int) -> str:
-    """Return the unit that a file states for a column, "" if it states none that rigd knows."""
-    text = table.unit(column).strip()
+def parse_file_unit(text: str) -> Unit:
+    """Return the unit that a file states: also ``N.m``, ``Nm``, and letters that only look alike.
+
+    Raises:
+        ValueError: unknown unit.
+    """
     try:
-        parse_unit(text)
+        return parse_unit(text)
     except ValueError:
-        text = ""
-    return text or split_unit(table.names[column])[1]
+        pass  # as others may write it
+    plain = " ".join(unicodedata.normalize("NFKC", text).split())
+    plain = _TORQUE.sub(r"\1 \2", _JOINED.sub(" ", plain))
+    return parse_unit(plain)
+
+
+def stated_unit(table: SourceTable, column: int) -> str:
+    """Return the unit that a file states for a column, "" if it states none.
+
+    One that rigd knows counts first, that of the format before that in the name.
+    """
+    texts = [table.unit(column).strip(), split_unit(table.names[column])[1]]
+    return next((text for text in texts if text and _is_known(text)), texts[0] or texts[1])
+
+
+def _is_known(text: str) -> bool:
+    try:
+        parse_file_unit(text)
+    except ValueError:
+        return False
+    return True
 
 
 def unit_of(table: SourceTable, column: int, given: Unit | None, place: Place) -> Unit:
@@ -126,8 +155,15 @@ def unit_of(table: SourceTable, column: int, given: Unit | None, place: Place) -
                 f"{table.path} states no unit of the column {name!r}", place=place,
                 hint="add `unit:` to it in the map; `unit: 1` if it has none",
             )  # fmt: skip
-        return parse_unit(stated)
-    own = parse_unit(stated) if stated else given
+        try:
+            return parse_file_unit(stated)
+        except ValueError as error:
+            raise ConfigError(
+                f"{table.path} states the unit {stated!r} of the column {name!r}: {error}",
+                place=place,
+                hint="add `unit:` to it in the map; `unit: 1` if it has none",
+            ) from error
+    own = parse_file_unit(stated) if _is_known(stated) and stated else given
     if (own.dimension, own.factor, own.offset) != (given.dimension, given.factor, given.offset):
         raise ConfigError(
             f"the file states {stated} as the unit of {name!r}, the map {given} ({place})",

@@ -61,12 +61,24 @@ def _file(path: Path) -> Iterator[TdmsFile]:
         except (OSError, ValueError, EOFError, KeyError) as error:
             raise unreadable(path, "TDMS", error) from error
         with file:
-            if file.file_status.incomplete_final_segment:
+            rest = path.stat().st_size - _read_end(file)
+            if file.file_status.incomplete_final_segment or rest:
                 raise ConfigError(
                     "the file is cut off: its last segment is not complete",
                     place=Place(str(path), 1, 1),
+                    hint="take the whole file from where it was written; what this one still has "
+                    "can be saved anew with LabVIEW or npTDMS",
                 )
             yield file
+
+
+def _read_end(file: Any) -> int:
+    """Return where the last segment that was read ends, in bytes.
+
+    npTDMS passes over a segment whose head is cut off, and says so in its log alone.
+    """
+    segments = file._reader._segments  # noqa: SLF001  (it has no public name)
+    return int(segments[-1].next_segment_pos) if segments else 0
 
 
 def _group(path: Path, file: TdmsFile, group: str | None) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -82,7 +83,9 @@ class TrialFinder:
         inside = np.ones(len(times), np.bool_)
         signal = self.trials.signal
         if signal is not None and values is not None:
-            inside = (values > signal.low) & (values < signal.high)
+            low = -math.inf if signal.above is None else signal.above.value
+            high = math.inf if signal.below is None else signal.below.value
+            inside = (values > low) & (values < high)
             before = self.spans[-1].inside if self.spans else bool(inside[0])
             begins |= np.diff(inside, prepend=before)
         if self.columns:

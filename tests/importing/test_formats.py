@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import h5py
@@ -228,3 +229,77 @@ def test_parquet_column_of_one_name_goes_by_number(
     (made,) = import_files(what, [tmp_path / "a.parquet"], tmp_path)
     rows = Recording.open(made.path).read("samples")
     np.testing.assert_array_equal(rows["force"], factor * FORCE * 1000.0)
+
+
+@pytest.fixture(scope="module")
+def segments() -> bytes:
+    """A TDMS file of 9 segments, as the reference writer makes it."""
+    stream = io.BytesIO()
+    begun = np.datetime64("2016-03-04T10:00:00", "us")
+    about = {"unit_string": "kN", "wf_increment": 0.001, "wf_start_time": begun}
+    with TdmsWriter(stream) as writer:
+        for part in range(9):
+            data = FORCE[part * 40 : (part + 1) * 40]
+            about = {**about, "part": part}  # each has a head of its own
+            writer.write_segment([ChannelObject("run", "force", data, properties=about)])
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("lost", range(1, 500, 25))
+def test_tdms_cut_anywhere_in_segment_is_refused(
+    tmp_path: Path, segments: bytes, lost: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.tdms"
+    path.write_bytes(segments[: len(segments) - lost])
+    text = MAP.replace("GROUP", "group: run").replace("TIME", "(time)")
+    with pytest.raises(ConfigError, match="the file is cut off"):
+        import_files(parse_map(text, Path("map.yaml")), [path], tmp_path / "runs")
+    assert "nptdms" not in capfd.readouterr().err
+
+
+def test_whole_tdms_of_segments_is_read(tmp_path: Path, segments: bytes) -> None:
+    (tmp_path / "a.tdms").write_bytes(segments)
+    text = MAP.replace("GROUP", "group: run").replace("TIME", "(time)")
+    (made,) = import_files(parse_map(text, Path("map.yaml")), [tmp_path / "a.tdms"], tmp_path)
+    rows = Recording.open(made.path).read("samples")
+    assert rows["force"].tolist() == (FORCE[:360] * 1000.0).tolist()
+
+
+def write_unknown_scale(path: Path) -> None:
+    """A scale of a kind that npTDMS does not know: it warns, and gives values without it."""
+    about = {
+        "unit_string": "kN", "wf_increment": 0.001, "NI_Number_Of_Scales": 1,
+        "NI_Scale[0]_Scale_Type": "Spiral", "NI_Scaling_Status": "unscaled",
+    }  # fmt: skip
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("run", "force", FORCE, properties=about)])
+
+
+def write_double_variable(path: Path) -> None:
+    """Two variables of one name, of which scipy takes the last."""
+    scipy.io.savemat(path, {"t": TIMES_S, "force": FORCE})
+    other = path.with_suffix(".other")
+    scipy.io.savemat(other, {"force": 2.0 * FORCE}, appendmat=False)
+    path.write_bytes(path.read_bytes() + other.read_bytes()[128:])
+
+
+WARNED = {
+    "a.tdms": (write_unknown_scale, "group: run", "(time)", "nptdms: Unsupported scale type"),
+    "a.mat": (write_double_variable, "sparse: false", "t", "Duplicate variable name"),
+}
+
+
+@pytest.mark.parametrize("name", WARNED)
+def test_warning_of_a_library_is_an_error(
+    tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write, group, time, words = WARNED[name]
+    write(tmp_path / name)
+    text = MAP.replace("GROUP", group).replace("TIME", time)
+    with pytest.raises(ConfigError, match=f"a library warns.*{words}") as raised:
+        import_files(parse_map(text, Path("map.yaml")), [tmp_path / name], tmp_path / "runs")
+    assert "`warnings: accept`" in str(raised.value.hint)
+    what = parse_map(f"warnings: accept\n{text}", Path("map.yaml"))
+    (made,) = import_files(what, [tmp_path / name], tmp_path / "runs")
+    assert words in Recording.open(made.path).metadata["import"]["warnings"]
+    assert capfd.readouterr().err == ""

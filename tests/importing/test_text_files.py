@@ -11,6 +11,7 @@ import pytest
 from support.imported import MAP, Import
 
 from rigd.analysis.heading import heading
+from rigd.model import ConfigError
 from rigd.record import run_info, verify
 
 TABLE = "t,F,v\n" + "".join(f"{i / 1000},{i * 0.5},{i}\n" for i in range(40))
@@ -141,3 +142,63 @@ sources:
     recording = bring_in(text, map=map)
     assert (recording.count("force"), recording.count("speed")) == (40, 10)
     assert recording.read("speed")["speed"].tolist() == list(range(0, 40, 4))
+
+
+@pytest.mark.parametrize("end", ["\r", "\n", "\r\n"])
+@pytest.mark.parametrize("block_bytes", [64, 1 << 20])
+def test_each_line_end_gives_the_same(
+    bring_in: Import, monkeypatch: pytest.MonkeyPatch, end: str, block_bytes: int
+) -> None:
+    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    rows = bring_in(TABLE.replace("\n", end)).read("samples")
+    assert rows["force"].tolist() == [i * 0.5 for i in range(40)]
+    with pytest.raises(ConfigError, match="'x' is no number") as raised:
+        bring_in((TABLE + "9,x,9\n").replace("\n", end), name="wrong.csv")
+    assert str(raised.value.place).endswith("wrong.csv:42:3")
+
+
+def test_lines_of_mixed_ends_keep_their_numbers(bring_in: Import) -> None:
+    head, _, rest = TABLE.partition("\n")
+    text = f"{head}\r{rest}9,x,9\n"
+    with pytest.raises(ConfigError, match="'x' is no number") as raised:
+        bring_in(text)
+    assert str(raised.value.place).endswith("old.csv:42:3")
+
+
+LABVIEW = "t\tF\tv\tComment\n" + "".join(f"{i / 1000}\t{i * 0.5}\t{i}\n" for i in range(40))
+
+
+def test_names_without_cells_are_passed_over(bring_in: Import) -> None:
+    """LabVIEW ends its names with `Comment`."""
+    rows = bring_in(LABVIEW).read("samples")
+    assert rows["force"].tolist() == [i * 0.5 for i in range(40)]
+    with pytest.raises(ConfigError, match="'Comment' has a name and no cells"):
+        bring_in(LABVIEW, map=MAP.replace("column: F", "column: Comment"), name="a.csv")
+    with pytest.raises(ConfigError, match="2 cells, expected 3"):
+        bring_in(LABVIEW + "1\t2\n", name="b.csv")
+
+
+@pytest.mark.parametrize("block_bytes", [64, 1 << 20])
+def test_last_line_parts_tables_of_a_file(
+    bring_in: Import, monkeypatch: pytest.MonkeyPatch, block_bytes: int
+) -> None:
+    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    text = f"{TABLE}\nsecond stroke\n{TABLE.replace('.5', '.75')}"
+    with pytest.raises(ConfigError, match="the line is empty, and others follow") as raised:
+        bring_in(text)
+    assert "`last: 41` below `text:`" in str(raised.value.hint)
+    first = bring_in(text, "{last: 41}", name="first.csv").read("samples")
+    second = bring_in(text, "{header: 44}", name="second.csv").read("samples")
+    assert first["force"].tolist() == [i * 0.5 for i in range(40)]
+    assert second["force"][1] == 0.75
+    assert len(second) == 40
+
+
+@pytest.mark.parametrize(
+    ("cell", "named"),
+    [("\u22121.5", "U+2212 MINUS SIGN"), ("1\u00a0000", "U+00A0 NO-BREAK SPACE")],
+)
+def test_character_that_looks_alike_is_named(bring_in: Import, cell: str, named: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        bring_in(TABLE + f"9,{cell},9\n")
+    assert named in raised.value.message
