@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rigd.config.publication import Author, Publication
-    from rigd.record import Recording
+    from rigd.record import Recording, RunInfo
     from rigd.record.export import Format
     from rigd.record.joined import TimeBase
 
@@ -145,6 +145,7 @@ def execute(args: argparse.Namespace) -> int:
         recording = Recording.open(file, partial=True)
         info = run_info(recording)
         selection.check(info)
+        _require_columns(info)
         written = export(
             recording,
             target,
@@ -159,13 +160,30 @@ def execute(args: argparse.Namespace) -> int:
             print(path)
         for loss in info.losses:
             print(f"warning: {loss}", file=sys.stderr)
-        if info.other_topics and args.stream is None:
+        if info.topics and args.stream is None:
             print(
                 f"warning: {file}: not exported, because rigd cannot read them as columns: "
-                f"{', '.join(info.other_topics)}",
+                f"{', '.join(map(str, info.topics))}",
                 file=sys.stderr,
             )
     return 0
+
+
+def _require_columns(info: RunInfo) -> None:
+    """Refuse a file of another program that has messages, but none that rigd reads.
+
+    Raises:
+        RecordingError: it would give empty tables.
+    """
+    from rigd.model.errors import RecordingError
+    from rigd.record.info import NO_RUN
+
+    topics = [str(topic) for topic in info.topics if topic.messages]
+    if topics and not any(stream.rows for stream in info.streams) and info.state == NO_RUN:
+        raise RecordingError(
+            f"{info.path} has no topic that rigd reads as columns: {', '.join(topics)}",
+            hint="rigd reads JSON, and CDR messages of the schema encoding ros2msg.",
+        )
 
 
 def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:

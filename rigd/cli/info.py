@@ -108,6 +108,7 @@ def _print(info: RunInfo) -> None:
     from rigd.cli.screen import print_table
     from rigd.model.about import plain
     from rigd.record.access import how_to_recover
+    from rigd.record.condition import foreign_lines
     from rigd.record.moment import is_virtual
 
     console = Console(highlight=False)
@@ -128,20 +129,22 @@ def _print(info: RunInfo) -> None:
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "run": info.state + (f": {info.reason}" if info.reason else ""),
         "verdict": info.verdict,
-        "file": "damaged" if info.problem else f"not checked (`rigd verify {named}` does)",
+        "file": _file(info),
         "trials": _counted(info),
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
         "--set": ", ".join(
             f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
         ),
         "calibration": _calibration(info.metadata.get("calibration", {})),
-        "not read": ", ".join(info.other_topics),
+        "not read": ", ".join(map(str, info.topics)),
         "attached": ", ".join(info.attachments),
     }
     lines = [*facts.items(), *(("added note", str(note)) for note in info.notes)]
     for name, text in lines:
         if text:
             console.print(f"{name:<12}{escape(plain(text))}", soft_wrap=True)
+    for text in foreign_lines(info.foreign):
+        console.print(escape(plain(text)), soft_wrap=True)
     if info.recovered and not info.losses:
         console.print("[yellow]this file was damaged and has been recovered[/]")
     for text in info.losses:
@@ -193,6 +196,16 @@ def _print_trials(console: Console, info: RunInfo) -> None:
         texts = (str(trial.number), lasted, *values, state)
         table.add_row(*(escape(plain(text)) for text in texts))
     print_table(console, table)
+
+
+def _file(info: RunInfo) -> str:
+    """Return what the file is, and what wrote it."""
+    from rigd.record.condition import Condition, writer_of
+
+    written = f"written by {writer_of(info.foreign)}"
+    if info.condition is Condition.UNCHECKED:
+        return f"{written}, not checked (`rigd verify {quote(str(info.path))}` does)"
+    return f"{info.condition}, {written}"
 
 
 def _specimen(held: Mapping[str, str]) -> str:

@@ -16,7 +16,11 @@ examples:
   rigd verify runs/*.mcap
   rigd verify FILE --json
 
-  The exit code is 0 if every byte of every file is intact, and 7 otherwise.
+  whole    rigd wrote the file, and every byte is as it was written
+  valid    another program wrote it: it is read, and what rigd would have added is named
+  damaged  bytes are wrong or missing: they are named, and what is lost with them
+
+  The exit code is 0 if every file is whole or valid, and 7 otherwise.
   Nothing is changed: `rigd recover FILE` makes a repaired file and keeps the damaged file as
   FILE.orig; a file that only lacks its end is completed in place.
 """
@@ -41,15 +45,19 @@ def execute(args: argparse.Namespace) -> int:
         except RecordingError as error:
             print(f"rigd: {error}", file=sys.stderr)
             sound = False
-            found.append({"recording": str(path), "sound": False, "problem": error.message})
+            found.append(
+                {
+                    "recording": str(path), "file": "damaged", "sound": False,
+                    "problem": error.message,
+                }
+            )  # fmt: skip
             continue
         sound = sound and item.sound
         found.append(verification_json(item))
         if args.json:
             continue
         rows = ", ".join(f"{count} of {topic[1:]}" for topic, count in sorted(item.rows.items()))
-        state = "sound" if item.sound else "damaged"
-        print(f"{path}: {state}, {item.chunks} chunks with {rows or 'no rows'}")
+        print(f"{path}: {item.state}, {item.chunks} chunks with {rows or 'no rows'}")
         for line in item.lines():
             print(f"  {line}")
         if not item.sound:

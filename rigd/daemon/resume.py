@@ -84,7 +84,7 @@ def read_resume_point(path: Path, held: RunFolder | None = None) -> ResumePoint:
         from rigd.engine.recorder import drain_into
 
         drain_into(path, command="rigd run --resume", held=held)
-    recover(path)
+    recover(path, others=False)
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})
     if not {"procedure", "rig", "seed"} <= run.keys() or not run["seed"].isdecimal():

@@ -7,6 +7,7 @@ is a complete MCAP Message record: frame, channel, sequence, times, CDR header, 
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
@@ -116,6 +117,41 @@ def build_chunk(block: MessageBlock, compression: Compression, packed: bytes | m
             compression=name.decode(),
             compressed_size=len(packed),
             uncompressed_size=size,
+        ),
+    )
+
+
+def wrap_messages(data: memoryview, index: Mapping[int, tuple[Times, Times]]) -> Chunk:
+    """Return messages of any channels as a chunk that is not compressed.
+
+    ``index`` are times and offsets of the messages by channel, as :func:`index_messages` gives
+    them; the ``channel`` of the chunk is the first of them.
+    """
+    start_ns = min((int(times.min()) for times, _ in index.values()), default=0)
+    end_ns = max((int(times.max()) for times, _ in index.values()), default=0)
+    head = _CHUNK_HEAD.pack(start_ns, end_ns, len(data), crc32(data), 0) + _SIZE.pack(len(data))
+    begin = FRAME.pack(Opcode.CHUNK, len(head) + len(data)) + head
+    entries = {channel: build_message_index(channel, *entry) for channel, entry in index.items()}
+    length = len(begin) + len(data)
+    offsets: dict[int, int] = {}
+    at = length
+    for channel, entry in entries.items():
+        offsets[channel] = at
+        at += len(entry)
+    return Chunk(
+        channel=next(iter(index), 0),
+        count=sum(len(times) for times, _ in index.values()),
+        parts=(begin, data, b"".join(entries.values())),
+        index=ChunkIndex(
+            message_start_time=start_ns,
+            message_end_time=end_ns,
+            chunk_start_offset=0,
+            chunk_length=length,
+            message_index_offsets=offsets,
+            message_index_length=at - length,
+            compression="",
+            compressed_size=len(data),
+            uncompressed_size=len(data),
         ),
     )
 
@@ -246,11 +282,15 @@ def uniform_messages(data: bytes | memoryview) -> NDArray[np.void] | None:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The messages of a chunk: channel, first byte and size in bytes of each record, (n,)."""
+    """The messages of a chunk: channel, first byte and size in bytes of each record, (n,).
+
+    ``others`` are the first bytes of the records that are no messages.
+    """
 
     channels: NDArray[np.uint16]
     offsets: NDArray[np.int64]
     sizes: NDArray[np.int64]
+    others: NDArray[np.int64]
 
 
 def message_places(data: bytes | memoryview) -> Places:
@@ -271,10 +311,12 @@ def message_places(data: bytes | memoryview) -> Places:
     offsets = np.array(begins, np.int64)
     sizes = np.diff(offsets, append=end)
     is_message = octets[offsets] == Opcode.MESSAGE
+    others = offsets[~is_message]
     offsets, sizes = offsets[is_message], sizes[is_message]
     if (sizes < MESSAGE_HEAD.itemsize).any():
         raise Malformed("a message that is too short")
-    return Places(numbers_at(octets, offsets + FRAME.size, np.dtype("<u2")), offsets, sizes)
+    channels = numbers_at(octets, offsets + FRAME.size, np.dtype("<u2"))
+    return Places(channels, offsets, sizes, others)
 
 
 def numbers_at(

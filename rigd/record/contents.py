@@ -35,7 +35,11 @@ from rigd.record.wire import (
 
 @dataclass
 class Contents:
-    """Index of one MCAP file; ``counts`` are messages by channel id."""
+    """Index of one MCAP file; ``counts`` are messages by channel id.
+
+    ``loose`` are the offsets of those ``chunks`` that are none in the file, but messages outside of
+    chunks that follow one another: their index is that of the chunk that they would make.
+    """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -45,6 +49,7 @@ class Contents:
     counts: dict[int, int] = field(default_factory=dict)
     start_ns: int = 0  #: of the first message; 0 if there is none
     end_ns: int = 0
+    loose: set[int] = field(default_factory=set)
 
     @property
     def messages(self) -> int:
@@ -191,6 +196,15 @@ def rows_of(index: ChunkIndex) -> int:
     Exact for a chunk of one channel; for several channels an upper bound.
     """
     return max(index.message_index_length - MESSAGE_INDEX_HEAD.size, 0) // 16
+
+
+def rows_by_topic(contents: Contents) -> dict[str, int]:
+    """Return the number of messages of each topic, which may have several channels."""
+    rows: dict[str, int] = {}
+    for number, count in contents.counts.items():
+        topic = contents.channels[number].topic
+        rows[topic] = rows.get(topic, 0) + count
+    return rows
 
 
 def parse_footer(tail: memoryview) -> tuple[int, int]:

@@ -7,8 +7,9 @@ those of a channel at once. What was found is kept, as every stream reads the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from threading import Lock
 from typing import Final
 
@@ -24,6 +25,7 @@ from rigd.record.chunks import (
     uniform_messages,
 )
 from rigd.record.events import CDR_HEADER, MESSAGE_FIELDS
+from rigd.record.fields import Decode
 from rigd.record.wire import FRAME, Malformed
 
 #: The numbers of the channels of a topic; a file of another program may have several.
@@ -32,6 +34,46 @@ Channels = tuple[int, ...]
 _CDR = np.frombuffer(CDR_HEADER, "<u4")[0]
 #: Most bytes of chunks of mixed channels that are kept, beside the newest one.
 KEPT_BYTES: Final = 64 << 20
+
+
+#: Fields of :func:`numbered_dtype`, and those of a message that they are.
+_HEAD: Final = {"t_ns": "log_time", "sequence": "sequence", "publish_ns": "publish_time"}
+
+
+@cache
+def numbered_dtype(blob: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Return the dtype of a row (``blob``: time, values) with all that identifies its message."""
+    head = [("t_ns", "<u8"), ("sequence", "<u4"), ("publish_ns", "<u8")]
+    return np.dtype([*head, ("values", blob["values"])])
+
+
+def in_order(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """Return rows of :func:`numbered_dtype` by time and number, each once."""
+    times = rows["t_ns"]
+    if (times[1:] > times[:-1]).all():
+        return rows
+    rows = rows[np.lexsort((rows["sequence"], rows["t_ns"]))]
+    same = rows["t_ns"][1:] == rows["t_ns"][:-1]
+    tied = np.flatnonzero(np.append(same, False) | np.append(False, same))
+    if not len(tied):
+        return rows
+    contents = np.ascontiguousarray(rows[tied]).view(f"V{rows.dtype.itemsize}")
+    first = {
+        content: at
+        for at, content in zip(tied[::-1].tolist(), contents[::-1].tolist(), strict=True)
+    }
+    kept = np.ones(len(rows), bool)
+    kept[tied] = False
+    kept[list(first.values())] = True
+    return rows[kept]
+
+
+def _swapped(values: NDArray[np.void]) -> NDArray[np.void]:
+    """Return values of the other byte order: float64s, then a status word if 4 bytes are left."""
+    size = values.dtype.itemsize
+    fields = [("values", ">f8", (size // 8,)), *([("status", ">u4")] if size % 8 else [])]
+    big = np.dtype(fields)
+    return np.ascontiguousarray(values).view(big).astype(big.newbyteorder("<")).view(values.dtype)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,23 +116,86 @@ class Messages:
         rows["values"] = found["values"]
         return rows
 
+    def numbered(
+        self, channels: Channels, blob: np.dtype[np.void], decoders: Mapping[int, Decode]
+    ) -> NDArray[np.void]:
+        """Return the rows of the channels of one stream as :func:`numbered_dtype`.
+
+        Of a file of another program: channels in ``decoders`` are decoded one by one, the others
+        are plain CDR, in any byte order and with any bytes behind their values.
+
+        Raises:
+            Malformed: a message is shorter than its stream.
+        """
+        dtype, parts = numbered_dtype(blob), []
+        for channel in channels:
+            if channel in decoders:
+                parts.append(self._decoded(channel, dtype, decoders[channel]))
+            else:
+                parts.append(self._plain(channel, dtype))
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+    def _plain(self, channel: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+        places, message = self._all, message_dtype(dtype["values"].itemsize)
+        mine = places.channels == channel
+        offsets = places.offsets[mine]
+        if (places.sizes[mine] < message.itemsize).any():
+            raise Malformed("a message that is shorter than its type")
+        rows = np.empty(len(offsets), dtype)
+        if not len(offsets):
+            return rows
+        octets = np.frombuffer(self.data, np.uint8)
+        taken = np.lib.stride_tricks.sliding_window_view(octets, message.itemsize)[offsets]
+        found = taken.view(message)[:, 0]
+        for name, source in _HEAD.items():
+            rows[name] = found[source]
+        rows["values"] = found["values"]
+        # The second byte of the header is 1 for little-endian; the last two are options.
+        big = found["cdr"].view("<u4") >> 8 & 1 == 0
+        if big.any():
+            rows["values"][big] = _swapped(rows["values"][big])
+        return rows
+
+    def _decoded(self, channel: int, dtype: np.dtype[np.void], decode: Decode) -> NDArray[np.void]:
+        places, view = self._all, memoryview(self.data)
+        mine = places.channels == channel
+        spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
+        heads, values = [], []
+        for offset, size in spans:
+            at = offset + FRAME.size
+            _, sequence, log_ns, publish_ns = MESSAGE_FIELDS.unpack_from(view, at)
+            heads.append((log_ns, sequence, publish_ns))
+            values.append(decode(view[at + MESSAGE_FIELDS.size : offset + size]))
+        rows = np.empty(len(heads), dtype)
+        for name, column in zip(_HEAD, zip(*heads, strict=True), strict=False):
+            rows[name] = column
+        if values:
+            rows["values"] = np.array(values, "<f8").view(dtype["values"])[:, 0]
+        return rows
+
+    @cached_property
+    def _all(self) -> Places:
+        return self.places or message_places(self.data)
+
     def payloads(self, channels: Channels) -> Iterator[tuple[int, memoryview]]:
         """Yield (log time in ns, payload) of each message of the channels."""
-        places = self.places or message_places(self.data)
+        return ((t_ns, payload) for t_ns, _, payload in self.numbers(channels))
+
+    def numbers(self, channels: Channels) -> Iterator[tuple[int, int, memoryview]]:
+        """Yield (log time in ns, number, payload) of each message of the channels."""
+        places = self._all
         view, mine = memoryview(self.data), np.isin(places.channels, channels)
         spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
         for offset, size in spans:
             at = offset + FRAME.size
-            yield (
-                MESSAGE_FIELDS.unpack_from(view, at)[2],
-                view[at + MESSAGE_FIELDS.size : offset + size],
-            )
+            _, number, t_ns, _ = MESSAGE_FIELDS.unpack_from(view, at)
+            yield t_ns, number, view[at + MESSAGE_FIELDS.size : offset + size]
 
     def _taken(self, channels: Channels, value_bytes: int) -> NDArray[np.void]:
         """Return the messages of the channels as :func:`message_dtype`, (n,)."""
         if self.alike is not None:
             return self.alike if int(self.alike["channel"][0]) in channels else self.alike[:0]
-        places, dtype = self.places or message_places(self.data), message_dtype(value_bytes)
+        places, dtype = self._all, message_dtype(value_bytes)
         mine = np.isin(places.channels, channels)
         offsets = places.offsets[mine]
         if not len(offsets):

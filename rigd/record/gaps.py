@@ -43,6 +43,7 @@ class Span:
     end_ns: int
     count: int
     first: int | None = None  #: number of the first message in its stream
+    last: int | None = None  #: of the last message; known of files of others
 
     def covers(self, other: Span) -> bool:
         """Return whether it reaches from the start to the end of another."""
@@ -156,7 +157,7 @@ def with_losses(
 def describe_rows(gap: Gap) -> str:
     """Return how many rows of which stream are lost, in words."""
     if gap.rows is None:
-        return f"rows at the end of {gap.stream}"
+        return f"an unknown number of rows of {gap.stream}"
     things = "event" if gap.stream == EVENTS_STREAM else "row"
     number = f"{gap.rows} {things}{'' if gap.rows == 1 else 's'}"
     return number if gap.stream == EVENTS_STREAM else f"{number} of {gap.stream}"

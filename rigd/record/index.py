@@ -10,30 +10,23 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
+from typing import Final
 
 from mcap import records as mcap
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
-from rigd.model import RecordingError, Stream
+from rigd.model import RecordingError
 from rigd.model.system import read_at
 from rigd.record.access import how_to_recover, require_regular, share
 from rigd.record.chunks import ChunkHead
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
-from rigd.record.decode import Channels
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gaps_from_json
-from rigd.record.prefix import GAPS_KEY, RECOVERY_METADATA
-from rigd.record.scan import Scan, scan
-from rigd.record.schema import (
-    EVENTS_TOPIC,
-    STREAM_KEY,
-    TRIAL_TOPIC,
-    stream_from_json,
-    stream_from_schema,
-)
-from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
+from rigd.record.prefix import GAPS_KEY, LIBRARY, RECOVERY_METADATA
+from rigd.record.scan import Scan, library_of, scan
+from rigd.record.wire import FOOTER, FRAME, MAGIC, Malformed, Record, decode, map_file, record_at
 
 
 def damaged(path: Path, problem: object) -> RecordingError:
@@ -86,7 +79,12 @@ def opened(path: Path) -> Iterator[int]:
         raise RecordingError(f"cannot read {path}: {error.strerror}") from error
 
 
-def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
+def bytes_at(fd: int, offset: int, length: int) -> memoryview:
+    """Return bytes of a file.
+
+    Raises:
+        Malformed: it has not so many.
+    """
     size = os.fstat(fd).st_size
     if offset + length > size:
         raise Malformed(f"its index points to byte {offset + length}, behind its end at {size}")
@@ -99,7 +97,7 @@ def record_in(fd: int, offset: int, length: int, opcode: int) -> Record:
     Raises:
         Malformed: another one is there.
     """
-    record = record_at(_bytes_at(fd, offset, length), 0)
+    record = record_at(bytes_at(fd, offset, length), 0)
     if record.opcode != opcode:
         raise Malformed(f"the record at byte {offset} does not agree with its index")
     return record
@@ -124,6 +122,10 @@ def require_same(head: ChunkHead, index: ChunkIndex) -> None:
         raise Malformed(f"the chunk at byte {index.chunk_start_offset} is not that of the index")
 
 
+#: No header is longer, in bytes.
+_MOST_HEADER: Final = 1 << 16
+
+
 def walked(fd: int) -> Scan | None:
     """Return a scan of the whole file, or None while a writer holds it."""
     return scan(map_file(fd)) if share(fd) else None
@@ -143,7 +145,7 @@ def indexed(fd: int) -> tuple[Contents, int]:
         raise Malformed("it has no summary")
     if not len(MAGIC) <= start <= size - ending:
         raise Malformed("its footer points outside of the file")
-    summary = _bytes_at(fd, start, size - start)
+    summary = bytes_at(fd, start, size - start)
     if crc and crc32(summary[: -len(MAGIC) - 4]) != crc:
         raise Malformed("the CRC of its summary does not match")
     contents = parse_summary(summary[:-ending])
@@ -178,44 +180,18 @@ def gaps_in(metadata: Mapping[str, Mapping[str, str]]) -> tuple[Gap, ...]:
         raise Malformed(str(error)) from error
 
 
-def streams_in(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
-    """Return the streams by name, and the topics that are none.
-
-    Raises:
-        Malformed: a channel states a stream that is none.
-    """
-    streams: dict[str, Stream] = {}
-    others: list[str] = []
-    for channel in contents.channels.values():
-        stream = _stream(channel, contents)
-        if stream is not None and f"/{stream.name}" == channel.topic:
-            if streams.setdefault(stream.name, stream) != stream:
-                others.append(channel.topic)
-        elif channel.topic not in (EVENTS_TOPIC, TRIAL_TOPIC):
-            others.append(channel.topic)
-    return streams, tuple(others)
+def by_rigd(fd: int) -> bool:
+    """Return whether the header of a file names rigd, or is damaged."""
+    begin = memoryview(read_at(fd, len(MAGIC) + FRAME.size, 0))
+    if len(begin) < len(MAGIC) + FRAME.size or bytes(begin[: len(MAGIC)]) != MAGIC:
+        return True
+    opcode, length = FRAME.unpack_from(begin, len(MAGIC))
+    if opcode != Opcode.HEADER or length > _MOST_HEADER:
+        return True
+    library = library_of(memoryview(read_at(fd, len(begin) + length, 0)))
+    return library is None or library.startswith(LIBRARY)
 
 
-def channels_by_topic(contents: Contents) -> dict[str, Channels]:
-    """Return the channels of each topic: the first, and those that give the same stream.
-
-    A file that another program merged has several of one topic.
-    """
-    found: dict[str, Channels] = {}
-    for number, channel in contents.channels.items():
-        same = found.setdefault(channel.topic, ())
-        if not same or _stream(channel, contents) == _stream(contents.channels[same[0]], contents):
-            found[channel.topic] = (*same, number)
-    return found
-
-
-def _stream(channel: mcap.Channel, contents: Contents) -> Stream | None:
-    schema = contents.schemas.get(channel.schema_id)
-    if STREAM_KEY in channel.metadata:
-        try:
-            return stream_from_json(channel.metadata[STREAM_KEY])
-        except ValueError as error:
-            raise Malformed(f"channel {channel.topic}: {error}") from error
-    if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
-        return None
-    return stream_from_schema(channel.topic, schema.data.decode(errors="replace"))
+def mixes_channels(contents: Contents) -> bool:
+    """Return whether a chunk has several channels or none, which rigd never writes."""
+    return any(len(chunk.message_index_offsets) != 1 for chunk in contents.chunks)

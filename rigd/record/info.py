@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rigd.model import Stream
+from rigd.record.condition import Condition, Foreign, foreign_json
 from rigd.record.events import Event
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.notes import Note, notes_in
 from rigd.record.prefix import RECOVERY_METADATA
 from rigd.record.reader import Recording
+from rigd.record.topics import Topic
 from rigd.record.trials import INTERRUPTED, TrialInfo
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 #: State where ``run_end`` names none.
 COMPLETE: Final = "complete"
+#: State of a file of another program that has no events of rigd.
+NO_RUN: Final = "no run"
 #: Metadata record of the specimen.
 SPECIMEN_METADATA: Final = "specimen"
 #: Metadata record of the verdict on the measures of a run, under ``verdict``.
@@ -46,7 +50,7 @@ class RunInfo:
     mode: str
     seed: str
     started: str  #: ISO 8601 as the engine wrote it; empty if unknown
-    state: str  #: the state in ``run_end``, or :data:`INTERRUPTED`
+    state: str  #: the state in ``run_end``, or :data:`INTERRUPTED`, or :data:`NO_RUN`
     reason: str
     recovered: bool  #: whether the file was torn and has been repaired
     problem: str  #: the first damage of the file, if it was opened as partial
@@ -59,7 +63,9 @@ class RunInfo:
     duration_s: float
     size: int  #: bytes
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
-    other_topics: tuple[str, ...] = ()  #: of another program, which rigd cannot read as columns
+    topics: tuple[Topic, ...] = ()  #: of another program, which rigd cannot read as columns
+    condition: Condition = Condition.UNCHECKED  #: what the file is
+    foreign: Foreign | None = None  #: what is known of a file that another program wrote
     began: bool = True  #: whether preflight was passed, so that the rig was to be armed
 
     @property
@@ -73,7 +79,7 @@ class RunInfo:
         lines = []
         if self.problem:
             lines.append(f"{self.path} is damaged; the damaged parts were skipped: {self.problem}")
-        elif self.gaps:
+        elif self.gaps and self.recovered:
             lines.append(f"{self.path} was damaged and has been recovered")
         lines += [f"{self.path} lacks {gap_text(gap, self.start_ns)}" for gap in self.gaps]
         lost = [f"trial {trial.number} ({trial.lost})" for trial in self.trials if trial.lost]
@@ -123,8 +129,17 @@ def run_info(recording: Recording) -> RunInfo:
         streams=tuple(_stream_info(recording, name) for name in recording.streams),
         attachments=tuple(index.name for index in recording.contents.attachments),
         gaps=recording.gaps,
-        other_topics=tuple(dict.fromkeys(recording.other_topics)),
+        topics=tuple(recording.topics.others),
+        condition=recording.condition,
+        foreign=recording.foreign,
+        state=_state(recording),
     )
+
+
+def _state(recording: Recording) -> str:
+    """Return the state of the run; a file of another program may have none."""
+    state, _ = run_state(recording.all_events)
+    return NO_RUN if recording.foreign is not None and not recording.all_events else state
 
 
 def info_of(
@@ -167,6 +182,8 @@ def info_json(info: RunInfo) -> dict[str, object]:
     """Return the summary as an object for ``json.dumps``."""
     return {
         "recording": str(info.path),
+        "file": info.condition,
+        **foreign_json(info.foreign),
         "bytes": info.size,
         "duration_s": info.duration_s,
         "procedure": info.procedure,
@@ -208,7 +225,8 @@ def info_json(info: RunInfo) -> dict[str, object]:
             }
             for stream in info.streams
         ],
-        "other_topics": list(info.other_topics),
+        "other_topics": list(dict.fromkeys(topic.topic for topic in info.topics)),
+        "not_read": [asdict(topic) for topic in info.topics],
         "attachments": list(info.attachments),
     }
 

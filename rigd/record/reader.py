@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -21,22 +22,24 @@ from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
+from rigd.record.condition import Condition, Foreign
 from rigd.record.contents import Contents, rows_of
 from rigd.record.crc import crc32
-from rigd.record.decode import Channels, KeptMessages, Messages
+from rigd.record.decode import Channels, KeptMessages, Messages, in_order, numbered_dtype
 from rigd.record.events import Event, parse_event
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, with_losses
 from rigd.record.index import (
-    channels_by_topic,
+    by_rigd,
+    bytes_at,
     damaged,
     gaps_in,
     indexed,
     metadata_in,
+    mixes_channels,
     opened,
     record_in,
     require_same,
-    streams_in,
     walked,
 )
 from rigd.record.prefix import (
@@ -44,11 +47,10 @@ from rigd.record.prefix import (
     START_KEY,
     Attachment,
 )
-from rigd.record.schema import (
-    EVENTS_STREAM,
-    EVENTS_TOPIC,
-)
+from rigd.record.scan import Scan
+from rigd.record.schema import EVENTS_STREAM
 from rigd.record.tables import Table, stream_table
+from rigd.record.topics import Topics, topics_in
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
 from rigd.record.wire import Malformed, decode
@@ -69,19 +71,20 @@ class Recording:
 
     ``recording.trials`` are its trials, ``recording.trial(3)["carriage"]`` is a table of samples.
 
-    ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the rest
-    of a file of another program: also channels that differ from the first of their topic.
+    Of a file that another program wrote, every byte is read when it is opened; its rows are given
+    in order of time, each once, and ``foreign`` states what rigd would have written.
     """
 
     path: Path
     contents: Contents
-    streams: Mapping[str, Stream]
-    other_topics: tuple[str, ...]
+    topics: Topics
     metadata: Mapping[str, Mapping[str, str]]
     size: int  #: bytes
     problem: str = ""  #: the first damage of the file, if it was opened as partial
     data_end: int = 0  #: bytes from its start that are sound
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
+    foreign: Foreign | None = None  #: of a file of another program
+    checked: bool = False  #: whether every byte was read
 
     @classmethod
     def open(cls, path: str | PathLike[str], *, partial: bool = False) -> Recording:
@@ -96,18 +99,65 @@ class Recording:
         path = Path(path)
         with opened(path) as fd:
             try:
-                found = walked(fd) if partial else None
-                if found is not None:
-                    contents, problem, end = found.contents, found.problem, found.data_end
-                else:
-                    (contents, end), problem = indexed(fd), ""
-                metadata = metadata_in(fd, contents)
-                streams, others = streams_in(contents)
-                gaps = found.gaps() if found is not None else gaps_in(metadata)
+                found = walked(fd) if partial or not by_rigd(fd) else None
+                if found is None:
+                    contents, end = indexed(fd)
+                    if not mixes_channels(contents) or (found := walked(fd)) is None:
+                        return cls._indexed(fd, path, contents, end)
+                if found.others and not partial and found.damages:
+                    raise Malformed(found.problem)
+                return cls.of(fd, path, found)
             except Malformed as error:
                 raise damaged(path, error) from error
-            size = os.fstat(fd).st_size
-        return cls(path, contents, streams, others, metadata, size, problem, end, gaps)
+
+    @classmethod
+    def _indexed(cls, fd: int, path: Path, contents: Contents, end: int) -> Recording:
+        metadata = metadata_in(fd, contents)
+        gaps, topics = gaps_in(metadata), topics_in(contents, {}, others=False)
+        return cls(path, contents, topics, metadata, os.fstat(fd).st_size, "", end, gaps)
+
+    @classmethod
+    def of(cls, fd: int, path: Path, found: Scan) -> Recording:
+        """Return the recording that a scan of an open file has found.
+
+        Raises:
+            Malformed: a channel of rigd states a stream that is none.
+        """
+        contents, metadata = found.contents, metadata_in(fd, found.contents)
+        return cls(
+            path,
+            contents,
+            topics_in(contents, found.firsts, others=found.others),
+            metadata,
+            os.fstat(fd).st_size,
+            found.problem,
+            found.data_end,
+            found.gaps(),
+            Foreign.of(found, metadata) if found.others else None,
+            checked=True,
+        )
+
+    @property
+    def streams(self) -> Mapping[str, Stream]:
+        """The streams that rigd reads as columns, by name."""
+        return self.topics.streams
+
+    @property
+    def other_topics(self) -> tuple[str, ...]:
+        """The topics that are none: also channels that differ from the first of their topic."""
+        return tuple(topic.topic for topic in self.topics.others)
+
+    @property
+    def condition(self) -> Condition:
+        """What the file is: whole, valid or damaged.
+
+        A file of rigd is checked only if it is opened as partial.
+        """
+        if self.problem:
+            return Condition.DAMAGED
+        if self.foreign is not None:
+            return Condition.VALID
+        return Condition.WHOLE if self.checked else Condition.UNCHECKED
 
     def __repr__(self) -> str:
         """Return a description in one line."""
@@ -174,7 +224,7 @@ class Recording:
     @property
     def written_by_rigd(self) -> bool:
         """Whether rigd made the file, so that it may add to it."""
-        return START_KEY in self.metadata.get(FORMAT_METADATA, {})
+        return self.foreign is None and START_KEY in self.metadata.get(FORMAT_METADATA, {})
 
     @property
     def start_ns(self) -> int:
@@ -194,7 +244,12 @@ class Recording:
             RecordingError: no such stream.
 
         """
-        return sum(self.contents.counts.get(channel, 0) for channel in self._channels(stream))
+        channels = self._channels(stream)
+        found = sum(self.contents.counts.get(channel, 0) for channel in channels)
+        if self.foreign is None:
+            return found
+        topics = {self.contents.channels[channel].topic for channel in channels}
+        return found - sum(self.foreign.doubled.get(topic, 0) for topic in topics)
 
     def recorded(self, stream: str) -> int:
         """Return the number of rows that a stream was given, those that are lost included.
@@ -213,7 +268,13 @@ class Recording:
             RecordingError: no such stream.
 
         """
-        chunks = self._chunks(self._channels(stream), 0, _LAST_NS)
+        channels = self._channels(stream)
+        if self.foreign is not None:
+            spans = [
+                self.foreign.spans[number] for number in channels if number in self.foreign.spans
+            ]
+            return (min(spans)[0], max(last for _, last in spans)) if spans else None
+        chunks = self._chunks(channels, 0, _LAST_NS)
         if not chunks:
             return None
         first = min(chunk.message_start_time for chunk in chunks)
@@ -229,6 +290,8 @@ class Recording:
     ) -> NDArray[np.void]:
         """Return the rows with ``start_ns <= t_ns < end_ns``, in the order of the file.
 
+        Those of a file of another program are given in order of time, each once.
+
         The dtype is that of :func:`~rigd.model.rows.row_dtype`; cost about 0.1 µs per row of 12
         channels.
 
@@ -238,6 +301,9 @@ class Recording:
         """
         blob = self._blob(stream)
         low, high = _between(start_ns, end_ns)
+        if self.foreign is not None:
+            parts = [np.empty(0, blob), *self._in_order(stream, low, high, check_crc=check_crc)]
+            return np.concatenate(parts, dtype=blob).view(row_dtype(self.streams[stream]))
         # Filled piece by piece: joining them at the end would need twice the memory. Every row
         # has 16 bytes of index in the file, which bounds the rows that a damaged index can state.
         chunks = self._chunks(self._channels(stream), low, high)
@@ -267,7 +333,8 @@ class Recording:
         waiting: list[NDArray[np.void]] = []
         blob = self._blob(stream)
         dtype = row_dtype(self.streams[stream])
-        for piece in self._pieces(stream, *_between(start_ns, end_ns), check_crc=True):
+        pieces = self._pieces if self.foreign is None else self._in_order
+        for piece in pieces(stream, *_between(start_ns, end_ns), check_crc=True):
             waiting.append(piece)
             if sum(map(len, waiting)) >= rows:
                 yield np.concatenate(waiting, dtype=blob).view(dtype)
@@ -292,6 +359,32 @@ class Recording:
                     rows = rows[(times >= low) & (times < high)]
                 yield rows
 
+    def _in_order(
+        self, stream: str, low: int, high: int, *, check_crc: bool
+    ) -> Iterator[NDArray[np.void]]:
+        """Yield the rows with ``low <= t_ns < high`` by time, each once, as times and blobs.
+
+        Only the rows are held that a later chunk may stand before.
+        """
+        channels, blob = self._channels(stream), self._blob(stream)
+        chunks = self._chunks(channels, low, high)
+        chunks.sort(key=lambda chunk: chunk.message_start_time)
+        begins = [*(chunk.message_start_time for chunk in chunks[1:]), 2**64 - 1]
+        held = np.empty(0, numbered_dtype(blob))
+        with opened(self.path) as fd:
+            for index, following in zip(chunks, begins, strict=False):
+                messages = self._unpack(fd, index, check_crc=check_crc)
+                try:
+                    rows = messages.numbered(channels, blob, self.topics.decoders)
+                except Malformed as error:
+                    raise self._damaged(f"/{stream}: {error}") from error
+                within = (rows["t_ns"] >= low) & (rows["t_ns"] < high)
+                rows = in_order(np.concatenate([held, rows[within]]))
+                end = int(np.searchsorted(rows["t_ns"], following))
+                held = rows[end:]
+                yield _bare(rows[:end], blob)
+        yield _bare(held, blob)
+
     def _blob(self, stream: str) -> np.dtype[np.void]:
         self._channels(stream)  # raises if there is no such stream
         return blob_dtype(self.streams[stream])
@@ -299,14 +392,16 @@ class Recording:
     def events(self) -> list[Event]:
         """Return all events in the order of the file; none if the file has no ``/events``.
 
+        Those of a file of another program are given in order of time, each once.
+
         Raises:
             RecordingError: a damaged chunk or event.
 
         """
-        channels = self._numbers.get(EVENTS_TOPIC)
+        channels = self.topics.events
         events: list[Event] = []
-        if channels is None:
-            return events
+        if self.foreign is not None:
+            return self._events_in_order()
         with opened(self.path) as fd:
             for index in self._chunks(channels, 0, _LAST_NS):
                 messages = self._unpack(fd, index, check_crc=True)
@@ -315,6 +410,24 @@ class Recording:
                     events += [parse_event(t_ns, payload) for t_ns, payload in found]
                 except Malformed as error:
                     raise self._damaged(error) from error
+        return events
+
+    def _events_in_order(self) -> list[Event]:
+        """Return the events of another program's file, without those that cannot be read.
+
+        The check of the file has named these as damage.
+        """
+        found: dict[tuple[int, int, bytes], None] = {}
+        channels = self.topics.events
+        with opened(self.path) as fd:
+            for index in self._chunks(channels, 0, _LAST_NS):
+                messages = self._unpack(fd, index, check_crc=True)
+                for t_ns, number, payload in messages.numbers(channels):
+                    found[t_ns, number, bytes(payload)] = None
+        events: list[Event] = []
+        for t_ns, _, data in sorted(found, key=lambda key: key[:2]):
+            with suppress(Malformed):
+                events.append(parse_event(t_ns, memoryview(data)))
         return events
 
     @cached_property
@@ -413,16 +526,12 @@ class Recording:
             return True
         return procedure is None or b"changes:" in procedure.data
 
-    @cached_property
-    def _numbers(self) -> Mapping[str, Channels]:
-        return channels_by_topic(self.contents)
-
     def _channels(self, stream: str) -> Channels:
         if stream not in self.streams:
             raise RecordingError(
                 f"{self.path} has no stream {stream!r}", hint=suggest(stream, self.streams)
             )
-        return self._numbers[f"/{stream}"]
+        return self.topics.channels[stream]
 
     def _chunks(self, channels: Channels, low: int, high: int) -> list[ChunkIndex]:
         return [
@@ -439,9 +548,13 @@ class Recording:
 
     def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> Messages:
         try:
+            if index.chunk_start_offset in self.contents.loose:
+                data = bytes_at(fd, index.chunk_start_offset, index.uncompressed_size)
+                return Messages.of(data)
             record = record_in(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
             head = parse_chunk(record.content)
-            require_same(head, index)
+            if self.foreign is None:
+                require_same(head, index)
             key = index.chunk_start_offset, head.size, head.crc or crc32(head.packed)
             if (kept := self._kept.get(key)) is not None:
                 return kept
@@ -474,6 +587,13 @@ def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recor
         RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
     """
     return Recording.open(path, partial=partial)
+
+
+def _bare(rows: NDArray[np.void], blob: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return rows without number and publish time."""
+    bare = np.empty(len(rows), blob)
+    bare["t_ns"], bare["values"] = rows["t_ns"], rows["values"]
+    return bare
 
 
 def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:

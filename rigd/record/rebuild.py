@@ -81,7 +81,12 @@ def _whole(found: Scan, marks: Marks, contents: Contents) -> Iterator[bytes | me
     else:
         others = found.pieces
         library = found.library or f"{LIBRARY}{__version__}"
-        begin = MAGIC + encode(mcap.Header(Profile.ROS2, library))
+        header = mcap.Header(Profile.ROS2, library)
+        if found.others:
+            header = mcap.Header(
+                "", found.library or f"unknown, recovered by {LIBRARY}{__version__}"
+            )
+        begin = MAGIC + encode(header)
     # One of each number, all before the first chunk: the damaged file may have several copies.
     definitions = [*found.contents.schemas.values(), *found.contents.channels.values()]
     begin += b"".join(map(encode, definitions))
@@ -90,9 +95,9 @@ def _whole(found: Scan, marks: Marks, contents: Contents) -> Iterator[bytes | me
     for piece in others:
         if piece.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) and not _is_mark(piece):
             _index(piece, at, found, contents)
-            yield piece.data
-            yield piece.index
-            at += len(piece.data) + len(piece.index)
+            for part in (piece.head, piece.data, piece.index):
+                yield part
+                at += len(part)
     yield build_extras(marks, (), found.start_ns, at, contents)
 
 

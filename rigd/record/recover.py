@@ -23,8 +23,8 @@ from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
 from rigd.model.system import BINARY, copy_mode, require_linux, sync_folder
-from rigd.record.access import require_regular
-from rigd.record.contents import SummaryWriter
+from rigd.record.access import how_to_recover, require_regular
+from rigd.record.contents import SummaryWriter, rows_by_topic
 from rigd.record.crc import crc32
 from rigd.record.file import open_locked, write_error
 from rigd.record.gaps import Gap, gaps_to_json
@@ -63,8 +63,13 @@ class RecoveryReport:
     original: Path | None = None  #: where the damaged file is kept; None: completed in place
 
 
-def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryReport:
+def recover(
+    path: Path, *, trusted: int = 0, own: bool = False, others: bool = True
+) -> RecoveryReport:
     """Make a recording readable again; does nothing to an intact one.
+
+    Every message that can be read is kept, of a file of any program; without ``others`` the files
+    of other programs are refused.
 
     The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). ``own``: the caller
     has all rows that are not flushed, so the torn end of a file need not be kept. A recovery that
@@ -74,8 +79,8 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     Raises:
         Headless: empty, or no MCAP file.
         InUse: being written.
-        RecordingError: missing, no regular file, damaged but not written by rigd, or the disk
-            refuses; the file is as it was.
+        RecordingError: missing, no regular file, damaged without a message that can be read, or
+            the disk refuses; the file is as it was.
         NeedsLinux: it is damaged, and this is another system.
 
     """
@@ -87,21 +92,22 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
     try:
-        return _recover(fd, path, trusted, own)
+        return _recover(fd, path, trusted, own=own, others=others)
     except OSError as error:
         raise write_error(path, error) from error
     finally:
         os.close(fd)
 
 
-def _recover(fd: int, path: Path, trusted: int, own: bool) -> RecoveryReport:
+def _recover(fd: int, path: Path, trusted: int, *, own: bool, others: bool) -> RecoveryReport:
     size = os.fstat(fd).st_size
     found = _scan(fd, path, trusted)
     if found.intact:
         journal_path(path).unlink(missing_ok=True)
         return _report(path, found, False, 0, None)
     require_linux("the repair of a damaged recording")
-    _refuse_foreign(path, found)
+    if found.others:
+        return _recover_others(fd, path, found, allowed=others)
     saved = read_journal(path)
     if saved is not None and not saved.identity.is_of(map_file(fd)):
         saved = None  # of another recording
@@ -124,13 +130,12 @@ def _recover(fd: int, path: Path, trusted: int, own: bool) -> RecoveryReport:
 def _report(
     path: Path, found: Scan, from_journal: bool, lost_bytes: int, original: Path | None
 ) -> RecoveryReport:
-    topics = {number: channel.topic for number, channel in found.contents.channels.items()}
     return RecoveryReport(
         path=path,
         intact=found.intact,
         problem=found.problem,
         from_journal=from_journal,
-        rows_kept={topics[number]: count for number, count in found.contents.counts.items()},
+        rows_kept=rows_by_topic(found.contents),
         lost_bytes=lost_bytes,
         damages=tuple(found.damages),
         another=found.another,
@@ -139,12 +144,30 @@ def _report(
     )
 
 
-def _refuse_foreign(path: Path, found: Scan) -> None:
-    """Refuse to repair a file that another program wrote, perhaps in a valid layout of its own."""
-    if not found.by_rigd:
+def _recover_others(fd: int, path: Path, found: Scan, *, allowed: bool) -> RecoveryReport:
+    """Make a repaired file of what another program wrote; the damaged file is always kept."""
+    if not allowed:
         raise RecordingError(
-            f"{path} was written by {found.library!r} and is not as rigd expects: {found.problem}",
-            hint="rigd repairs only what it wrote; `mcap recover` makes a repaired copy.",
+            f"{path} was written by {found.library!r} and is damaged: {found.problem}",
+            hint=how_to_recover(path),
+        )
+    _require_messages(path, found)
+    original = _replace(fd, path, found)
+    kept = sum(len(piece.data) for piece in found.pieces)
+    lost = max(os.fstat(fd).st_size - kept, 0)
+    return _report(path, found, False, lost, original)
+
+
+def _require_messages(path: Path, found: Scan) -> None:
+    """Refuse to give the name of a recording to a file without a message.
+
+    Raises:
+        RecordingError: nothing but indexes or definitions can be kept.
+    """
+    if not found.contents.messages and not found.unread:
+        raise RecordingError(
+            f"{path} has no message that can be read: {found.problem}",
+            hint="The file is as it was.",
         )
 
 

@@ -10,16 +10,20 @@ trusted chunks the check relies on their heads and message indexes, which is ten
 
 from __future__ import annotations
 
+from mcap.opcode import Opcode
+from mcap.records import Header
+
 from rigd.record.chunks import CDR_SIZE, MESSAGE_HEAD
 from rigd.record.contents import Contents
 from rigd.record.crc import crc32
 from rigd.record.definitions import has_own, replace_channel, replace_schema
 from rigd.record.ending import check_ending, read_ending, take_summary
+from rigd.record.others import scan_others
 from rigd.record.plausible import begin_of_another
 from rigd.record.prefix import FORMAT_METADATA, LIBRARY, define_own
 from rigd.record.schema import EVENTS_CHANNEL, OWN_TOPICS, STREAM_KEY, TRIAL_CHANNEL
 from rigd.record.walk import Damage, Piece, Scan, drop_copies, take_head, walk
-from rigd.record.wire import DATA_END, MAGIC, Malformed
+from rigd.record.wire import DATA_END, MAGIC, Malformed, decode, record_at
 
 __all__ = ["Damage", "Piece", "Scan", "scan"]
 
@@ -41,7 +45,32 @@ def scan(buffer: memoryview, trusted: int = 0) -> Scan:
     return found
 
 
+def library_of(buffer: memoryview) -> str | None:
+    """Return what program wrote a file, by its header; None if that is damaged."""
+    try:
+        header = record_at(buffer, len(MAGIC))
+        if bytes(buffer[: len(MAGIC)]) != MAGIC or header.opcode != Opcode.HEADER:
+            return None
+        return decode(Header, header.content).library
+    except Malformed:
+        return None
+
+
 def _scan(buffer: memoryview, trusted: int) -> Scan:
+    """Scan a file as one of rigd, or as one of others if it says so or is laid out otherwise."""
+    library = library_of(buffer)
+    if library is not None and not library.startswith(LIBRARY):
+        return scan_others(buffer)
+    try:
+        found = _scan_own(buffer, trusted)
+    except Malformed:
+        if library is None:
+            return scan_others(buffer)
+        raise
+    return scan_others(buffer) if found.unlike else found
+
+
+def _scan_own(buffer: memoryview, trusted: int) -> Scan:
     found = Scan(data_end=len(MAGIC), trusted=trusted)
     take_head(buffer, found)
     ending = read_ending(buffer)
@@ -75,7 +104,7 @@ def _define_channels(found: Scan) -> None:
             if number in contents.channels or piece.chunk is None:
                 continue
             size = piece.chunk.uncompressed_size // span.count - MESSAGE_HEAD.itemsize - CDR_SIZE
-            if number in OWN_TOPICS and found.by_rigd:
+            if number in OWN_TOPICS:
                 channel = define_own(number, contents)
             else:
                 channel = replace_channel(number, size, contents)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
 from rigd.record.access import require_regular, share
+from rigd.record.condition import Condition, Foreign, foreign_json, foreign_lines, writer_of
+from rigd.record.contents import rows_by_topic
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.index import damaged
 from rigd.record.reader import Recording
 from rigd.record.scan import Damage, Scan, scan
+from rigd.record.topics import Topic
 from rigd.record.trials import TrialInfo
 from rigd.record.wire import Malformed, map_file
 
@@ -24,8 +27,10 @@ from rigd.record.wire import Malformed, map_file
 class Verification:
     """The result of a check. ``damages`` lists the bytes that are not valid.
 
-    ``gaps`` are the rows that are lost, now or since an earlier repair; ``trials`` those that lost
-    rows. ``rows`` are the intact rows by topic, ``chunks`` the number of intact chunks.
+    ``foreign`` is what is known of a file that another program wrote, ``topics`` are those that
+    rigd does not read as columns. ``gaps`` are the rows that are lost, now or since an earlier
+    repair; ``trials`` those that lost rows. ``rows`` are the intact rows by topic, ``chunks`` the
+    number of intact chunks.
     """
 
     path: Path
@@ -36,15 +41,25 @@ class Verification:
     trials: tuple[TrialInfo, ...]
     rows: Mapping[str, int]
     chunks: int
+    condition: Condition
+    foreign: Foreign | None
+    topics: tuple[Topic, ...]
 
     @property
     def sound(self) -> bool:
         """Whether every byte is as it was written."""
         return not self.damages
 
+    @property
+    def state(self) -> str:
+        """What the file is, and what wrote it, in words."""
+        return f"{self.condition}, written by {writer_of(self.foreign)}"
+
     def lines(self) -> list[str]:
         """Return the result as text, line by line."""
         lines = [f"damaged: {damage}" for damage in self.damages]
+        lines += foreign_lines(self.foreign)
+        lines += [f"not read as columns: {topic}" for topic in self.topics]
         lines += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
         lines += [f"trial {trial.number} is not complete: {trial.lost}" for trial in self.trials]
         return lines
@@ -58,9 +73,7 @@ def verify(path: Path) -> Verification:
         RecordingError: missing, empty, or no MCAP file.
 
     """
-    found = _scan(path)
-    recording = Recording.open(path, partial=True)
-    topics = {number: channel.topic for number, channel in found.contents.channels.items()}
+    found, recording = _scan(path)
     return Verification(
         path=path,
         size=recording.size,
@@ -68,8 +81,11 @@ def verify(path: Path) -> Verification:
         damages=tuple(found.damages),
         gaps=recording.gaps,
         trials=tuple(trial.info for trial in recording.trials if trial.info.lost),
-        rows={topics[number]: count for number, count in found.contents.counts.items()},
+        rows=_rows(found),
         chunks=sum(piece.opcode == Opcode.CHUNK for piece in found.pieces),
+        condition=recording.condition,
+        foreign=recording.foreign,
+        topics=tuple(recording.topics.others),
     )
 
 
@@ -78,16 +94,25 @@ def verification_json(found: Verification) -> dict[str, object]:
     return {
         "recording": str(found.path),
         "bytes": found.size,
+        "file": found.condition,
+        **foreign_json(found.foreign),
         "sound": found.sound,
         "chunks": found.chunks,
         "rows": dict(found.rows),
+        "not_read": [asdict(topic) for topic in found.topics],
         "damages": [damage._asdict() for damage in found.damages],
         "lost_rows": gaps_json(found.gaps, found.start_ns),
         "trials": [{"number": trial.number, "lost": trial.lost} for trial in found.trials],
     }
 
 
-def _scan(path: Path) -> Scan:
+def _rows(found: Scan) -> dict[str, int]:
+    """Return the messages of each topic, each counted once."""
+    rows = rows_by_topic(found.contents)
+    return {topic: count - found.doubled.get(topic, 0) for topic, count in rows.items()}
+
+
+def _scan(path: Path) -> tuple[Scan, Recording]:
     try:
         require_regular(path)
         with path.open("rb", buffering=0) as file:
@@ -97,7 +122,8 @@ def _scan(path: Path) -> Scan:
                 raise RecordingInUse(
                     f"{path} is being written", hint="Wait until its run has ended."
                 )
-            return scan(map_file(file.fileno()))
+            found = scan(map_file(file.fileno()))
+            return found, Recording.of(file.fileno(), path, found)
     except Malformed as error:
         raise damaged(path, error) from error
     except OSError as error:

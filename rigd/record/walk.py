@@ -28,6 +28,7 @@ from rigd.record.chunks import (
     build_message_index,
     first_number,
     index_messages,
+    message_places,
     parse_chunk,
     parse_message_index,
     parse_torn_chunk,
@@ -41,16 +42,16 @@ from rigd.record.plausible import (
     check_index_end,
     check_record,
     ends_data,
+    is_sound,
     next_record,
 )
 from rigd.record.prefix import (
     FORMAT_METADATA,
     GAPS_KEY,
-    LIBRARY,
     RECOVERY_METADATA,
     START_KEY,
 )
-from rigd.record.schema import EVENTS_CHANNEL, TRIAL_CHANNEL
+from rigd.record.schema import EVENTS_TOPIC, TRIAL_TOPIC
 from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
 
 
@@ -74,6 +75,7 @@ class Piece:
     """Valid bytes of a data section: one record, and after a chunk its message indexes.
 
     ``index`` are message indexes that must be written again, ``spans`` the messages by channel.
+    ``head`` makes a chunk of messages that are outside of chunks.
     """
 
     opcode: int
@@ -82,6 +84,7 @@ class Piece:
     index: bytes = b""
     chunk: ChunkIndex | None = None
     spans: Mapping[int, Span] = field(default_factory=dict)
+    head: bytes = b""
 
     @property
     def end(self) -> int:
@@ -111,6 +114,15 @@ class Scan:
     data_sound: bool = False  #: whether the CRC of the data section holds
     another: int | None = None  #: byte where another recording begins, behind this one
     end_unknown: bool = False  #: whether rows may be lost at the end, in addition to those listed
+    others: bool = False  #: whether another program wrote the file
+    unlike: bool = False  #: whether it is not laid out as rigd does it, whatever its header says
+    lost: tuple[Gap, ...] = ()  #: of a file of others: the rows that are lost
+    times: dict[int, list[Times]] = field(default_factory=dict)  #: the same: those of each channel
+    firsts: dict[int, bytes] = field(default_factory=dict)  #: the same: first content of a channel
+    doubled: dict[str, int] = field(default_factory=dict)  #: messages that stand there again
+    lacks: tuple[str, ...] = ()  #: what rigd would have written
+    unread: list[str] = field(default_factory=list)  #: what rigd cannot read, in words
+    unknown: dict[int, int] = field(default_factory=dict)  #: records of unknown kinds, by opcode
 
     @property
     def intact(self) -> bool:
@@ -121,12 +133,6 @@ class Scan:
     def problem(self) -> str:
         """The first problem; empty if there is none."""
         return self.damages[0].problem if self.damages else ""
-
-    @property
-    def by_rigd(self) -> bool:
-        """Whether rigd wrote the file, or that is not known because its header is damaged."""
-        own = FORMAT_METADATA in self.metadata
-        return own or not self.library or self.library.startswith(LIBRARY)
 
     @property
     def behind(self) -> list[Piece]:
@@ -147,20 +153,20 @@ class Scan:
 
     def gaps(self) -> tuple[Gap, ...]:
         """Return the lost rows, including those that an earlier repair noted."""
-        if not self.by_rigd:
-            return ()  # other programs may number their messages differently
+        if self.others:
+            return self.lost  # other programs may number their messages differently
         try:
             known = gaps_from_json(self.metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
         except ValueError:
             known = ()
         found: list[Gap] = []
         for number, channel in self.contents.channels.items():
-            if number == TRIAL_CHANNEL:  # the events have all of it
+            if channel.topic == TRIAL_TOPIC:  # the events have all of it
                 continue
             held = [piece.spans[number] for piece in self.pieces if number in piece.spans]
             indexed = self.indexed.get(number, [])
             found += find_gaps(channel.topic, held, indexed, known, self.start_ns)
-            if self.end_unknown and not self.summary and number != EVENTS_CHANNEL:
+            if self.end_unknown and not self.summary and channel.topic != EVENTS_TOPIC:
                 found += silent_end(channel.topic, held, self.contents.end_ns)
         return tuple(sorted(found, key=lambda gap: (gap.start_ns, gap.stream)))
 
@@ -206,8 +212,6 @@ def drop_copies(found: Scan) -> None:
 
     An interrupted flush leaves the earlier open chunk after the longer chunk that replaces it.
     """
-    if not found.by_rigd:
-        return
     longest: dict[tuple[int, int, int], int] = {}
     for piece in found.pieces:
         for key, count in _keys(piece):
@@ -265,18 +269,39 @@ def _take(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
         if base + record.end < found.trusted:
             return _take_trusted_chunk(buffer, record, found, base)
         return _take_chunk(buffer, record, found, base)
+    if record.opcode == Opcode.MESSAGE and _is_message(buffer, record, found):
+        found.unlike = True
     check_record(record)
     if record.opcode == Opcode.MESSAGE_INDEX:
         check_index_end(buffer, record)
         _take_orphan(record, found)  # read together with its chunk if that is intact
         return record.end
-    _take_small(record, found, base)
+    take_small(record, found, base)
     data = buffer[record.start : record.end]
     found.pieces.append(Piece(record.opcode, base + record.start, data))
     return record.end
 
 
-def _take_small(record: Record, found: Scan, base: int) -> None:
+def _is_message(buffer: memoryview, record: Record, found: Scan) -> bool:
+    """Return whether a message stands outside of chunks, which rigd never writes."""
+    if len(record.content) < MESSAGE_HEAD.itemsize - FRAME.size:
+        return False
+    (channel,) = struct.unpack_from("<H", record.content)
+    return channel in found.contents.channels and is_sound(buffer, record.end)
+
+
+def _mixes(data: bytes | memoryview) -> bool:
+    """Return whether a chunk has several channels, or anything beside messages."""
+    places = message_places(data)
+    return len(places.others) > 0 or len(np.unique(places.channels)) > 1
+
+
+def take_small(record: Record, found: Scan, base: int) -> None:
+    """Take a definition, an attachment or metadata into the index.
+
+    Raises:
+        Malformed: it cannot be decoded, or differs from an earlier definition.
+    """
     start, length = base + record.start, record.end - record.start
     if record.opcode == Opcode.ATTACHMENT:
         attachment = decode(Attachment, record.content)
@@ -357,6 +382,7 @@ def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> i
     data = unpack_chunk(head)
     if uniform_messages(data) is None:
         # Other writers keep schemas and channels within the chunk that first needs them.
+        found.unlike = found.unlike or _mixes(data)
         for inner in records(memoryview(data)):
             add_record(found.contents, inner.opcode, inner.content)
     messages = index_messages(data)

@@ -87,7 +87,7 @@ WHOLE = {
         ],
         "3 of 3 trials",
     ),
-    "verify": (["verify", "pvc.mcap", "stroke_3.mcap"], "pvc.mcap: sound"),
+    "verify": (["verify", "pvc.mcap", "stroke_3.mcap"], "pvc.mcap: whole"),
     "mat": (["export", "pvc.mcap", "--to", "mat", "--stream", "carriage"], "carriage.mat"),
     "hdf5": (["export", "pvc.mcap", "--to", "hdf5"], "pvc.h5"),
     "identify": (["identify", "pvc.mcap", "--starts", "1"], "sigma_0"),

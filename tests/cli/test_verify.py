@@ -58,7 +58,7 @@ def spoil(path: Path, chunk: int) -> bytes:
 def test_a_sound_file_is_verified(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = path.read_bytes()
     assert main(["verify", "run.mcap"]) == 0
-    assert capsys.readouterr().out.startswith("run.mcap: sound, ")
+    assert capsys.readouterr().out.startswith("run.mcap: whole, written by rigd, ")
     assert path.read_bytes() == before
     assert [item.name for item in path.parent.iterdir()] == ["run.mcap"]
 
@@ -118,7 +118,7 @@ def test_info_claims_nothing_about_an_unchecked_file(
     spoil(path, 2)
     assert main(["info", "run.mcap"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "file        not checked (`rigd verify run.mcap` does)" in lines
+    assert "file        written by rigd, not checked (`rigd verify run.mcap` does)" in lines
     of_the_run = "run         complete: all played"  # and not of its rows
     assert [line for line in lines if "complete" in line] == [of_the_run]
 

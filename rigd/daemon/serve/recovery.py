@@ -41,7 +41,7 @@ class Interruptions:
         self.settle(folder)
         for path in self._recordings.unreadable():
             try:
-                report = recover(path)
+                report = recover(path, others=False)
             except RecordingInUse:
                 continue  # of another rig, still being written
             except RecordingError as error:

@@ -155,7 +155,7 @@ class Transfer:
         if self.begun:
             self._go_on(trusted)
         elif self._job.resume:
-            recover(path)
+            recover(path, others=False)
             self._note_begun(Recording.open(path))
             self._go_on(path.stat().st_size)
         elif path.exists():

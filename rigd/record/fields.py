@@ -1,0 +1,81 @@
+"""Decodes the messages of other programs to columns of numbers: JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import Any
+
+from mcap.records import Channel, Schema
+
+from rigd.model import Channel as Column
+from rigd.model import Stream
+from rigd.model.rows import TIME_FIELD
+
+#: Returns the values of the columns of a message, NaN where it has none.
+Decode = Callable[[memoryview], tuple[float, ...]]
+
+_NAN = float("nan")
+
+
+def columns_of(
+    channel: Channel, schema: Schema | None, first: bytes
+) -> tuple[Stream, Decode] | None:
+    """Return the columns of a channel and what decodes its messages; None if nothing does.
+
+    ``first`` is the content of its first message.
+    """
+    if channel.message_encoding == "json":
+        return _of_json(channel.topic, schema, first)
+    return None
+
+
+def _of_json(topic: str, schema: Schema | None, first: bytes) -> tuple[Stream, Decode] | None:
+    """Return the numbers and truth values of JSON objects, nested ones as ``a.b``."""
+    described: dict[str, str] = {}
+    if schema is not None and schema.encoding == "jsonschema":
+        described = dict(_described(_loaded(schema.data)))
+    paths = dict.fromkeys((*described, *(path for path, _ in _leaves(_loaded(first)))))
+    if not paths:
+        return None
+    names = [f"message_{path}" if path == TIME_FIELD else path for path in paths]
+    columns = tuple(
+        Column(name, doc=described.get(path, "")) for name, path in zip(names, paths, strict=True)
+    )
+
+    def decode(payload: memoryview) -> tuple[float, ...]:
+        values = dict(_leaves(_loaded(bytes(payload))))
+        return tuple(values.get(path, _NAN) for path in paths)
+
+    return Stream(topic.removeprefix("/"), columns), decode
+
+
+def _loaded(data: bytes) -> Any:
+    """Return what a JSON text means, None if it is none."""
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the name and value of each number in a JSON object."""
+    if isinstance(value, bool | int | float):
+        with suppress(OverflowError):  # an integer beyond 1e308
+            yield path, float(value)
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
+
+
+def _described(schema: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the name and description of each number that a JSON Schema states."""
+    if not isinstance(schema, Mapping):
+        return
+    properties = schema.get("properties")
+    if isinstance(properties, Mapping):
+        for key, item in properties.items():
+            yield from _described(item, f"{path}.{key}" if path else str(key))
+    elif path and schema.get("type") in ("number", "integer", "boolean"):
+        yield path, str(schema.get("description", ""))
