@@ -17,16 +17,21 @@ from typing import Annotated, ClassVar, Final, Literal
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field, field_validator
 
-from rigd.sdk import DeviceSheet, In, Link, LinkConfig, LinkError, ProtocolError
+from rigd.sdk import DeviceSheet, IdleReader, In, Link, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_load import EXTENDED_BITS, FRAME_BITS, LoadMeter
 from rigd_drivers.can_ports import Frame, Full, Port, open_port
-from rigd_drivers.canopen import frames, nmt
+from rigd_drivers.canopen import frames, nmt, sdo
 from rigd_drivers.canopen.flood import FloodWatch
 
 #: Bit rates of CANopen, in bit/s (CiA 301, 6.2).
 _BIT_RATES: Final = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)
-#: Frames taken in one cycle at most: three times what a bus of 1 Mbit/s carries in 1 ms.
-FRAMES_PER_CYCLE: Final = 64
+#: Frames taken at once, and more for each ms that the cycle was away: three times what a bus of
+#: 1 Mbit/s carries in 1 ms. After a stall at most so many, which takes some 5 ms.
+FRAMES_PER_MS: Final = 64
+MOST_FRAMES: Final = 2048
+#: While no cycle turns, what has come is taken in so often, in s: the queue of a socket, some 500
+#: frames, fills in 25 ms at the most that a bus carries.
+READ_EVERY_S: Final = 0.005
 #: A queue that stays full for so long is a failure, in ns; see :data:`flood.WINDOW_NS`.
 STALL_NS: Final = 50_000_000
 #: Error frames in a row, with no good frame between, after which the bus is given up: as many as
@@ -34,6 +39,18 @@ STALL_NS: Final = 50_000_000
 ERRORS_IN_A_ROW: Final = 16
 #: Shortest time for which the bus is listened to; no node sends heartbeats further apart, in s.
 _SHORTEST_LISTENING_S: Final = 0.1
+
+
+#: What to do about frames that were lost in a full queue.
+OVERFLOW_HINT: Final = (
+    "this computer did not take in what came: see `rigd doctor`, give it less work beside, or put "
+    "other devices of this bus on another"
+)
+
+
+def overflow(lost: int) -> str:
+    """Return in words that ``lost`` frames found the queue of the bus full."""
+    return f"the bus overflowed: {lost} frame{'' if lost == 1 else 's'} lost"
 
 
 class CanBusConfig(LinkConfig):
@@ -75,13 +92,17 @@ class CanBus(Link):
         super().__init__(config)
         self.name = f"CAN bus {config.interface}:{config.channel}"
         self._port: Port | None = None
+        self._reader = IdleReader(self._read_idle, READ_EVERY_S)
         self._clear()
 
     def _clear(self) -> None:
         self.syncs = 0  #: SYNCs on the bus since it was opened
         self.now_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC of the cycle under way
         self.beating = False  #: whether heartbeats are sent while set-up waits
-        self.alone = True  #: whether another master is an error; not while drives are made safe
+        #: Whether another master is an error; not while drives are made safe.
+        self.alone = False
+        self._rival = ""  #: what another master does
+        self._ordered: set[int] = set()  #: nodes that another master sent NMT commands
         self.beat_ns = 0  #: when the last heartbeat was sent
         self.foreign = 0  #: frames that no device of this rig expects
         self.heard: set[int] = set()  #: nodes that gave a sign of life: heartbeats, SDO replies
@@ -90,6 +111,7 @@ class CanBus(Link):
         self._resume: dict[int, Callable[[], None]] = {}
         self._orders: list[bytes] = []
         self._outbox: dict[int, bytes] = {}
+        self._overflows = 0
         self.errors = 0  #: error frames of the controller
         self._errors_in_a_row = 0
         self._full_since = 0
@@ -101,6 +123,14 @@ class CanBus(Link):
     def load(self) -> float | None:
         """Share of the time that frames took on the bus lately, at most."""
         return self._meter.load
+
+    @property
+    def lost(self) -> int:
+        """Frames lost since the bus was opened because they were not taken in; see :class:`Link`.
+
+        A controller that reports an overflow without a number counts as one.
+        """
+        return self._overflows + (0 if self._port is None else self._port.lost())
 
     @property
     def is_open(self) -> bool:
@@ -128,10 +158,12 @@ class CanBus(Link):
             LinkError: it cannot be opened, another master drives it, or it carries only errors.
         """
         self.open_second()
+        self.alone = True
+        own = self.config.master_node
         self._handlers[frames.NMT] = self._rival_orders
-        self._handlers[frames.HEARTBEAT + self.config.master_node] = self._rival_beats
+        self.reserve_identifier(frames.HEARTBEAT + own, f"sends the heartbeat of node {own}")
         if self.config.sync:
-            self._handlers[frames.SYNC] = self._rival_syncs
+            self.reserve_identifier(frames.SYNC, "sends SYNC")
         listening_s = max(3 * self.config.heartbeat, _SHORTEST_LISTENING_S)
         try:
             self.wait(lambda: False, listening_s)
@@ -156,9 +188,11 @@ class CanBus(Link):
         self._port = open_port(config.interface, config.channel, rate, config.adapter)
         if not config.sync:
             self._handlers[frames.SYNC] = self._count_sync
+        self._reader.start()
 
     def close(self) -> None:
         """Close the bus; closing twice is silent."""
+        self._reader.stop()
         port, self._port = self._port, None
         if port is not None:
             port.close()
@@ -182,6 +216,8 @@ class CanBus(Link):
                 hint="correct `node` of one of them",
             )
         self._owners[node] = owner
+        if node in self._ordered:
+            self._found_rival(f"sends NMT commands to node {node}")
 
     def release(self, node: int) -> None:
         """Forget a node and what was to be done for it."""
@@ -191,6 +227,23 @@ class CanBus(Link):
     def subscribe(self, identifier: int, handler: Callable[[bytes], None]) -> None:
         """Hand the data of every frame with ``identifier`` to ``handler``."""
         self._handlers[identifier] = handler
+
+    def reserve_identifier(self, identifier: int, does: str) -> None:
+        """Take a frame with ``identifier`` for that of another master, which then ``does`` it."""
+        self._handlers[identifier] = lambda data: self._found_rival(does)
+
+    def hear_other_clients(self, node: int, heard: Callable[[], None]) -> None:
+        """Call ``heard`` for each SDO request of another client to ``node``.
+
+        One that writes is another master: what was read back may no longer be so.
+        """
+
+        def request(data: bytes) -> None:
+            heard()
+            if written := sdo.written_by(data):
+                self._found_rival(f"writes object {written} of node {node} by SDO")
+
+        self._handlers[frames.SDO_REQUEST + node] = request
 
     def listen(self, identifier: int, handler: Callable[[bytes], None]) -> None:
         """Hand the data of every frame with ``identifier`` to ``handler`` as well.
@@ -221,10 +274,14 @@ class CanBus(Link):
             LinkError: the bus is lost, flooded, or has a second master.
 
         """
+        self._reader.pause()
         now = self.now_ns = time.monotonic_ns()
-        paused = now - self._cycled_ns > 3e9 * self.config.heartbeat
+        away_ns = now - self._cycled_ns
+        paused = away_ns > 3e9 * self.config.heartbeat
         flood = self._flood
-        flood.left(not self._take(FRAMES_PER_CYCLE), now)
+        most = min(FRAMES_PER_MS * max(1, away_ns // 1_000_000), MOST_FRAMES)
+        flood.left(not self._take(most), now)
+        self._check_rival()
         if flooding := flood.judge(now):
             raise LinkError(
                 f"{self.name} is flooded: {flooding}",
@@ -247,6 +304,10 @@ class CanBus(Link):
         self._cycled_ns = now
         self._meter.look(now)
         self._beat_if_due(now)
+
+    def idle(self) -> None:
+        """Let the bus be read on while no cycle turns; see :class:`Link`."""
+        self._reader.resume()
 
     def put(self, identifier: int, data: bytes) -> None:
         """Queue a PDO for the end of the cycle; a newer one takes the place of an older."""
@@ -285,7 +346,8 @@ class CanBus(Link):
             LinkError: the bus is lost, or accepts no frames.
         """
         try:
-            self._opened().press(identifier, data)
+            with self._reader.lock:
+                self._opened().press(identifier, data)
         except Full as error:
             raise self._stuck(error) from error
 
@@ -310,19 +372,22 @@ class CanBus(Link):
         """
         port = self._opened()
         deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
-        while True:
-            self._take(FRAMES_PER_CYCLE)
-            if until():
-                return True
-            now = self.now_ns = time.monotonic_ns()
-            pause_ns = deadline_ns - now
-            if pause_ns <= 0:
-                return False
-            if self.beating:
-                self._beat_if_due(now)
-                due_ns = self.beat_ns + round(self.config.heartbeat * 1e9)
-                pause_ns = max(0, min(pause_ns, due_ns - now))
-            port.wait(pause_ns * 1e-9)
+        with self._reader.lock:
+            while True:
+                self._reader.check()
+                self._take(FRAMES_PER_MS)
+                self._check_rival()
+                if until():
+                    return True
+                now = self.now_ns = time.monotonic_ns()
+                pause_ns = deadline_ns - now
+                if pause_ns <= 0:
+                    return False
+                if self.beating:
+                    self._beat_if_due(now)
+                    due_ns = self.beat_ns + round(self.config.heartbeat * 1e9)
+                    pause_ns = max(0, min(pause_ns, due_ns - now))
+                port.wait(pause_ns * 1e-9)
 
     # -- within --------------------------------------------------------------------------------
 
@@ -330,6 +395,11 @@ class CanBus(Link):
         if self._port is None:
             raise LinkError(f"{self.name} is not open")
         return self._port
+
+    def _read_idle(self) -> None:
+        """Take in what has come while nobody else reads; bounded, since a bus may be flooded."""
+        if self._port is not None:
+            self._take(MOST_FRAMES)
 
     def _beat_if_due(self, now_ns: int) -> None:
         # Half a millisecond early rather than a cycle late.
@@ -339,7 +409,8 @@ class CanBus(Link):
     def _send(self, identifier: int, data: bytes) -> None:
         """Send a frame; one that finds the queue full is lost, if that does not last."""
         try:
-            self._opened().send(identifier, data)
+            with self._reader.lock:
+                self._opened().send(identifier, data)
         except Full as error:
             now = time.monotonic_ns()
             if not self._full_since:
@@ -392,7 +463,8 @@ class CanBus(Link):
             else:
                 handler(data)
             return
-        if frames.is_only_news(identifier):
+        self._overflows += frames.is_overflow(identifier, data)
+        if frames.is_only_news(identifier, data):
             return
         self.errors += 1
         self._errors_in_a_row += 1
@@ -402,22 +474,28 @@ class CanBus(Link):
     def _count_sync(self, data: bytes) -> None:
         self.syncs += 1
 
-    def _rival_syncs(self, data: bytes) -> None:
-        self._found_rival("sends SYNC")
-
     def _rival_orders(self, data: bytes) -> None:
-        self._found_rival("sends NMT commands")
-
-    def _rival_beats(self, data: bytes) -> None:
-        self._found_rival(f"sends the heartbeat of node {self.config.master_node}")
+        """Note an NMT command of another master; to nodes that are not ours it may send them."""
+        node = data[1] if len(data) > 1 else 0
+        if not node:
+            self._found_rival("sends NMT commands")
+        elif node in self._owners:
+            self._found_rival(f"sends NMT commands to node {node}")
+        else:
+            self._ordered.add(node)
+            self.foreign += 1
 
     def _found_rival(self, does: str) -> None:
-        if not self.alone:
-            return
-        raise LinkError(
-            f"another rigd (or CANopen master) drives {self.name}: it {does}",
-            hint="stop it; if a device is meant to send SYNC, set `sync: false` on the link",
-        )
+        """Note another master; it is raised where frames are taken in, in no other thread."""
+        if self.alone and not self._rival:
+            self._rival = does
+
+    def _check_rival(self) -> None:
+        if self._rival and self.alone:
+            raise LinkError(
+                f"another rigd (or CANopen master) drives {self.name}: it {self._rival}",
+                hint="stop it; if a device is meant to send SYNC, set `sync: false` on the link",
+            )
 
     def _stuck(self, why: Full) -> LinkError:
         return LinkError(

@@ -53,7 +53,7 @@ class _Request:
         self._transfer: sdo.Transfer = self._upload
         if value is not None:
             self._transfer = sdo.Download(entry.index, entry.sub, entry.pack(value))
-        self._errors = node.bus.errors
+        self._before = node.disturbances()
         self._deadline_ns = time.monotonic_ns() + round(node.sdo_timeout_s * 1e9)
         node.replies.clear()
         self._order(self._transfer.request)
@@ -66,9 +66,9 @@ class _Request:
 
         """
         node, transfer = self._node, self._transfer
-        while node.replies:
+        while (reply := node.answer(transfer)) is not None:
             try:
-                following = transfer.feed(node.replies.popleft())
+                following = transfer.feed(reply)
             except sdo.Aborted as error:
                 raise node.refused(self._entry, self._value, error) from error
             except sdo.Garbled as error:
@@ -84,7 +84,7 @@ class _Request:
             except ValueError as error:
                 raise ProtocolError(f"{node}: {error}") from error
         if time.monotonic_ns() > self._deadline_ns:
-            raise node.silent(str(self._entry), node.bus.errors - self._errors)
+            raise node.silent(str(self._entry), node.disturbances(self._before))
         return None
 
     def _order(self, data: bytes) -> None:

@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from rigd.sdk import Declaration, Driver, DriverConfig, In, LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_bus import OVERFLOW_HINT, CanBus, overflow
 from rigd_drivers.canopen import frames
 from rigd_drivers.dbc import Message, read_message
 
@@ -115,6 +115,12 @@ class CanMessage(Driver[CanMessageConfig, CanBus]):
         came = self.link.wait(
             lambda: self._newest is not None or self._malformed > 0, self.config.timeout
         )
+        if not came and (lost := self.link.lost):
+            raise LinkError(
+                f"{self.link.name} brings no {name} within {self.config.timeout:g} s; "
+                f"{overflow(lost)}",
+                hint=OVERFLOW_HINT,
+            )
         if not came:
             page = "" if self.config.page is None else f" with page {self.config.page}"
             raise LinkError(

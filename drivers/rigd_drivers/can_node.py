@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Final
+from typing import Final, NamedTuple, TypeVar
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_bus import OVERFLOW_HINT, CanBus, overflow
 from rigd_drivers.can_sheet import WRONG_EDS
 from rigd_drivers.canopen import emcy, frames, nmt, objects, sdo
 from rigd_drivers.canopen.objects import Entry
@@ -19,6 +19,8 @@ from rigd_drivers.canopen.sheet import Sheet
 SDO_TIMEOUT_S: Final = 0.5
 #: The same while a drive must be made safe, in s.
 RESCUE_TIMEOUT_S: Final = 0.15
+#: An SDO transfer is tried at most so often if frames were lost, or if another client was heard.
+_TRIES: Final = 3
 #: How long a second node with the same id has for its reply, in s.
 _TWIN_S: Final = 0.02
 #: A scan leaves time between two requests, since few adapters queue more than 10 frames, and for
@@ -39,6 +41,23 @@ _START_AGAIN_S: Final = 0.05
 _RESTART_NS: Final = 2_000_000_000
 
 
+TransferT = TypeVar("TransferT", bound=sdo.Transfer)
+
+
+class Disturbances(NamedTuple):
+    """How often what disturbs an SDO transfer was met, since the node was attached."""
+
+    errors: int  #: errors on the wire that the controller has reported
+    lost: int  #: frames that came, and that nobody had taken in
+    requests: int  #: of other SDO clients to this node
+    replies: int  #: of this node to other clients
+
+    @property
+    def foreign(self) -> bool:
+        """Whether another client was heard."""
+        return self.requests > 0 or self.replies > 0
+
+
 class Node:
     """Controls node ``node_id`` on ``bus``, and sends nothing that ``sheet`` forbids."""
 
@@ -55,6 +74,7 @@ class Node:
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
         self.sdo_timeout_s = SDO_TIMEOUT_S
         self.replies: deque[bytes] = deque(maxlen=16)  #: to SDO requests, not looked at yet
+        self._foreign_requests = self._foreign_replies = 0
         self._claimed = False
         self._restarted = False
         self._garbled = ""
@@ -71,6 +91,7 @@ class Node:
     def attach(self) -> None:
         """Take from the bus what the node sends about itself."""
         self.bus.subscribe(frames.SDO_REPLY + self.node_id, self.replies.append)
+        self.bus.hear_other_clients(self.node_id, self._on_foreign_request)
         self.bus.subscribe(frames.EMCY + self.node_id, self._on_emergency)
         self.bus.subscribe(frames.HEARTBEAT + self.node_id, self._on_heartbeat)
 
@@ -96,7 +117,7 @@ class Node:
                 hint="correct `node` of this device, or its driver",
             )
         number = self.read_optional(objects.SERIAL)
-        self._is_alone()
+        self._check_alone(objects.SERIAL)
         if serial is not None and number != serial:
             raise ProtocolError(
                 f"{self} has serial number {number}, the rig file expects {serial}",
@@ -188,8 +209,12 @@ class Node:
 
         """
         self.permit(entry, value)
+        data = entry.pack(value)
         try:
-            self._run(sdo.Download(entry.index, entry.sub, entry.pack(value)))
+            self._carry_out(
+                lambda: sdo.Download(entry.index, entry.sub, data),
+                is_done=lambda: self._has(entry, data),
+            )
         except sdo.Aborted as error:
             raise self.refused(entry, value, error) from error
 
@@ -215,6 +240,25 @@ class Node:
             return False
         self.ensure(entry, value)
         return True
+
+    # -- SDO -----------------------------------------------------------------------------------
+
+    def answer(self, transfer: sdo.Transfer) -> bytes | None:
+        """Return the next reply that can be the answer to the last request of ``transfer``."""
+        while self.replies:
+            reply = self.replies.popleft()
+            if transfer.is_answer(reply):
+                return reply
+            self._foreign_replies += 1
+        return None
+
+    def disturbances(self, since: Disturbances | None = None) -> Disturbances:
+        """Return what has disturbed SDO transfers so far, or after ``since``."""
+        bus = self.bus
+        now = (bus.errors, bus.lost, self._foreign_requests, self._foreign_replies)
+        if since is None:
+            return Disturbances(*now)
+        return Disturbances(*(each - before for each, before in zip(now, since, strict=True)))
 
     # -- the cycle -----------------------------------------------------------------------------
 
@@ -250,9 +294,11 @@ class Node:
             return
         if self.bus.now_ns - self._heard_ns > _HEARTBEAT_LOST_NS:
             silent_ms = (self.bus.now_ns - self._heard_ns) // 1_000_000
+            lost = self.bus.lost
             raise DeviceError(
-                f"{self} sent no heartbeat for {silent_ms} ms",
-                hint="check its supply, its cable and the bus connector",
+                f"{self} sent no heartbeat for {silent_ms} ms"
+                + (f"; {overflow(lost)}" if lost else ""),
+                hint=OVERFLOW_HINT if lost else "check its supply, its cable and the bus connector",
             )
         if self._halted >= _HALTED_HEARTBEATS:
             raise DeviceError(
@@ -345,38 +391,86 @@ class Node:
         try:
             return self.read(objects.DEVICE_TYPE)
         except LinkError as error:
-            if self.bus.errors:
+            if self.bus.errors or self.bus.lost or self.disturbances().foreign:
                 raise
             there = ", ".join(map(str, scan(self.bus)))
             found = f"nodes found: {there}" if there else "no node was found"
             raise LinkError(f"{error.message}; {found}", hint=error.hint) from error
 
     def _upload(self, index: int, sub: int) -> sdo.Upload:
-        transfer = sdo.Upload(index, sub)
-        self._run(transfer)
-        return transfer
+        return self._carry_out(lambda: sdo.Upload(index, sub))
 
-    def _run(self, transfer: sdo.Transfer) -> None:
-        where = f"{transfer.index:04X}:{transfer.sub:02X}"
-        request: bytes | None = transfer.request
-        errors = self.bus.errors
-        self.replies.clear()
-        while request is not None:
-            self.bus.send(frames.SDO_REQUEST + self.node_id, request)
-            if not self.bus.wait(lambda: bool(self.replies), self.sdo_timeout_s):
-                raise self.silent(where, self.bus.errors - errors)
+    def _carry_out(
+        self, make: Callable[[], TransferT], *, is_done: Callable[[], bool] = lambda: False
+    ) -> TransferT:
+        """Carry out the transfer that ``make`` returns; again if it may have been disturbed.
+
+        The answer may have been lost, or the node may have mixed up the frames of two clients.
+        ``is_done``: whether the node has done it though it did not answer.
+        """
+        for left in reversed(range(_TRIES)):
+            transfer, before = make(), self.disturbances()
             try:
-                request = transfer.feed(self.replies.popleft())
+                requests = self._run(transfer, before)
+            except (LinkError, ProtocolError, sdo.Aborted) as error:
+                found = self.disturbances(before)
+                if not left or not (found.lost or found.foreign):
+                    raise
+                if isinstance(error, sdo.Aborted) and not error.is_mixed_up:
+                    raise
+                if isinstance(error, LinkError) and is_done():
+                    return transfer
+            else:
+                # Segments have no index: they may be those of another client's transfer.
+                if requests == 1 or not left or not self.disturbances(before).requests:
+                    return transfer
+        raise AssertionError("the last try returns or raises")
+
+    def _run(self, transfer: sdo.Transfer, before: Disturbances) -> int:
+        """Carry out ``transfer``; return how many requests it took."""
+        where = f"{transfer.index:04X}:{transfer.sub:02X}"
+        following: bytes | None = transfer.request
+        requests, found = 0, b""
+
+        def is_answered() -> bool:
+            nonlocal found
+            found = self.answer(transfer) or b""
+            return bool(found)
+
+        self.replies.clear()
+        while following is not None:
+            requests += 1
+            self.bus.send(frames.SDO_REQUEST + self.node_id, following)
+            if not self.bus.wait(is_answered, self.sdo_timeout_s):
+                raise self.silent(where, self.disturbances(before))
+            try:
+                following = transfer.feed(found)
             except sdo.Garbled as error:
                 self.bus.send(frames.SDO_REQUEST + self.node_id, transfer.abort(0x05040001))
                 raise ProtocolError(
                     f"{self}: SDO transfer of {where}: {error}",
                     hint="two nodes may share the id, or another SDO client asks this one",
                 ) from error
+        return requests
 
-    def _is_alone(self) -> None:
-        """Raise if a second reply follows the one that was just taken."""
-        if self.bus.wait(lambda: bool(self.replies), _TWIN_S):
+    def _has(self, entry: Entry, data: bytes) -> bool:
+        """Return whether the node has ``data`` in ``entry``; not if it cannot be read."""
+        try:
+            return self._upload(entry.index, entry.sub).value(entry.size) == data
+        except sdo.Aborted:
+            return False
+
+    def _on_foreign_request(self) -> None:
+        self._foreign_requests += 1
+
+    def _check_alone(self, entry: Entry) -> None:
+        """Raise if a second reply follows that about ``entry``, which was just taken.
+
+        Not if another client asks: it may be its answer.
+        """
+        asked, before = sdo.Upload(entry.index, entry.sub), self.disturbances()
+        twice = self.bus.wait(lambda: self.answer(asked) is not None, _TWIN_S)
+        if twice and not self.disturbances(before).requests:
             raise ProtocolError(
                 f"two nodes answer under node id {self.node_id} on {self.bus.name}",
                 hint="switch all but one off, and give each an id of its own",
@@ -411,14 +505,24 @@ class Node:
         if problem is not None:
             raise ProtocolError(f"{self}: {problem}", hint=WRONG_EDS)
 
-    def silent(self, where: str, errors: int) -> LinkError:
-        """Return the error of no answer about ``where``; ``errors`` were on the bus meanwhile."""
-        if errors:
+    def silent(self, where: str, found: Disturbances) -> LinkError:
+        """Return the error of no answer about ``where``, with what was met meanwhile."""
+        if found.errors:
             return self.bus.broken(
-                f"node {self.node_id} does not answer, the controller reports errors ({errors})"
+                f"node {self.node_id} does not answer, the controller reports errors "
+                f"({found.errors})"
+            )
+        silent = f"{self} does not answer within {self.sdo_timeout_s:g} s (SDO {where})"
+        if found.lost:
+            return LinkError(f"{silent}; {overflow(found.lost)}", hint=OVERFLOW_HINT)
+        if found.foreign:
+            return LinkError(
+                f"{silent}; another SDO client talks to it ({found.requests} requests and "
+                f"{found.replies} replies of others were heard)",
+                hint="end that program, such as the maker's tool: a node serves one client at once",
             )
         return LinkError(
-            f"{self} does not answer within {self.sdo_timeout_s:g} s (SDO {where})",
+            silent,
             hint="check `node`, its power and wiring, termination, and that it uses "
             f"{self.bus.config.bitrate / 1000:g} kbit/s",
         )

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from rigd.sdk import LinkError, readable
+from rigd.sdk import LinkError, dropped, readable
 from rigd_drivers.canopen import frames
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ SOCKETCAN: Final = "socketcan"
 _ERROR_FILTER: Final = 2
 #: ``CAN_ERR_MASK``: every class of error frame, linux/can.h.
 _ALL_ERRORS: Final = 0x1FFF_FFFF
+#: The simulated bus reports frames that it could not hand over as a controller does (linux/can/
+#: error.h, CAN_ERR_CRTL), with their number in bytes 4 to 7.
+_HUB_OVERFLOW: Final = frames.ERROR | 0x0000_0004
 #: A queue of 10 frames, which is what SocketCAN has by default, is sent within this at
 #: 250 kbit/s; there is no way to wait for that but to try again, in s.
 PATIENCE_S: Final = 0.01
@@ -82,6 +85,10 @@ class Port(ABC):
                     raise
             time.sleep(_PAUSE_S)
 
+    def lost(self) -> int:
+        """Return how many frames found the queue behind the port full, as far as it knows."""
+        return 0
+
     @abstractmethod
     def wait(self, timeout_s: float) -> None:
         """Wait until there may be a frame to receive, at most ``timeout_s``."""
@@ -125,6 +132,10 @@ class SocketPort(Port):
                 raise Full("its queue is full") from error
             raise self._gone(error) from error
 
+    def lost(self) -> int:
+        """Return what the kernel dropped; see :meth:`Port.lost`."""
+        return dropped(self._socket)
+
     def wait(self, timeout_s: float) -> None:
         """Wait for a packet."""
         readable(self._socket, timeout_s)
@@ -140,6 +151,26 @@ class SocketPort(Port):
 
     def _gone(self, why: object) -> LinkError:
         return LinkError(f"{self._lost.message}: {why}", hint=self._lost.hint)
+
+
+class HubPort(SocketPort):
+    """Our place on the simulated bus, which tells how many frames it could not hand over."""
+
+    def __init__(self, connection: socket.socket, lost: LinkError) -> None:
+        super().__init__(connection, lost)
+        self._frames_lost = 0
+
+    def receive(self) -> Frame | None:
+        """Return the next frame; see :meth:`Port.receive`."""
+        frame = super().receive()
+        while frame is not None and frame[0] == _HUB_OVERFLOW:
+            self._frames_lost += int.from_bytes(frame[1][4:8], "little")
+            frame = super().receive()
+        return frame
+
+    def lost(self) -> int:
+        """Return what the bus has told; see :meth:`Port.lost`."""
+        return self._frames_lost
 
 
 class LibraryPort(Port):
@@ -225,7 +256,7 @@ def _open_hub(path: str) -> Port:
         connection.close()
         found = error.strerror or error
         raise LinkError(f"no simulated CAN bus at {path}: {found}", hint=hint) from error
-    return SocketPort(connection, LinkError(f"the simulated CAN bus at {path} is gone", hint=hint))
+    return HubPort(connection, LinkError(f"the simulated CAN bus at {path} is gone", hint=hint))
 
 
 def _open_socketcan(channel: str, bitrate: int) -> Port:

@@ -32,7 +32,7 @@ from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
-from rigd.sdk import Driver
+from rigd.sdk import Driver, Link
 
 if TYPE_CHECKING:
     from rigd.controllers.bank import Bank
@@ -61,6 +61,14 @@ Emit = Callable[[int, str, Mapping[str, object]], None]
 
 def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
     """Discard events before the cycle is connected."""
+
+
+def _why_silent(link: object) -> str:
+    """Return what may be the cause that a device on ``link`` gives no row."""
+    lost = link.lost if isinstance(link, Link) else 0
+    if lost:
+        return f"its link overflowed: {lost} frames lost, since this computer did not take them in"
+    return "check its supply, its cable and the parts between"
 
 
 @dataclass
@@ -302,9 +310,7 @@ class Cycle:
             elif t_ns - stamps[index] > self._silent_ns[index]:
                 silent_ms = self._silent_ns[index] // 1_000_000
                 return self._fault(
-                    t_ns,
-                    f"{name} gave no row for {silent_ms} ms (check its supply, its cable "
-                    "and the parts between)",
+                    t_ns, f"{name} gave no row for {silent_ms} ms ({_why_silent(driver.link)})"
                 )
         self._computing.estimate(t_ns)
         return None
@@ -469,6 +475,11 @@ class Cycle:
                 problems.append(f"{mount.name} could not be made safe: {error}")
             else:
                 ordered.append(mount)
+        for name, link in self._links:  # answers are awaited, and devices that send go on
+            try:
+                link.idle()
+            except Exception as error:  # noqa: BLE001 - boundary: as above
+                problems.append(f"{name} is not read any more: {error}")
         until_ns = monotonic_ns() + CONFIRMING_NS
         for mount in ordered:
             if type(mount.driver).confirm_safe is Driver.confirm_safe:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import select
+import socket
+import struct
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +21,12 @@ if TYPE_CHECKING:
 
 #: For ``os.open``: the bytes of a file as they are. Windows otherwise changes ends of lines.
 BINARY: Final[int] = getattr(os, "O_BINARY", 0)
+
+
+#: asm-generic/socket.h: nine numbers of 32 bits, of which the last, SK_MEMINFO_DROPS, counts what
+#: found the queue full.
+_SO_MEMINFO: Final = 55
+_MEMORY_INFO: Final = struct.Struct("=9I")
 
 
 class NeedsLinux(RigdError):
@@ -54,6 +62,15 @@ def readable(handle: FileDescriptorLike, timeout_s: float) -> bool:
     poll = select.poll()
     poll.register(handle, select.POLLIN)
     return bool(poll.poll(max(0.0, timeout_s) * 1e3))
+
+
+def dropped(own: socket.socket) -> int:
+    """Return how many packets found the queue of ``own`` full since it was opened; 0: not known."""
+    try:
+        known = own.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMORY_INFO.size)
+        return int(_MEMORY_INFO.unpack(known)[-1])
+    except (OSError, struct.error):  # closed, or not Linux from 4.12 on
+        return 0
 
 
 def read_at(fd: int, length: int, offset: int) -> bytes:

@@ -2,7 +2,7 @@
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.model.system import readable
+from rigd.model.system import dropped, readable
 from rigd.sdk.declaration import Declaration, Input
 from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.driver import (
@@ -14,6 +14,7 @@ from rigd.sdk.driver import (
     EmitRow,
     SlowDriver,
 )
+from rigd.sdk.idle_reader import IdleReader
 from rigd.sdk.link import DeviceSheet, Link, LinkConfig
 from rigd.sdk.on_plant import PlantSensor, accepted
 from rigd.sdk.parameters import ParameterGroup, ParametersConfig
@@ -38,6 +39,7 @@ __all__ = [
     "EmitRow",
     "Energy",
     "GridPlant",
+    "IdleReader",
     "In",
     "Input",
     "Link",
@@ -57,6 +59,7 @@ __all__ = [
     "Stream",
     "WrongEntries",
     "accepted",
+    "dropped",
     "readable",
     "shipped_configs",
 ]

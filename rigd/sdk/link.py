@@ -51,6 +51,15 @@ class Link(ABC):
         """
         return None
 
+    @property
+    def lost(self) -> int:
+        """How much of what came was lost since it was opened, since nobody had taken it in.
+
+        Frames, datagrams or bytes, as far as the link knows: a full queue of the kernel, not a
+        disturbed cable.
+        """
+        return 0
+
     @classmethod
     def read_sheet(cls, path: Path) -> DeviceSheet:
         """Return the content of the file at ``path`` about a device on such a link.
@@ -81,6 +90,13 @@ class Link(ABC):
         Raises:
             LinkError: the connection is lost.
 
+        """
+
+    def idle(self) -> None:
+        """Note that no cycle follows for now: the devices have been ordered to be safe.
+
+        Called after the last cycle; :meth:`begin` ends it. A link to devices that send by
+        themselves reads on, by an :class:`~rigd.sdk.IdleReader`.
         """
 
     @abstractmethod

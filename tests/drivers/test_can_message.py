@@ -10,7 +10,7 @@ from typing import Any
 
 import cantools
 import pytest
-from support.can_script import ScriptedBus
+from support.can_script import ScriptedBus, use
 from support.card import serving
 
 from rigd.config.loader import load_rig
@@ -53,8 +53,7 @@ def test_degrees_in_utf_8_are_read(dbc: Path) -> None:
 
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[CanBus, ScriptedBus]]:
-    port = ScriptedBus()
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port = use(ScriptedBus(), monkeypatch)
     found = CanBus(CanBusConfig.model_validate({"interface": "scripted"}))
     found.open_second()
     yield found, port

@@ -10,6 +10,8 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
+import pytest
+
 from rigd_drivers.can_ports import Frame, Full, Port
 
 Address = tuple[int, int]
@@ -165,11 +167,20 @@ def encoder(node: int = 11, serial: int = 815) -> ScriptedNode:
     return ScriptedNode(node, objects)
 
 
+def use(port: ScriptedBus, monkeypatch: pytest.MonkeyPatch) -> ScriptedBus:
+    """Let every bus that is opened be ``port``; it is read by calls alone, never by a thread."""
+    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    monkeypatch.setattr("rigd_drivers.can_bus.READ_EVERY_S", 3600.0)
+    return port
+
+
 class ScriptedBus(Port):
     """The port that leads to the nodes; ``sent`` is everything that was sent, in order."""
 
-    def __init__(self, *nodes: ScriptedNode) -> None:
+    def __init__(self, *nodes: ScriptedNode, room: int | None = None) -> None:
         self.nodes = nodes
+        self.room = room  #: frames that wait to be read at most; None: any number
+        self.dropped = 0
         self.sent: list[Frame] = []
         self.coming: deque[Frame] = deque()
         self.full = False
@@ -184,7 +195,8 @@ class ScriptedBus(Port):
         self.sent.append((identifier, data))
         for node in self.nodes:
             node.hear(identifier, data)
-            self.coming += node.outputs
+            for frame in node.outputs:
+                self._come(frame)
             node.outputs.clear()
 
     def wait(self, timeout_s: float) -> None:
@@ -196,4 +208,13 @@ class ScriptedBus(Port):
 
     def say(self, identifier: int, data: bytes | str) -> None:
         """Let a frame come, from any node."""
-        self.coming.append((identifier, bytes.fromhex(data) if isinstance(data, str) else data))
+        self._come((identifier, bytes.fromhex(data) if isinstance(data, str) else data))
+
+    def lost(self) -> int:
+        return self.dropped
+
+    def _come(self, frame: Frame) -> None:
+        if self.room is not None and len(self.coming) >= self.room:
+            self.dropped += 1
+        else:
+            self.coming.append(frame)

@@ -83,14 +83,28 @@ def is_bus_off(identifier: int) -> bool:
     return bool(identifier & _BUS_OFF)
 
 
-def is_only_news(identifier: int) -> bool:
-    """Return whether an error frame reports no error: the controller is back on the bus."""
-    return not identifier & (_BUS_OFF | _NO_ACK | _CONTROLLER | _PROTOCOL)
+def is_only_news(identifier: int, data: bytes) -> bool:
+    """Return whether an error frame reports no error on the wire.
+
+    That is: the controller is back on the bus, or frames were lost behind it.
+    """
+    if identifier & (_BUS_OFF | _NO_ACK | _PROTOCOL):
+        return False
+    return not identifier & _CONTROLLER or _detail(data) == _CONTROLLER_OVERFLOW
+
+
+def is_overflow(identifier: int, data: bytes) -> bool:
+    """Return whether an error frame reports that frames were lost unread in the controller."""
+    return bool(identifier & _CONTROLLER and _detail(data) & _CONTROLLER_OVERFLOW)
+
+
+def _detail(data: bytes) -> int:
+    return data[1] if len(data) > 1 else 0
 
 
 def describe_error(identifier: int, data: bytes) -> str:
     """Return in words what an error frame reports."""
-    detail = data[1] if len(data) > 1 else 0
+    detail = _detail(data)
     words = [
         text
         for applies, text in (

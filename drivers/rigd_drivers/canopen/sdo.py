@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
 _MULTIPLEXER: Final = struct.Struct("<BHB4s")
 _TOGGLE: Final = 0x10
@@ -19,6 +19,8 @@ _CLIENT_DOWNLOAD: Final = 0x20
 _CLIENT_SEGMENT: Final = 0x00
 _CLIENT_UPLOAD: Final = 0x40
 _CLIENT_NEXT: Final = 0x60
+_CLIENT_BLOCK_DOWNLOAD: Final = 0xC0
+_BLOCK_END: Final = 0xC1
 _SERVER_DOWNLOADED: Final = 0x60
 _SERVER_SEGMENT_TAKEN: Final = 0x20
 _SERVER_UPLOAD: Final = 0x40
@@ -61,12 +63,34 @@ ABORTS: Final = {
 MISSING: Final = frozenset({0x06020000, 0x06090011})
 
 
+#: Abort codes of a server that took frames of two clients for those of one.
+_MIXED_UP: Final = frozenset({0x05030000, 0x05040001})
+
+
+def written_by(request: bytes) -> str:
+    """Return the object that a client's ``request`` begins to write, as in 6040:00; else ""."""
+    if len(request) != 8 or request[0] & 0xE0 not in (_CLIENT_DOWNLOAD, _CLIENT_BLOCK_DOWNLOAD):
+        return ""
+    return "" if request[0] & 0xE1 == _BLOCK_END else address_of(request)
+
+
+def address_of(frame: bytes) -> str:
+    """Return the object that a frame with index and sub-index is about, as in 6040:00."""
+    _, index, sub, _ = _MULTIPLEXER.unpack(frame)
+    return f"{index:04X}:{sub:02X}"
+
+
 class Aborted(Exception):
     """The server ended the transfer; ``code`` is the reason (:data:`ABORTS`)."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"abort 0x{code:08X}, {ABORTS.get(code, 'unknown code')}")
         self.code = code
+
+    @property
+    def is_mixed_up(self) -> bool:
+        """Whether the server may have taken a frame of another client for one of this transfer."""
+        return self.code in _MIXED_UP
 
 
 class Garbled(Exception):
@@ -76,12 +100,31 @@ class Garbled(Exception):
 class Transfer(ABC):
     """One transfer to or from the entry ``index``:``sub``; see the module for its use."""
 
+    #: Command specifiers of the reply to the first request, and of those to segments.
+    _first: ClassVar[int]
+    _further: ClassVar[int]
+
     def __init__(self, index: int, sub: int, request: bytes) -> None:
         self.index = index
         self.sub = sub
         self.request = request
         self.done = False
+        self._started = False
         self._toggle = 0
+
+    def is_answer(self, reply: bytes) -> bool:
+        """Return whether ``reply`` can be the answer to the last request.
+
+        Every client of a node gets all its replies: one about another entry, or of another kind,
+        answers another client. A reply that is not of eight bytes answers nobody, see :meth:`feed`.
+        """
+        if len(reply) != 8:
+            return True
+        specifier = reply[0] & 0xE0
+        if self._started and specifier == self._further:
+            return True  # segments have no index
+        expected = (_ABORT,) if self._started else (_ABORT, self._first)
+        return specifier in expected and reply[1:4] == self.request[1:4]
 
     def feed(self, reply: bytes) -> bytes | None:
         """Take a reply of the server; return the next request, or None at the end.
@@ -128,6 +171,8 @@ class Transfer(ABC):
 class Download(Transfer):
     """Writes ``data``: expedited up to 4 bytes, else in segments of 7."""
 
+    _first, _further = _SERVER_DOWNLOADED, _SERVER_SEGMENT_TAKEN
+
     def __init__(self, index: int, sub: int, data: bytes) -> None:
         if not data:
             raise ValueError("an SDO download carries at least one byte")
@@ -138,7 +183,6 @@ class Download(Transfer):
             head, body = _CLIENT_DOWNLOAD | 0b01, struct.pack("<I", len(data))
         super().__init__(index, sub, _MULTIPLEXER.pack(head, index, sub, body))
         self._rest = data if len(data) > 4 else b""
-        self._started = False
 
     def _step(self, reply: bytes) -> bytes | None:
         if not self._started:
@@ -159,11 +203,12 @@ class Download(Transfer):
 class Upload(Transfer):
     """Reads the value into :attr:`data`; at most ``limit`` bytes."""
 
+    _first, _further = _SERVER_UPLOAD, _SERVER_SEGMENT
+
     def __init__(self, index: int, sub: int, limit: int = 1024) -> None:
         super().__init__(index, sub, _MULTIPLEXER.pack(_CLIENT_UPLOAD, index, sub, b""))
         self.data = b""
         self._limit = limit
-        self._started = False
         self._size: int | None = None
         self._unsized = False  # expedited, without a size: data may have more than the value
 

@@ -125,6 +125,10 @@ class Servo(Driver[ServoConfigT, CanBus]):
         )
         for item, inbox in zip(self._tpdos, self._inboxes, strict=True):
             self.link.subscribe(item.identifier, inbox.receive)
+        command = self._command
+        self.link.reserve_identifier(
+            command.identifier, f"sends {command}, the setpoints of node {self.config.node}"
+        )
         self.link.on_resume(self.config.node, self._resume)
         node.start()
         self._set_up = True

@@ -98,6 +98,9 @@ class Lines(SlowDriver[LinesConfig, None]):
         """
         loop = asyncio.get_running_loop()
         self._heard_s = due = loop.time()
+        if self._ask is None:
+            self._port.skip()  # what came since it was opened is old: other devices took longer
+            self._received = self._port.received
         while True:
             emit(self._tally.row(await self._next(), self._port.overlong))
             if self._ask is not None:

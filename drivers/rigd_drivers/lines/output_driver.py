@@ -201,15 +201,23 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             self._port.close()
             self._open_anew()
             self._send_safe()
+        self._confirm_safe(owed=self._questions.is_open)
+
+    def _confirm_safe(self, *, owed: bool) -> None:
+        """Ask the state; twice if an answer from before `safe` may be on its way (``owed``)."""
         found: list[bool] = []
+        within_s = CONFIRM_S / (2 if owed else 1)
 
         def safe(line: bytes) -> bool | None:
             on = self._state(line)
             found.extend([] if on is None else [on])
-            return None if on in (None, True) else on  # an answer from before may be on its way
+            return None if on in (None, True) else on
 
         try:
-            self._wait(self._ask_state, safe, CONFIRM_S)
+            self._discard()
+            if owed:  # what comes behind the first answer is of now
+                self._wait(self._ask_state, self._state, within_s)
+            self._wait(self._ask_state, safe, within_s)
         except (LinkError, ProtocolError):
             if not found:
                 raise
@@ -225,7 +233,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
             self._open_anew()
             self._is_open = True
             self.make_safe()
-            self.confirm_safe()
+            self._confirm_safe(owed=True)
         finally:
             self._is_open = False
             self._port.close()
@@ -249,6 +257,12 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
 
     def _send_safe(self) -> None:
         self._port.send(b"".join(map(encoded, self.config.safe)))
+
+    def _discard(self) -> None:
+        """Throw away what has come: it answers an earlier question."""
+        while self._port.receive():
+            pass
+        self._lines.clear()
 
     def _setting(self, values: tuple[float, ...]) -> tuple[bytes, ...]:
         items = self.config.outputs.items()

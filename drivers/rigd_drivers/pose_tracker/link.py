@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Le
 
-from rigd.sdk import In, Link, LinkConfig, LinkError
+from rigd.sdk import IdleReader, In, Link, LinkConfig, LinkError
 from rigd.sdk.port import DatagramPort
 from rigd_drivers.pose_tracker.inbox import Inbox
 from rigd_drivers.pose_tracker.message import Frame, Unreadable, read_frame
@@ -17,9 +17,12 @@ from rigd_drivers.pose_tracker.time_base import TimeBase
 
 #: Datagrams looked at in one cycle; a camera with many bodies sends fewer.
 DATAGRAMS_PER_CYCLE: Final = 16
-#: The least delay is looked for so long before the first row, in ns: what came while the rig was
-#: opened is old.
+#: While no cycle turns, what has come is taken in so often, in s.
+READ_EVERY_S: Final = 0.02
+#: The least delay is looked for so long before the first row, in ns.
 SETTLING_NS: Final = 300_000_000
+#: At most so many times a cycle's datagrams at once, while no cycle turns.
+_BURSTS: Final = 32
 #: Names of bodies that are remembered.
 MOST_NAMES: Final = 32
 
@@ -53,6 +56,7 @@ class PoseTracker(Link):
         self._port = DatagramPort(config.host, config.port, config.sender)
         self._latency_ns = round(config.latency * 1e9)
         self._bodies: dict[str, Inbox] = {}
+        self._reader = IdleReader(self._read_idle, READ_EVERY_S)
         self._clear()
 
     def _clear(self) -> None:
@@ -87,10 +91,16 @@ class PoseTracker(Link):
         """Hand no more poses to ``inbox``."""
         self._bodies = {name: kept for name, kept in self._bodies.items() if kept is not inbox}
 
+    @property
+    def lost(self) -> int:
+        """Datagrams that found the queue of the port full; see :class:`Link`."""
+        return self._port.lost
+
     def open(self) -> None:
         """Open the port; see :class:`Link`."""
         self._port.open()
         self._clear()
+        self._reader.start()
 
     def listen(self, until: Callable[[], bool], timeout_s: float) -> bool:
         """Read lines, before the first cycle, until ``until()``; return whether it came true.
@@ -101,24 +111,32 @@ class PoseTracker(Link):
 
         """
         deadline = time.monotonic() + timeout_s
-        while not until():
-            left_s = deadline - time.monotonic()
-            if left_s <= 0:
-                return False
-            if self._port.wait(left_s):
-                self._receive(lambda frame: None)
+        with self._reader.lock:
+            while not until():
+                self._reader.check()
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    return False
+                if self._port.wait(left_s):
+                    self._receive(lambda frame: None)
         return True
 
     def begin(self, t_ns: int) -> None:
         """Receive what has arrived; see :class:`Link`."""
+        self._reader.pause()
         if self._begun_ns is None:
             self._begun_ns = t_ns
         self._receive(lambda frame: self._deliver(frame, t_ns))
         if self._port.crowded and t_ns - self._begun_ns >= SETTLING_NS:
             self._count("times too many in a cycle", "")
 
+    def idle(self) -> None:
+        """Throw away what comes while no cycle turns; see :class:`Link`."""
+        self._reader.resume()
+
     def close(self) -> None:
         """Close the port; closing twice is silent."""
+        self._reader.stop()
         self._port.close()
 
     def account(self) -> str:
@@ -128,12 +146,21 @@ class PoseTracker(Link):
             wrong["too long"] = self._port.overlong
         if self._port.foreign:
             wrong[f"from another host ({self._port.stranger})"] = self._port.foreign
+        if self.lost:
+            wrong["lost, since this computer did not take them in"] = self.lost
         if not self.good and not wrong:
             return f"nothing came at {self._port.where}"
         told = f"at {self._port.where} came {self.good} lines that can be read"
         if wrong:
             told += ", and others: " + ", ".join(f"{n} {kind}" for kind, n in wrong.items())
         return told + (f"; the last of these: {self._last}" if self._last else "")
+
+    def _read_idle(self) -> None:
+        """Take in what has come; it is too old for the first cycle. Bounded."""
+        for _ in range(_BURSTS):
+            self._receive(lambda frame: None)
+            if not self._port.crowded:
+                return
 
     def _receive(self, deliver: Callable[[Frame], None]) -> None:
         for datagram in self._port.receive(DATAGRAMS_PER_CYCLE):

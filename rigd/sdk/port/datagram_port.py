@@ -6,7 +6,7 @@ import socket
 from typing import Final, NamedTuple
 
 from rigd.model.errors import DeviceError, LinkError
-from rigd.model.system import readable
+from rigd.model.system import dropped, readable
 
 #: Longest datagram kept, in bytes, unless the driver gives another length.
 MAX_DATAGRAM: Final = 8192
@@ -51,6 +51,11 @@ class DatagramPort:
         self.stranger = ""  #: the last of these hosts
         self.overlong = 0  #: datagrams thrown away because they were too long
         self.crowded = False  #: whether more may have arrived than the last call looked at
+
+    @property
+    def lost(self) -> int:
+        """Datagrams that found the queue full since it was opened: they came faster than read."""
+        return 0 if self._socket is None else dropped(self._socket)
 
     @property
     def is_open(self) -> bool:

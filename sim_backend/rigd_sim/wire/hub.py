@@ -3,14 +3,13 @@
 Clients connect to an AF_UNIX SEQPACKET socket; each packet is one ``struct can_frame`` of Linux
 (16 bytes, linux/can.h). Nodes of this process connect without a socket. The bus delivers every
 frame to all clients and nodes except the sender, in the same order for all. A client that does not
-read loses frames, which are counted, and does not delay the others.
+read loses frames, which are counted and reported to it, and does not delay the others.
 """
 
 from __future__ import annotations
 
 import asyncio
 import socket
-import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -18,12 +17,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from rigd_sim.wire.can import disturbance
-from rigd_sim.wire.can.disturbance import ERROR_FLAG, NO_DETAIL, Disturbance
+from rigd_sim.wire.can.disturbance import CAN_FRAME, ERROR_FLAG, NO_DETAIL, Disturbance
 from rigd_sim.wire.can.timing import Arbiter, Frame
 from rigd_sim.wire.part import Part, State
 
-#: ``struct can_frame``: identifier with flags, length, three bytes of padding, data.
-CAN_FRAME: Final = struct.Struct("<IB3x8s")
 #: Frames taken from one client before others have their turn.
 TURN: Final = 64
 
@@ -59,12 +56,18 @@ class _Client:
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
         self.lost = 0
+        self._untold = 0  #: of these, not reported to it yet
 
     def push(self, packet: bytes) -> None:
+        """Hand a frame over, behind a report of those before it that found no room."""
         try:
+            if self._untold:
+                self.connection.send(disturbance.overflow(self._untold))
+                self._untold = 0
             self.connection.send(packet)
         except BlockingIOError:
             self.lost += 1
+            self._untold += 1
         except OSError:
             self.lost += 1  # it has gone: its socket turns readable and is closed there
 

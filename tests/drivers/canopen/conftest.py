@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
 from support.can_bench import Clock, Connect
-from support.can_script import ScriptedBus, ScriptedNode
+from support.can_script import ScriptedBus, ScriptedNode, use
 
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 
 
 #: ``connect(*nodes)``: the nodes on a bus that is open, with the port that shows what was sent.
 @pytest.fixture
-def connect(monkeypatch: pytest.MonkeyPatch) -> Connect:
-    def opened(*nodes: ScriptedNode, listen: bool = False) -> tuple[CanBus, ScriptedBus]:
-        port = ScriptedBus(*nodes)
-        monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
-        bus = CanBus(CanBusConfig.model_validate({"interface": "scripted"}))
-        if listen:
-            bus.open()
-        else:
-            bus.open_second()
-        return bus, port
+def connect(monkeypatch: pytest.MonkeyPatch) -> Iterator[Connect]:
+    with ExitStack() as stack:
 
-    return opened
+        def opened(
+            *nodes: ScriptedNode, listen: bool = False, room: int | None = None
+        ) -> tuple[CanBus, ScriptedBus]:
+            port = use(ScriptedBus(*nodes, room=room), monkeypatch)
+            bus = CanBus(CanBusConfig.model_validate({"interface": "scripted"}))
+            stack.callback(bus.close)
+            if listen:
+                bus.open()
+            else:
+                bus.open_second()
+            return bus, port
+
+        yield opened
 
 
 @pytest.fixture

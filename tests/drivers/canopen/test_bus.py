@@ -9,11 +9,11 @@ from pathlib import Path
 import can
 import pytest
 from support.can_bench import Clock, Connect
-from support.can_script import ScriptedBus
+from support.can_script import ScriptedBus, use
 from support.descriptors import beyond_select
 
 from rigd.sdk import LinkError
-from rigd_drivers.can_bus import FRAMES_PER_CYCLE, CanBus, CanBusConfig
+from rigd_drivers.can_bus import FRAMES_PER_MS, CanBus, CanBusConfig
 from rigd_drivers.can_load import FRAME_BITS, WINDOW_NS, LoadMeter
 from rigd_drivers.can_ports import Full, open_port
 from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
@@ -34,8 +34,7 @@ FRAME_S = 135e-6
 def test_second_master_on_bus_ends_the_run(
     monkeypatch: pytest.MonkeyPatch, identifier: int, data: str, does: str, late: bool
 ) -> None:
-    port = ScriptedBus()
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port = use(ScriptedBus(), monkeypatch)
     bus = CanBus(CanBusConfig(interface="scripted"))
     if late:
         bus.open()
@@ -49,8 +48,7 @@ def test_second_master_on_bus_ends_the_run(
 def test_another_node_sends_sync_if_rig_file_permits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    port = ScriptedBus()
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port = use(ScriptedBus(), monkeypatch)
     bus = CanBus(CanBusConfig(interface="scripted", sync=False))
     bus.open()
     port.say(0x080, "")
@@ -88,9 +86,12 @@ def test_flood_is_read_in_pieces_and_names_node(connect: Connect, clock: Clock) 
     bus, port = connect()
     heard: list[bytes] = []
     bus.subscribe(0x181, heard.append)
+    for _ in range(2):
+        bus.begin(0)
+        bus.end(0)
 
     def flood() -> None:
-        for _ in range(FRAMES_PER_CYCLE):
+        for _ in range(FRAMES_PER_MS):
             port.say(0x3A5, bytes(8))
         port.say(0x181, "01")
 
@@ -125,6 +126,27 @@ def test_single_endless_identifier_is_a_flood_too(connect: Connect, clock: Clock
         come(20)
 
 
+@pytest.mark.parametrize(("period_ms", "stall_ms"), [(1, 1000), (50, 0)])
+def test_full_bus_after_stall_is_no_flood(
+    connect: Connect, clock: Clock, period_ms: int, stall_ms: int
+) -> None:
+    bus, port = connect()
+    bus.begin(0)
+    bus.end(0)
+
+    def come(for_ms: int) -> None:
+        clock.pass_by(for_ms * 1e-3)
+        for number in range(20 * for_ms):  # the shortest frames, at 1 Mbit/s
+            port.say(0x301 + number % 64, "")
+        bus.begin(0)
+        bus.end(0)
+
+    come(stall_ms)
+    for _ in range(0, 2000, period_ms):
+        come(period_ms)
+    assert not bus.behind
+
+
 def test_bus_off_ends_it_at_once(connect: Connect) -> None:
     bus, port = connect()
     port.say(0x2000_0040, bytes(8))
@@ -147,8 +169,7 @@ def test_bus_errors_end_run_only_without_good_frames(connect: Connect, good: int
 
 
 def test_error_frames_alone_at_opening_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    port = ScriptedBus()
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port = use(ScriptedBus(), monkeypatch)
     port.say(0x2000_0088, bytes(8))
     with pytest.raises(LinkError, match="only errors are heard"):
         CanBus(CanBusConfig(interface="scripted")).open()
@@ -185,8 +206,7 @@ class ShortQueue(ScriptedBus):
 def test_all_drives_are_disabled_through_a_short_queue(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    port = ShortQueue()
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port = use(ShortQueue(), monkeypatch)
     bus = CanBus(CanBusConfig(interface="scripted"))
     bus.open_second()
     options = {"counts_per_revolution": "4096 count/rev", "current_range": "5 A"}

@@ -50,12 +50,14 @@ def test_identifier_is_described_in_words(identifier: int, words: str) -> None:
 )
 def test_error_frame_is_described_in_words(identifier: int, detail: int, words: str) -> None:
     # Classes and details of linux/can/error.h.
-    assert words in frames.describe_error(identifier, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
-    assert not frames.is_only_news(identifier)
+    data = bytes([0, detail, 0, 0, 0, 0, 0, 0])
+    assert words in frames.describe_error(identifier, data)
+    unread = words == "receive overflow"
+    assert frames.is_only_news(identifier, data) is frames.is_overflow(identifier, data) is unread
 
 
 def test_a_restarted_controller_is_no_error() -> None:
-    assert frames.is_only_news(0x2000_0100)
+    assert frames.is_only_news(0x2000_0100, bytes(8))
 
 
 def test_nmt_commands_and_heartbeats_match_the_standard() -> None:

@@ -100,6 +100,23 @@ def test_values_follow_the_device(asked: bool, tmp_path: Path) -> None:
     asyncio.run(main())
 
 
+def test_lines_before_the_run_are_no_rows(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, asked=False) as found:
+            await found.driver.open()
+            port = found.driver._port
+            before = port.received
+            async with asyncio.timeout(TIMEOUT_S):
+                while port.received < before + 100:  # meanwhile another device is opened
+                    await asyncio.sleep(0.01)
+            found.values["force"] = -3.5
+            async with found.running():
+                await found.until(lambda row: True)
+            assert found.rows[0][0] == -3.5
+
+    asyncio.run(main())
+
+
 def test_identity_start_and_stop_are_sent(tmp_path: Path) -> None:
     async def main() -> None:
         given: dict[str, Any] = {

@@ -175,6 +175,51 @@ def test_device_that_stays_on_is_named() -> None:
             driver.confirm_safe()
 
 
+class Hesitant:
+    """A supply that holds an answer back once, and then ignores that it is switched off."""
+
+    def __init__(self) -> None:
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
+        self.output, self.holds, self.held = b"0", False, threading.Event()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with self._server.accept()[0] as link, link.makefile("rb") as lines, suppress(OSError):
+            waiting: list[bytes] = []
+            for line in lines:
+                answer = {b"MEAS": b"0;0", b"OUTP": self.output}.get(line[:4])
+                if line.startswith(b"OUTP ON"):
+                    self.output = b"1"
+                if b"?" not in line or answer is None:
+                    continue
+                waiting.append(answer + b"\n")
+                if self.holds and line.startswith(b"OUTP?"):
+                    self.holds = False
+                    self.held.set()
+                    continue
+                link.sendall(b"".join(waiting))
+                waiting.clear()
+
+    def stop(self) -> None:
+        self._server.close()
+
+
+def test_answer_from_before_does_not_confirm_safety() -> None:
+    device = Hesitant()
+    driver = LineOutputs(LineOutputsConfig.model_validate({**OPTIONS, "port": device.port}), None)
+    driver.open()
+    device.holds = True
+    while not device.held.is_set():
+        driver.read(0)
+    driver.arm()
+    driver.make_safe()
+    with pytest.raises(DeviceError, match="is not safe after `safe`"):
+        driver.confirm_safe()
+    driver.close()
+    device.stop()
+
+
 def drop(device: Any) -> None:
     """Have the device close the connection at the next line; it takes another."""
     answer = device.answer

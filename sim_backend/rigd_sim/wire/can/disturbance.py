@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
@@ -14,9 +15,13 @@ from typing import Any, Final
 from rigd_sim.wire.can.timing import Frame
 from rigd_sim.wire.options import number, take, whole
 
+#: ``struct can_frame``: identifier with flags, length, three bytes of padding, data.
+CAN_FRAME: Final = struct.Struct("<IB3x8s")
 #: Error frames of the kernel (linux/can/error.h): the flag, and classes in the identifier.
 ERROR_FLAG: Final = 0x20000000
 ERROR_PROTOCOL: Final = ERROR_FLAG | 0x00000008
+ERROR_CONTROLLER: Final = ERROR_FLAG | 0x00000004
+RECEIVE_OVERFLOW: Final = 0x01  #: data[1] of it
 ERROR_BUS_OFF: Final = ERROR_FLAG | 0x00000040
 ERROR_RESTARTED: Final = ERROR_FLAG | 0x00000100
 #: Data of an error frame is always 8 bytes.
@@ -35,6 +40,12 @@ FAULTS: Final[Mapping[str, str]] = {
     "wrong_bitrate": "clients and nodes do not understand each other: frames give error frames",
     "stalled": "no frame of a client is taken, so that its queue fills up",
 }
+
+
+def overflow(count: int) -> bytes:
+    """Return the packet of an error frame: the receiver lost ``count`` frames (bytes 4 to 7)."""
+    detail = bytes((0, RECEIVE_OVERFLOW, 0, 0)) + count.to_bytes(4, "little")
+    return CAN_FRAME.pack(ERROR_CONTROLLER, len(detail), detail)
 
 
 class Disturbance:
