@@ -20,10 +20,12 @@ from mcap.opcode import Opcode
 from rigd.model import RecordingError
 from rigd.model.system import read_at
 from rigd.record.access import require_regular
+from rigd.record.bounds import require_events
 from rigd.record.chunks import parse_chunk, unpack_chunk
 from rigd.record.contents import parse_footer
 from rigd.record.crc import crc32
 from rigd.record.events import MESSAGE_FIELDS, Event, parse_event
+from rigd.record.index import bytes_at, record_in
 from rigd.record.info import RunInfo, info_of, run_info
 from rigd.record.prefix import FORMAT_METADATA, RECOVERY_METADATA, START_KEY
 from rigd.record.reader import Recording
@@ -86,6 +88,8 @@ def _read(fd: int, path: Path) -> RunInfo:
     if not crc or crc32(summary[: -len(MAGIC) - 4]) != crc:
         raise _Unusual
     found = _parse(summary[:-ending])
+    if sum(length for _, length in found.metadata) > start:
+        raise _Unusual
     metadata: dict[str, dict[str, str]] = {}
     for content in _contents(fd, found.metadata, Opcode.METADATA):
         name, values = _metadata(content)
@@ -94,9 +98,11 @@ def _read(fd: int, path: Path) -> RunInfo:
     if not started.isdecimal() or RECOVERY_METADATA in metadata:
         raise _Unusual
     events: list[Event] = []
+    text_bytes = 0
     for at, length in found.chunks.get(found.events_channel, ()):
-        data = unpack_chunk(parse_chunk(_content(fd, at, length, Opcode.CHUNK)))
-        events += _events(memoryview(data), found.events_channel)
+        head = parse_chunk(record_in(fd, at, length, Opcode.CHUNK).content)
+        require_events(text_bytes := text_bytes + head.size, size)
+        events += _events(memoryview(unpack_chunk(head)), found.events_channel)
     start_ns = int(started)
     end_ns = start_ns if found.last_ns is None else found.last_ns
     return info_of(path, metadata, events, trials(events), start_ns, end_ns, size)
@@ -182,18 +188,11 @@ def _contents(fd: int, places: Sequence[tuple[int, int]], opcode: int) -> Iterat
                 if following != end or following + size - at > _AT_ONCE:
                     break
                 end = following + size
-            held, begin = memoryview(read_at(fd, end - at, at)), at
+            held, begin = bytes_at(fd, at, end - at), at
         record = record_at(held[: at - begin + length], at - begin)
         if record.opcode != opcode:
             raise _Unusual
         yield record.content
-
-
-def _content(fd: int, at: int, length: int, opcode: int) -> memoryview:
-    record = record_at(memoryview(read_at(fd, length, at)), 0)
-    if record.opcode != opcode:
-        raise _Unusual
-    return record.content
 
 
 def _metadata(content: memoryview) -> tuple[str, dict[str, str]]:

@@ -25,9 +25,6 @@ from rigd.record.wire import FRAME, Malformed, records
 
 Times = NDArray[np.uint64]
 
-#: A chunk whose head states more is damaged or hostile; rigd writes chunks of 1 MiB.
-MAX_UNCOMPRESSED: Final = 1 << 30
-
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")  #: start, end, size, CRC, length of compression name
 MESSAGE_INDEX_HEAD: Final = struct.Struct("<BQHI")
 _SIZE: Final = struct.Struct("<Q")
@@ -209,7 +206,7 @@ def parse_chunk(content: memoryview) -> ChunkHead:
         Malformed: the content is shorter than its sizes.
     """
     head, packed_size = _read_head(content)
-    if len(head.packed) != packed_size or head.size > MAX_UNCOMPRESSED:
+    if len(head.packed) != packed_size:
         raise Malformed("a chunk whose sizes do not agree")
     return head
 
@@ -251,6 +248,7 @@ def unpack_chunk(head: ChunkHead, *, check_crc: bool = True) -> bytes | memoryvi
 
     Raises:
         Malformed: unknown compression, data that does not decompress, or a CRC that differs.
+        TooLarge: more bytes than :mod:`~rigd.record.bounds` permits.
 
     """
     data = decompress(head.packed, head.compression, head.size)
@@ -304,7 +302,9 @@ def message_places(data: bytes | memoryview) -> Places:
     at, end, length_at = 0, len(data), _LENGTH.unpack_from
     while at + FRAME.size <= end:  # once for each message: nothing but this
         begins.append(at)
-        at += FRAME.size + length_at(data, at)[0]
+        if not (length := length_at(data, at)[0]) and not data[at]:  # zeros are millions of them
+            raise Malformed(f"no record begins at byte {at} of a chunk")
+        at += FRAME.size + length
     if at != end:
         raise Malformed(f"the file ends within a record at byte {begins[-1] if begins else 0}")
     octets = np.frombuffer(data, np.uint8)

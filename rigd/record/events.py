@@ -90,7 +90,7 @@ def parse_event(t_ns: int, payload: memoryview, loads: Callable[[str], Any] = js
         at += -at % 8 + 8  # the time repeats t_ns
         text, _ = _read_string(body, at)
         data = loads(text)
-    except (struct.error, ValueError) as error:
+    except (struct.error, ValueError, RecursionError) as error:
         raise Malformed(f"a damaged event ({error})") from error
     if not isinstance(data, dict):
         raise Malformed("an event whose data is no JSON object")

@@ -19,6 +19,7 @@ from mcap.records import ChunkIndex
 from rigd.model import RecordingError
 from rigd.model.system import read_at
 from rigd.record.access import how_to_recover, require_regular, share
+from rigd.record.bounds import about, require_sum
 from rigd.record.chunks import ChunkHead
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
@@ -64,12 +65,12 @@ def opened(path: Path) -> Iterator[int]:
     It is not mapped: if its writer cut a mapped file shorter, the system would kill the reader.
 
     Raises:
-        RecordingError: missing, not readable, or empty.
+        RecordingError: missing, not readable, empty, or too large to unpack.
 
     """
     try:
         require_regular(path)
-        with path.open("rb", buffering=0) as file:
+        with path.open("rb", buffering=0) as file, about(path):
             if os.fstat(file.fileno()).st_size == 0:
                 raise RecordingError(
                     f"{path} is empty", hint="Nothing was recorded; the file can be deleted."
@@ -136,6 +137,7 @@ def indexed(fd: int) -> tuple[Contents, int]:
 
     Raises:
         Malformed: the file has none, or it is damaged.
+        TooLarge: its chunks have more bytes than rigd unpacks.
     """
     size, ending = os.fstat(fd).st_size, FOOTER.size + len(MAGIC)
     if read_at(fd, len(MAGIC), 0) != MAGIC:
@@ -151,7 +153,15 @@ def indexed(fd: int) -> tuple[Contents, int]:
     contents = parse_summary(summary[:-ending])
     if contents.messages > sum(map(rows_of, contents.chunks)):
         raise Malformed("its messages are not in indexed chunks")
+    if sum(chunk.chunk_length for chunk in contents.chunks) + _extras(contents) > start:
+        raise Malformed("its index names more bytes than it has")
+    require_sum(sum(chunk.uncompressed_size for chunk in contents.chunks), size)
     return contents, start
+
+
+def _extras(contents: Contents) -> int:
+    metadata = sum(index.length for index in contents.metadata)
+    return metadata + sum(index.length for index in contents.attachments)
 
 
 def metadata_in(fd: int, contents: Contents) -> dict[str, dict[str, str]]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
+from rigd.record.bounds import require_events
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.condition import Condition, Foreign
 from rigd.record.contents import Contents, rows_of
@@ -402,11 +403,14 @@ class Recording:
         events: list[Event] = []
         if self.foreign is not None:
             return self._events_in_order()
+        text_bytes = 0
         with opened(self.path) as fd:
             for index in self._chunks(channels, 0, _LAST_NS):
                 messages = self._unpack(fd, index, check_crc=True)
                 try:
-                    found = messages.payloads(channels)
+                    found = list(messages.payloads(channels))
+                    text_bytes += sum(len(payload) for _, payload in found)
+                    require_events(text_bytes, self.size)
                     events += [parse_event(t_ns, payload) for t_ns, payload in found]
                 except Malformed as error:
                     raise self._damaged(error) from error
@@ -418,12 +422,14 @@ class Recording:
         The check of the file has named these as damage.
         """
         found: dict[tuple[int, int, bytes], None] = {}
-        channels = self.topics.events
+        channels, text_bytes = self.topics.events, 0
         with opened(self.path) as fd:
             for index in self._chunks(channels, 0, _LAST_NS):
                 messages = self._unpack(fd, index, check_crc=True)
                 for t_ns, number, payload in messages.numbers(channels):
+                    text_bytes += len(payload)
                     found[t_ns, number, bytes(payload)] = None
+                require_events(text_bytes, self.size)
         events: list[Event] = []
         for t_ns, _, data in sorted(found, key=lambda key: key[:2]):
             with suppress(Malformed):

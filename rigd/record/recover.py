@@ -24,6 +24,7 @@ from mcap.opcode import Opcode
 from rigd.model import RecordingError
 from rigd.model.system import BINARY, copy_mode, require_linux, sync_folder
 from rigd.record.access import how_to_recover, require_regular
+from rigd.record.bounds import about
 from rigd.record.contents import SummaryWriter, rows_by_topic
 from rigd.record.crc import crc32
 from rigd.record.file import open_locked, write_error
@@ -92,7 +93,8 @@ def recover(
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
     try:
-        return _recover(fd, path, trusted, own=own, others=others)
+        with about(path):
+            return _recover(fd, path, trusted, own=own, others=others)
     except OSError as error:
         raise write_error(path, error) from error
     finally:

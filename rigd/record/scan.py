@@ -13,6 +13,7 @@ from __future__ import annotations
 from mcap.opcode import Opcode
 from mcap.records import Header
 
+from rigd.record.bounds import budget
 from rigd.record.chunks import CDR_SIZE, MESSAGE_HEAD
 from rigd.record.contents import Contents
 from rigd.record.crc import crc32
@@ -35,13 +36,15 @@ def scan(buffer: memoryview, trusted: int = 0) -> Scan:
 
     Raises:
         Malformed: it is not an MCAP file: it contains no intact record.
+        TooLarge: its chunks have more bytes than rigd unpacks.
     """
-    found = _scan(buffer, trusted)
-    if (second := found.another) is not None:
-        found = _scan(buffer[:second], trusted)
-        found.another = second
-        problem = f"another recording begins at byte {second}"
-        found.damages.append(Damage(second, len(buffer), problem))
+    with budget(len(buffer)):
+        found = _scan(buffer, trusted)
+        if (second := found.another) is not None:
+            found = _scan(buffer[:second], trusted)
+            found.another = second
+            problem = f"another recording begins at byte {second}"
+            found.damages.append(Damage(second, len(buffer), problem))
     return found
 
 

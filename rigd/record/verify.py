@@ -11,6 +11,7 @@ from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
 from rigd.record.access import require_regular, share
+from rigd.record.bounds import about
 from rigd.record.condition import Condition, Foreign, foreign_json, foreign_lines, writer_of
 from rigd.record.contents import rows_by_topic
 from rigd.record.file import RecordingInUse
@@ -115,7 +116,7 @@ def _rows(found: Scan) -> dict[str, int]:
 def _scan(path: Path) -> tuple[Scan, Recording]:
     try:
         require_regular(path)
-        with path.open("rb", buffering=0) as file:
+        with path.open("rb", buffering=0) as file, about(path):
             if not os.fstat(file.fileno()).st_size:
                 raise RecordingError(f"{path} is empty", hint="Nothing was recorded.")
             if not share(file.fileno()):

@@ -187,11 +187,13 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
                     break
                 raise Malformed("no summary follows the end of the data")
             at = _take(buffer, record, found, base)
+            continue
         except Malformed as error:
-            start, at = at, next_record(buffer, at)
-            found.damages.append(Damage(base + start, base + at, str(error)))
-            if not _take_torn(buffer[start:at], found) and at == len(buffer):
-                found.end_unknown = True
+            problem = str(error)  # the error itself holds the unpacked bytes of its chunk
+        start, at = at, next_record(buffer, at)
+        found.damages.append(Damage(base + start, base + at, problem))
+        if not _take_torn(buffer[start:at], found) and at == len(buffer):
+            found.end_unknown = True
     collect(found)
     return base + at
 
@@ -380,12 +382,12 @@ def _take_torn(torn: memoryview, found: Scan) -> bool:
 def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
     head = parse_chunk(record.content)
     data = unpack_chunk(head)
+    messages = index_messages(data)
     if uniform_messages(data) is None:
         # Other writers keep schemas and channels within the chunk that first needs them.
         found.unlike = found.unlike or _mixes(data)
         for inner in records(memoryview(data)):
             add_record(found.contents, inner.opcode, inner.content)
-    messages = index_messages(data)
     index, sound_end = _message_indexes(buffer, record.end, messages)
     offsets: dict[int, int] = {}
     at = base + record.end

@@ -131,8 +131,10 @@ class Walk:
                         return at
                     raise Malformed("the end of the data is not followed by the end of the file")
                 at = self._messages(at) if opcode == Opcode.MESSAGE else self._record(at)
+                continue
             except Malformed as error:
-                at = self._pass_over(at, str(error))
+                problem = str(error)  # the error itself holds the unpacked bytes of its chunk
+            at = self._pass_over(at, problem)
         return at
 
     def _ends(self, at: int) -> bool:
