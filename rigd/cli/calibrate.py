@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "procedure", nargs="?", help=("procedure file, or the name of a shipped procedure")
     )
-    options.add_rig(parser, "rig file, or the rig's name (angle-1)", required=False)
+    options.add_rig(parser, "rig file, or the rig's name (angle-1)")
     parser.add_argument(
         "--operator",
         required=True,
@@ -130,13 +130,13 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
     from rigd.record.info import COMPLETE
 
     if args.recording is None:
-        if args.procedure is None or args.rig is None:
+        if args.procedure is None:
             raise ConfigError(
-                "procedure or rig is missing",
+                "no procedure is given",
                 hint="rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 "
                 "--operator NAME",
             )
-        return load_rig(args.rig)
+        return load_rig(options.rig_of(args, args.procedure))
     if args.procedure is not None:
         raise ConfigError("--from evaluates a recording; remove the procedure")
     of_runs = [f"--{name}" for name in _OF_RUNS

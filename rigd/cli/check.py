@@ -31,8 +31,9 @@ examples:
   rigd check configs/sim_lugre.yaml
   rigd check procedures/*.yaml --rig lugre-1     also names, units and limits against the rig
 
-  Without --rig only the keys of a procedure and their shapes are checked: names, units and
-  expressions can only be checked against a rig.
+  Without --rig a procedure is checked against the rig that RIGD_RIG or default_rig in rigd.yaml
+  names, or else its own try_on. Without any only its keys and their shapes are checked: names,
+  units and expressions can only be checked against a rig.
 
   A procedure is for another rig if its only errors are devices that the rig lacks, or channels
   and it is right on a shipped rig. With several procedures this is allowed: a line names each of
@@ -64,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="rig, procedure, calibration, lab or specimen files",
     )
-    add_rig(parser, "rig to check procedures against", required=False)
+    add_rig(parser, "rig to check procedures against")
     add_json(parser)
 
 
@@ -73,11 +74,20 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
     from rigd.model.errors import Exit
+    from rigd.procedure.chosen_rig import ChosenRig, stated_rig
 
-    rig = None if args.rig is None else load_rig(args.rig)
-    if rig is not None and rig.source.location not in ("shipped", args.rig) and not args.json:
+    stated = ChosenRig(args.rig) if args.rig is not None else stated_rig()
+    rig = None if stated is None else load_rig(stated.rig)
+    if (
+        rig is not None
+        and rig.source.location not in ("shipped", args.rig)
+        and args.rig
+        and not args.json
+    ):
         print(f"rig {titled(rig.name, rig.source.location)}")
     reports = [_report(given, rig) for given in args.files]
+    if stated is not None and stated.why and any(item.kind == "procedure" for item in reports):
+        print(stated.why, file=sys.stderr)
     if args.json:
         print(json.dumps([_as_json(report) for report in reports], indent=2))
     else:
@@ -86,14 +96,19 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _report(given: str, rig: RigConfig | None) -> FileReport:
+    from rigd.config.loader import load_rig
     from rigd.model.errors import ConfigError, OtherRigError
+    from rigd.procedure.chosen_rig import try_rig
 
     kind = ""
     try:
         kind = _kind(given)
-        return FileReport(given, kind, summary=_check(given, kind, rig))
+        chosen = try_rig(given) if rig is None and kind == "procedure" else None
+        on = rig if chosen is None else load_rig(chosen.rig)
+        return FileReport(given, kind, summary=_check(given, kind, on))
     except OtherRigError as error:
-        return FileReport(given, kind, problem=error, missing=error.missing)
+        missing = () if rig is None else error.missing
+        return FileReport(given, kind, problem=error, missing=missing)
     except ConfigError as error:
         missing = () if rig is None or kind != "procedure" else _lacked(given, error, rig)
         return FileReport(given, kind, problem=error, missing=missing)
@@ -165,6 +180,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     from rigd.config.following import blind_below, trip_without_value, unsupervised
     from rigd.config.lab import load_lab
     from rigd.config.loader import load_rig
+    from rigd.config.settings import read_settings
     from rigd.config.sibling import COMPUTED
 
     if kind == "calibration":
@@ -180,6 +196,10 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         lab = load_lab(Path(given))
         count = sum(item.required for item in lab.fields.values())
         return f"lab {lab.name}, {len(lab.fields)} fields, {count} required: right"
+    if kind == "settings":
+        settings = read_settings(Path(given))
+        load_rig(settings.default_rig)
+        return f"settings of a folder, default rig {settings.default_rig}: right"
     if kind == "specimen":
         from rigd.config.document import read_document
         from rigd.config.lab import read_specimen
@@ -251,7 +271,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
 
     procedure = load_procedure(given)
     if rig is None:
-        return "a procedure with right keys; give --rig to check it against a rig"
+        return "a procedure with right keys; give --rig, or try_on, to check it against a rig"
     from rigd.analysis.plan import analysis_of, judged, not_given
     from rigd.config.following import unseen_levels
 
@@ -325,6 +345,8 @@ def _kind(given: str) -> str:
             f"cannot read {given}: {error.strerror}", hint="check its permissions"
         ) from error
     keys = re.findall(r"^[\"']?([A-Za-z_]\w*)[\"']?:", text, re.MULTILINE)
+    if keys[:1] == ["default_rig"]:
+        return "settings"
     if keys[:1] == ["specimen"]:  # what else it states may be called lab or rig too
         return "specimen"
     # A rig file names its calibration and its lab too.

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_json, add_rig
+from rigd.cli.options import add_json, add_rig, rig_of
 
 if TYPE_CHECKING:
     from rigd.analysis.designing import Designed
@@ -88,7 +88,7 @@ def execute(args: argparse.Namespace) -> int:
         )
     designed = design(
         args.model,
-        load_rig(args.rig),
+        load_rig(rig_of(args)),
         load_procedure(args.base),
         args.minutes,
         [name for name in args.targets.split(",") if name.strip()],

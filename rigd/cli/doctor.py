@@ -24,7 +24,7 @@ exit code: 0 fit (warnings or not), 3 something fails
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    add_rig(parser, required=False)
+    add_rig(parser)
     parser.add_argument(
         "--seconds",
         type=_seconds,

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_json, add_rig
+from rigd.cli.options import add_json, add_rig, rig_of
 
 if TYPE_CHECKING:
     from rigd.analysis.filtering import Filtered
@@ -49,7 +49,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.errors import ConfigError
     from rigd.record import Recording
 
-    rig = load_rig(args.rig)
+    rig = load_rig(rig_of(args))
     known = observers_of(rig)
     if not known:
         raise ConfigError(

@@ -113,11 +113,12 @@ def _print(info: RunInfo) -> None:
 
     console = Console(highlight=False)
     named = quote(str(info.path))
+    mode = info.mode.replace("simulated", "SIMULATED")  # as reports have it
     facts = {
         "recording": f"{info.path}, {info.size / 1e6:.2f} MB, {info.duration_s:.1f} s",
         "procedure": info.procedure,
         "rig": info.rig,
-        "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
+        "mode": mode + (f", seed {info.seed}" if info.seed else ""),
         "from": info.metadata.get("run", {}).get("imported_from", ""),
         "started": info.started + (", the clock of the run" if is_virtual(info) else ""),
         "warned": info.metadata.get("import", {}).get("warnings", ""),

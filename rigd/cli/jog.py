@@ -14,6 +14,7 @@ from rigd.cli.options import (
     add_runs,
     named_twice,
     read_assignments,
+    rig_of,
 )
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
 
-    rig = load_rig(args.rig)
+    rig = load_rig(rig_of(args))
     moves = read_assignments(args.setpoints, "SETPOINT=VALUE")
     if (twice := named_twice(args.setpoints)) is not None:
         raise ConfigError(

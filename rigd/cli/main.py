@@ -48,7 +48,7 @@ from rigd.cli import (
     validate,
     verify,
 )
-from rigd.cli.options import expanded
+from rigd.cli.options import name_recordings
 from rigd.cli.shown import OutputLost, screened
 from rigd.model import compiling
 from rigd.model.errors import Exit, RigdError
@@ -200,8 +200,7 @@ def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
     compiling.announce_once(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
-        if isinstance(getattr(args, "files", None), list):
-            args.files = expanded(args.files)
+        name_recordings(args)
         return int(args.execute(args))
     except RigdError as error:
         if args.debug:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 if TYPE_CHECKING:
     from rigd.model.about import About
 
+#: What stands for the newest recordings: ``last``, ``last:3``.
+_LAST: Final = re.compile(r"last(?::([0-9]{1,6}))?")
 #: A file as the parser of its command gives it.
 File = TypeVar("File", str, Path)
 
@@ -17,11 +21,25 @@ File = TypeVar("File", str, Path)
 def add_rig(
     parser: argparse.ArgumentParser,
     help: str = "rig file, or the rig's name",
-    *,
-    required: bool = True,
 ) -> None:
-    """Add ``--rig``."""
-    parser.add_argument("--rig", required=required, metavar="RIG", help=help)
+    """Add ``--rig``, for :func:`rig_of`."""
+    parser.add_argument("--rig", metavar="RIG", help=help)
+
+
+def rig_of(args: argparse.Namespace, procedure: str | None = None) -> str:
+    """Return the rig of a command, and say on standard error which it is if none is given.
+
+    ``procedure`` is the procedure that it plays.
+
+    Raises:
+        ConfigError: no rig is given or stated anywhere; see :func:`chosen_rig`.
+    """
+    from rigd.procedure.chosen_rig import chosen_rig
+
+    found = chosen_rig(args.rig, procedure)
+    if found.why:
+        print(found.why, file=sys.stderr)
+    return found.rig
 
 
 def add_set(
@@ -114,20 +132,21 @@ def read_about(operator: str | None, note: str, meta: Sequence[str], specimen: s
         ) from error
 
 
-def expanded(files: Sequence[File]) -> list[File]:
+def expanded(files: Sequence[File], runs: Path = Path("runs")) -> list[File]:
     """Return the files, and in place of each pattern those that it fits, as a Unix shell does it.
 
     Shells of Windows leave ``runs/*.mcap`` to the program. A pattern that fits no file stays.
+    ``last`` is the newest recording in ``runs``, ``last:3`` are the three newest, oldest first.
 
     Raises:
-        ConfigError: it is no pattern.
+        ConfigError: it is no pattern, or there are not so many recordings.
     """
     from rigd.model.errors import ConfigError
 
     found: list[File] = []
     for file in files:
         path = Path(file)
-        fitting: list[Path] = []
+        fitting = newest(file, runs)
         if not path.exists() and any(mark in str(path) for mark in "*?["):
             try:
                 fitting = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
@@ -135,3 +154,57 @@ def expanded(files: Sequence[File]) -> list[File]:
                 raise ConfigError(f"{path}: {error}", hint="such as runs/*.mcap") from error
         found += [type(file)(each) for each in fitting] or [file]
     return found
+
+
+def newest(file: str | Path, runs: Path = Path("runs")) -> list[Path]:
+    """Return the recordings that ``last`` or ``last:N`` mean; nothing if ``file`` is another name.
+
+    The newest is the one that was written last. A file of that name goes first.
+
+    Raises:
+        ConfigError: there are not so many recordings in ``runs``.
+    """
+    from rigd.model.errors import ConfigError
+
+    match = _LAST.fullmatch(str(file))
+    if match is None or Path(file).exists():
+        return []
+    count = int(match[1] or 1)
+    written = sorted(runs.glob("*.mcap"), key=lambda path: (path.stat().st_mtime_ns, path.name))
+    if not 1 <= count <= len(written):
+        raise ConfigError(
+            f"{file}: {len(written) or 'no'} recordings in {runs}",
+            hint="`last` is the newest, `last:3` are the three newest; --runs names another folder",
+        )
+    return written[-count:]
+
+
+def the_newest(file: Path, runs: Path = Path("runs")) -> Path:
+    """Return the one recording that ``last`` means, or ``file`` itself.
+
+    Raises:
+        ConfigError: there is none, or it means several.
+    """
+    from rigd.model.errors import ConfigError
+
+    found = newest(file, runs) or [file]
+    if len(found) > 1:
+        raise ConfigError(f"{file} are {len(found)} recordings", hint="one is needed: last")
+    return found[0]
+
+
+def name_recordings(args: argparse.Namespace) -> None:
+    """Put files in place of patterns and of ``last`` wherever a command takes recordings.
+
+    Raises:
+        ConfigError: see :func:`expanded` and :func:`the_newest`.
+    """
+    runs = getattr(args, "runs", None)
+    folder = runs if isinstance(runs, Path) else Path("runs")
+    if isinstance(files := getattr(args, "files", None), list):
+        args.files = expanded(files, folder)
+    if isinstance(groups := getattr(args, "groups", None), list):  # whose patterns are one group
+        args.groups = [str(path) for group in groups for path in newest(group, folder) or [group]]
+    for name in ("file", "recording", "resume"):
+        if isinstance(given := getattr(args, name, None), Path):
+            setattr(args, name, the_newest(given, folder))

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_json, add_rig
+from rigd.cli.options import add_json, add_rig, rig_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,7 +61,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
-    rig = load_rig(args.rig)
+    rig = load_rig(rig_of(args))
     print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     seconds = None if args.duration is None else _seconds(args.duration)
     channels = chosen_channels(rig, args.channels)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 HELP = "run a procedure on a rig and record every sample"
 EXAMPLES = """\
 examples:
+  rigd run procedures/quick.yaml    on the simulated rig that it names; nothing moves
   rigd run procedures/quick.yaml --rig lugre-1
   rigd run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc
   rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run
@@ -28,6 +29,10 @@ examples:
                                     written into the recording, shown by info, runs, reports
   rigd run --resume runs/interrupted.mcap
                                     continue: only the missing trials
+
+without --rig:
+  the rig is what RIGD_RIG names, or default_rig in rigd.yaml of this folder, or the simulated rig
+  that the procedure names (try_on). One line says which.
 
 while it runs:
   Ctrl-C    controlled stop, then `finish`; again: abort; a third time: drop power
@@ -43,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "procedure", nargs="?", help=("procedure file, or the name of a shipped procedure")
     )
-    options.add_rig(parser, "rig file, or the rig's name (lugre-1)", required=False)
+    options.add_rig(parser, "rig file, or the rig's name (lugre-1)")
     options.add_set(parser)
     parser.add_argument(
         "--dry-run",
@@ -138,15 +143,12 @@ def _execute(args: argparse.Namespace) -> int:
             )
         overrides = dict(resume.overrides)
     procedure_name: str | None = args.procedure
-    rig_name: str | None = args.rig
     if resume is not None:
         procedure_name = procedure_name or resume.procedure
-        rig_name = rig_name or resume.rig
-    if procedure_name is None or rig_name is None:
-        raise ConfigError(
-            "procedure or rig is missing",
-            hint="rigd run procedures/quick.yaml --rig lugre-1",
-        )
+        args.rig = args.rig or resume.rig
+    if procedure_name is None:
+        raise ConfigError("no procedure is given", hint="rigd run procedures/quick.yaml")
+    rig_name = options.rig_of(args, procedure_name)
     request = requested(
         procedure_name,
         rig_name,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_rig, add_runs
+from rigd.cli.options import add_rig, add_runs, rig_of
 from rigd.cli.shown import outlive_output
 
 if TYPE_CHECKING:  # imported when it is needed: a command line that only prints help is quick
@@ -88,7 +88,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.panel:
         require("panel", "rigd serve --panel")
     has_panel = args.panel is not False and is_installed("panel")
-    rig = load_rig(args.rig)
+    rig = load_rig(rig_of(args))
     options = DaemonOptions(
         rig,
         args.runs.absolute(),

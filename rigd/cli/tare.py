@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 
-from rigd.cli.options import add_json, add_rig
+from rigd.cli.options import add_json, add_rig, rig_of
 
 HELP = "tare or zero a device, or perform another of its actions; nothing moves"
 EXAMPLES = """\
@@ -41,7 +41,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
-    rig = load_rig(args.rig)
+    rig = load_rig(rig_of(args))
     print(f"rig {titled(rig.name, rig.source.location)}", file=sys.stderr)
     name, action = args.device, args.action
     check_action(rig, name, action)

@@ -17,6 +17,7 @@ from rigd.engine.control import Control
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, Exit
 from rigd.model.extras import require
+from rigd.procedure.chosen_rig import chosen_rig
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
 from rigd.record.compression import Compression
@@ -90,7 +91,7 @@ def requested(
 def run(
     procedure: str | os.PathLike[str],
     *,
-    rig: str | os.PathLike[str],
+    rig: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     set: Mapping[str, object] | None = None,
     seed: int = SEED,
@@ -108,7 +109,8 @@ def run(
 
     Args:
         procedure: procedure file, or the name of a shipped procedure.
-        rig: rig file, or the name of a rig, that is simulated in process.
+        rig: rig file, or the name of a rig, that is simulated in process; None: as of a command
+            without ``--rig``, and ``notify`` gets the line that says which it is.
         out: recording to write; None: a name in ``runs/``.
         set: values of the procedure's parameters by name, with their units.
         seed: seed of the simulation.
@@ -133,9 +135,12 @@ def run(
         raise ConfigError(
             str(error), hint="operator, note, specimen and meta are recorded as text"
         ) from error
+    chosen = chosen_rig(None if rig is None else os.fspath(rig), os.fspath(procedure))
+    if chosen.why:
+        notify(chosen.why)
     request = requested(
         os.fspath(procedure),
-        os.fspath(rig),
+        chosen.rig,
         overrides={name: str(value) for name, value in (set or {}).items()},
         about=about,
         seed=seed,

@@ -22,6 +22,7 @@ from rigd.config.source import (
     ChannelName,
     DerivedSource,
     FileName,
+    FilePath,
     GivenConstant,
     Name,
     QuantityText,
@@ -467,6 +468,8 @@ class ProcedureSource(Source):
     """A title in one line."""
     doc: Annotated[str, StringConstraints(min_length=1, max_length=10_000)]
     """Its purpose and source."""
+    try_on: FilePath | None = None
+    """Simulated rig on which it plays if no rig is given: a file, or a name, such as lugre-1."""
     parameters: dict[Name, ParameterSource] = Field(default_factory=dict)
     """Values that may change from run to run, or from trial to trial."""
     tables: dict[Name, TableSource] = Field(default_factory=dict)

@@ -57,7 +57,7 @@ def test_setpoint_beyond_rig_limit_is_refused_before_motion(tmp_path: Path) -> N
     [
         (["run", "missing.yaml", "--rig", "lugre-1"], 2, ["missing.yaml"]),
         (["run", "quick", "--rig", "missing.yaml"], 2, ["missing.yaml"]),
-        (["run", "quick"], 2, ["procedure or rig is missing"]),
+        (["run", "--rig", "lugre-1"], 2, ["no procedure is given"]),
         (["run", "quick", "--rig", "lugre-1", "--set", "current"], 2, ["NAME=VALUE"]),
         (["run", "quick", "--rig", "lugre-1", "--set", "curent=1 A"], 2, ["curent", "current"]),
         (["identify", "missing.mcap"], 7, ["missing.mcap"]),
