@@ -29,6 +29,7 @@ FIELDS: Final[Mapping[str, str]] = {
     "operator": "who ran it",
     "note": "a note of the start, or a later one",
     "specimen": "name of the specimen",
+    "condition": "valid if another program wrote the file",
 }
 #: Metadata whose values are facts as ``NAME.KEY``, by the name of the field.
 _MAPS: Final = {
@@ -72,6 +73,7 @@ class Listing:
     meta: str
     verdict: str
     note: str
+    condition: str  #: "valid" if another program wrote the file; empty of those of rigd
 
 
 def line_of(info: RunInfo, file: str) -> Listing:
@@ -95,7 +97,13 @@ def line_of(info: RunInfo, file: str) -> Listing:
         meta=assigned(info.metadata.get("meta", {})),
         verdict=info.verdict,
         note=" / ".join(notes_of(info)),
+        condition=condition_of(info),
     )
+
+
+def condition_of(info: RunInfo) -> str:
+    """Return what a list states of a file; nothing of one that rigd wrote: it is not checked."""
+    return "" if info.foreign is None else str(info.condition)
 
 
 def notes_of(info: RunInfo) -> list[str]:
@@ -116,6 +124,7 @@ def _facts(info: RunInfo, line: Listing) -> Iterator[Fact]:
         "rig": info.rig, "mode": info.mode, "state": info.state, "reason": info.reason,
         "operator": run.get("operator", ""), "verdict": line.verdict,
         # Recordings that are older than --specimen have it in --meta.
+        "condition": line.condition,
         "specimen": line.specimen or info.metadata.get("meta", {}).get("specimen", ""),
     }  # fmt: skip
     for name, text in texts.items():

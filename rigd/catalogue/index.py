@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rigd.model import RecordingError
 
 #: Counts up when what stands in the file changes; another one is made anew.
-_FORMAT: Final = 2
+_FORMAT: Final = 3
 #: What `PRAGMA user_version` has in a file that this program made.
 _VERSION: Final = zlib.crc32(f"{_FORMAT} {__version__}".encode()) & 0x7FFFFFFF
 #: So many recordings are read between two commits: what is lost if the process is killed.

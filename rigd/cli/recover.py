@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from shlex import quote
 
 HELP = "repair damaged recordings, keep the damaged files, complete those of killed runs"
 EXAMPLES = """\
@@ -105,11 +104,19 @@ def _repair(path: Path) -> bool:
     print(f"{path}: recovered {rows} messages; {damaged} bytes are damaged ({report.problem})")
     for line in verify(path).lines():
         print(f"  {line}")
-    if report.another is not None:
-        print(
-            "  it contained two recordings: this file is the first; the second begins in "
-            f"{report.original} at byte {report.another}:\n    tail -c +{report.another + 1} "
-            f"{quote(str(report.original))} > second.mcap"
-        )
     print(f"  the damaged file is kept as {report.original}; remove it when you no longer need it")
-    return True
+    return report.another is None or _repair_second(path, report.original, report.another)
+
+
+def _repair_second(path: Path, original: Path, at: int) -> bool:
+    """Repair the recording that begins at byte ``at`` of a damaged file; return if it is intact."""
+    from rigd.model.errors import RecordingError
+    from rigd.record.recover import split_off
+
+    try:
+        second = split_off(original, at, path)
+    except RecordingError as error:
+        print(f"rigd: {error}", file=sys.stderr)
+        return False
+    print(f"  it contained two recordings: this file is the first, {second} is the second")
+    return _repair(second)

@@ -15,8 +15,9 @@ from rigd.cli.options import add_json, add_set, read_assignments
 if TYPE_CHECKING:
     from rigd.catalogue import Condition, Listing
 
-#: What a person stated or decided: columns that are shown if any recording has them.
-_STATED: Final = ("set", "specimen", "verdict", "meta", "note")
+#: The condition of files of other programs, and what a person stated or decided: columns that
+#: are shown if any recording has them.
+_STATED: Final = ("condition", "set", "specimen", "verdict", "meta", "note")
 #: Of a column; notes may be long.
 _MOST_LETTERS: Final = 60
 #: To read so many recordings takes long enough that progress is shown.

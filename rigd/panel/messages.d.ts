@@ -367,6 +367,7 @@ declare namespace Api {
     identifies: boolean;
     set: string;
     specimen: string;
+    condition: string;
     problem: string | null;
   }
   interface RunList {

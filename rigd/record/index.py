@@ -30,16 +30,19 @@ from rigd.record.scan import Scan, library_of, scan
 from rigd.record.wire import FOOTER, FRAME, MAGIC, Malformed, Record, decode, map_file, record_at
 
 
+class DamagedRecording(RecordingError):
+    """Bytes of the file are wrong or missing."""
+
+
 def damaged(path: Path, problem: object) -> RecordingError:
     """Return the error for a file that cannot be read; a writer may be changing it."""
     if is_written(path):
         return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
-    message = f"{path} cannot be read: {problem}"
     if not _may_be_mcap(path):
         hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
-        return RecordingError(message, hint=hint)
-    return RecordingError(
-        message,
+        return RecordingError(f"{path} cannot be read: {problem}", hint=hint)
+    return DamagedRecording(
+        f"{path} is damaged: {problem}",
         hint=f"`rigd verify {quote(str(path))}` lists the damage. {how_to_recover(path)}",
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -171,6 +172,32 @@ def _require_messages(path: Path, found: Scan) -> None:
             f"{path} has no message that can be read: {found.problem}",
             hint="The file is as it was.",
         )
+
+
+def split_off(source: Path, at: int, beside: Path) -> Path:
+    """Copy the recording that begins at byte ``at`` of a file to a file of its own; return it.
+
+    Its name is that of ``beside`` with a number that no file has yet.
+
+    Raises:
+        RecordingError: the disk is full or fails.
+    """
+    for number in count(2):
+        target = beside.with_name(f"{beside.stem}-{number}{beside.suffix}")
+        try:
+            with source.open("rb") as file, target.open("xb") as copy:
+                try:
+                    file.seek(at)
+                    shutil.copyfileobj(file, copy, 1 << 20)
+                except OSError:
+                    target.unlink()
+                    raise
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise write_error(target, error) from error
+        return target
+    raise AssertionError("count() does not end")
 
 
 def _scan(fd: int, path: Path, trusted: int) -> Scan:

@@ -16,6 +16,7 @@ from rigd.record.contents import Contents
 from rigd.record.decode import Channels
 from rigd.record.fields import Decode, columns_of
 from rigd.record.schema import (
+    EVENTS_STREAM,
     EVENTS_TOPIC,
     EVENTS_TYPE,
     STREAM_KEY,
@@ -80,6 +81,8 @@ def topics_in(contents: Contents, firsts: Mapping[int, bytes], *, others: bool) 
             read = columns_of(channel, schema, firsts.get(number, b""))
             stream, decode = (None, None) if read is None else read
         name = channel.topic.removeprefix("/")
+        if name == EVENTS_STREAM:  # the name of the table of rigd's events
+            name = f"other_{name}"
         if stream is not None and name:
             stream = stream if stream.name == name else replace(stream, name=name)
             if found.streams.setdefault(name, stream) == stream:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,10 @@ from numpy.typing import NDArray
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Attachment, RecordingWriter
+
+STRICT = Path(__file__).parent / "strict"
+PACKAGES = Path(__file__).parents[2] / "node_modules" / ".cache" / "rigd-strict-mcap"
+
 
 START_NS = 1_790_000_000_000_000_000
 
@@ -84,3 +90,37 @@ def create(tmp_path: Path) -> Callable[..., RecordingWriter]:
         return RecordingWriter.create(tmp_path / name, streams=streams, **options)
 
     return make
+
+
+def need(program: str) -> str:
+    found = shutil.which(program)
+    if found is None:
+        pytest.fail(
+            f"{program} is missing, and without it no recording is checked by a reader of others:"
+            " install Node.js 20 or later (apt-get install nodejs npm)"
+        )
+    return found
+
+
+@pytest.fixture(scope="session")
+def node_packages() -> tuple[str, Path]:
+    """Return Node.js and the folder of the packages of Foxglove; install them at the first use."""
+    node, npm = need("node"), need("npm")
+    wanted = (STRICT / "package.json").read_text()
+    stamp = PACKAGES / "installed.json"
+    if not stamp.exists() or stamp.read_text() != wanted:
+        PACKAGES.mkdir(parents=True, exist_ok=True)
+        (PACKAGES / "package.json").write_text(wanted)
+        command = [
+            npm,
+            "install",
+            "--no-package-lock",
+            "--no-audit",
+            "--no-fund",
+            "--ignore-scripts",
+        ]
+        done = subprocess.run(command, cwd=PACKAGES, capture_output=True, text=True, check=False)
+        if done.returncode:
+            pytest.fail(f"npm cannot install the strict MCAP check:\n{done.stderr}")
+        stamp.write_text(wanted)
+    return node, PACKAGES

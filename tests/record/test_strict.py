@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import subprocess
 import zlib
 from collections.abc import Callable
@@ -25,43 +24,15 @@ MakeRows = Callable[..., NDArray[np.void]]
 Check = Callable[[Path], dict[str, Any]]
 
 STRICT = Path(__file__).parent / "strict"
-PACKAGES = Path(__file__).parents[2] / "node_modules" / ".cache" / "rigd-strict-mcap"
 
 
-def need(program: str) -> str:
-    found = shutil.which(program)
-    if found is None:
-        pytest.fail(
-            f"{program} is missing, and without it no recording is checked by a reader of others:"
-            " install Node.js 20 or later (apt-get install nodejs npm)"
-        )
-    return found
-
-
-@pytest.fixture(scope="session")
-def check() -> Check:
-    """Runs check.mjs on a file; installs its packages at the first use."""
-    node, npm = need("node"), need("npm")
-    wanted = (STRICT / "package.json").read_text()
-    stamp = PACKAGES / "installed.json"
-    if not stamp.exists() or stamp.read_text() != wanted:
-        PACKAGES.mkdir(parents=True, exist_ok=True)
-        (PACKAGES / "package.json").write_text(wanted)
-        command = [
-            npm,
-            "install",
-            "--no-package-lock",
-            "--no-audit",
-            "--no-fund",
-            "--ignore-scripts",
-        ]
-        done = subprocess.run(command, cwd=PACKAGES, capture_output=True, text=True, check=False)
-        if done.returncode:
-            pytest.fail(f"npm cannot install the strict MCAP check:\n{done.stderr}")
-        stamp.write_text(wanted)
+@pytest.fixture
+def check(node_packages: tuple[str, Path]) -> Check:
+    """Runs check.mjs on a file."""
+    node, packages = node_packages
 
     def run(path: Path) -> dict[str, Any]:
-        command = [node, str(STRICT / "check.mjs"), str(PACKAGES), str(path)]
+        command = [node, str(STRICT / "check.mjs"), str(packages), str(path)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         topics: dict[str, Any] = json.loads(done.stdout)

@@ -65,7 +65,7 @@ def _print(found: RunList, where: str, again: str) -> None:
         texts = (
             run.run,
             run.procedure,
-            run.state if run.problem is None else run.problem,
+            run.problem or ", ".join(filter(None, (run.condition, run.state))),
             began if run.started_ns else "",
             f"{run.trials_done}/{run.trials_total}",
             "" if run.duration_s is None else f"{run.duration_s:.0f}",

@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Final
 
 from rigd.catalogue import parse_where, search
-from rigd.catalogue.facts import assigned
+from rigd.catalogue.facts import assigned, condition_of
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.pages import page_of
 from rigd.record import Recording, RunInfo, info_json, run_info
+from rigd.record.index import DamagedRecording
 from rigd.record.moment import is_virtual, recorded_at
 from rigd.record.trials import INTERRUPTED
 from rigd.remote.protocol import Code, Refusal
@@ -238,7 +239,7 @@ def is_drawn(recording: Path) -> bool:
 
 def interrupted(info: RunInfo) -> Interrupted | None:
     """Return the resumable state of a run without a regular end, or None."""
-    if info.state != INTERRUPTED:
+    if info.state != INTERRUPTED or info.foreign is not None:
         return None
     return Interrupted(
         run=info.path.name,
@@ -276,6 +277,7 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         identifies="identify" in info.metadata,
         set=assigned(info.metadata.get("overrides", {})),
         specimen=info.specimen.get("name", ""),
+        condition=condition_of(info),
     )
 
 
@@ -309,5 +311,6 @@ def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
         has_report=False,
         has_page=is_drawn(path),
         identifies=False,
+        condition="damaged" if isinstance(error, DamagedRecording) and not under_way else "",
         problem=None if under_way else problem,
     )

@@ -289,6 +289,8 @@ class RunLine(Message):
     set: DaemonText = ""
     """The values given at its start: `floor=pvc, load=2 N`."""
     specimen: DaemonText = ""
+    condition: DaemonText = ""
+    """`valid` if another program wrote it, `damaged`; empty if rigd wrote it: it is not checked."""
     problem: DaemonText | None = None
     """Why it cannot be read."""
 
