@@ -77,6 +77,8 @@ class Times:
     _moved_ns: int = 0  #: by times that began again
     _usual_ns: float = 0.0  #: between two times of the file, as it has them
     _restarts: int = 0
+    _begun: tuple[int, int] | None = None  #: the time before the last restart, the row after it
+    _last_read: int | None = None
     _stamps: int = 0
 
     @property
@@ -128,6 +130,8 @@ class Times:
         steps = np.diff(joined)
         if not self._usual_ns and np.any(steps > 0):
             self._usual_ns = float(np.median(steps[steps > 0]))
+        if self.time.restarts:
+            self._check_restarts(times - self._moved_ns, rows)
         skipped = len(times) - len(steps)  # 1 of the first batch, else 0
         for index in np.flatnonzero(steps < 0 if self.time.coarse else steps <= 0) + skipped:
             before = int(times[index - 1]) if index else int(self._last_stamp or 0)
@@ -143,6 +147,28 @@ class Times:
             self._refuse_early(int(times[0]), int(rows[0]))
         self._last_stamp = int(times[-1])
         return _Stamps(batch, kept, times, rows, moved)
+
+    def _check_restarts(self, times: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Refuse times that begin again and then go on as if they had not: rows out of order."""
+        joined = times if self._last_read is None else np.concatenate([[self._last_read], times])
+        at = np.flatnonzero(np.diff(joined) < 0) + 1
+        begun = [(0, *self._begun)] if self._begun else []
+        late = len(times) - len(joined)
+        begun += [(int(i), int(joined[i - 1]), int(rows[i + late])) for i in at]
+        self._last_read = int(times[-1])
+        if not begun:
+            return
+        self._begun = begun[-1][1:]
+        ends = [item[0] for item in begun[1:]] + [len(joined)]
+        for (first, before, row), end in zip(begun, ends, strict=True):
+            test = joined[first:end]
+            beyond = (test[:-1] < before) & (test[1:] > before)
+            if np.any(np.diff(test)[beyond] > JUMP_PERIODS * self._usual_ns):
+                raise ConfigError(
+                    "the time runs backward there, and later goes on from where it was",
+                    place=self.clock.place(row),
+                    hint="this is no new test: delete the rows that are out of order",
+                )
 
     def _spread(self, batches: Iterable[_Stamps]) -> Iterator[_Stamps]:
         """Yield the batches with the rows of each stamp spread evenly up to the next stamp.
@@ -275,16 +301,18 @@ class Times:
                 )
 
     def _gap_remedy(self, length_s: float, trials: TrialsMap, *, moved: bool) -> str:
+        by_gaps = trials.is_whole_file or trials.gap_ns is not None
         shortest = _seconds(self._pause_ns if moved else self._limit_ns)
-        ends = {
-            True: f"if a trial ends there, add `gaps: {shortest}` below `trials:`",
-            False: "if a trial ends there, a column that changes there shows it: add it to "
-            "`columns:` below `trials:`",
-        }[trials.is_whole_file or trials.gap_ns is not None]
+        hint = (
+            f"if a trial ends there, add `gaps: {shortest}` below `trials:`"
+            if by_gaps
+            else "if a trial ends there, add a column that changes there to `columns:` below "
+            "`trials:`"
+        )
         if moved:
-            return ends
+            return hint
         return (
-            f"{ends}; if samples are missing, state how long a gap may be: `longest_gap: "
+            f"{hint}; if samples are missing, state how long a gap may be: `longest_gap: "
             f"{_seconds(length_s * 1.1e9)}` below `time:`"
         )
 
