@@ -62,6 +62,8 @@ BENCHES = (
     "angle_accuracy",
     "angle_campaign",
     "kill_table",
+    "kill_moments",
+    "can_starts",
     "automatic_stop",
     "conformance",
     "every_case",

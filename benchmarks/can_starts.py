@@ -65,9 +65,8 @@ def main() -> int:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         rig = stack.enter_context(sensors_rig(folder))
-        if args.foreign:
-            buses = [rig.folder / name for name in BUSES]
-            stack.enter_context(foreign_traffic(buses, args.foreign))
+        buses = [rig.folder / name for name in BUSES]
+        stack.enter_context(foreign_traffic(buses, args.foreign))
         if not args.idle:
             stack.enter_context(hogs())
         for number in range(args.starts):

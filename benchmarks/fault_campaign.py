@@ -7,7 +7,8 @@ shipped ones at the wire (``tests/support/fault_rigs.py``).
     python benchmarks/fault_campaign.py --table faults.jsonl
                         continues the table: stop it and start it as you like
     python benchmarks/fault_campaign.py --only scale
-                        cases whose name holds the word
+                        cases whose name holds the word; with --foreign 1000 other devices send so
+                        many frames per second on each CAN bus meanwhile
 """
 
 from __future__ import annotations
@@ -28,13 +29,17 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.campaign import Campaign, Outcome, verdict
 from support.fault_rigs import RIGS, every_case, kind_of
 from support.fault_table import Case
+from support.foreign_can import foreign_traffic
 from support.killing import heed_ctrl_c
 
 Row = dict[str, Any]
 
 
-def play(missing: list[Case], table: Path | None) -> list[Row]:
-    """Play what is missing from the table, and return and append what became of it."""
+def play(missing: list[Case], table: Path | None, foreign_hz: float) -> list[Row]:
+    """Play what is missing from the table, and return and append what became of it.
+
+    ``foreign_hz`` frames per second of other devices are on each CAN bus meanwhile.
+    """
     rows: list[Row] = []
 
     def report(case: Case, outcome: Outcome) -> None:
@@ -52,6 +57,7 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
             with (
                 tempfile.TemporaryDirectory() as folder,
                 rig.served(Path(folder)) as served,
+                foreign_traffic(sorted(served.folder.glob("*_bus")), foreign_hz),
             ):
                 campaign = Campaign(
                     served, Path(folder), report, rig.movement, rig.set_up, rig.by_hand
@@ -124,6 +130,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     parser.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it")
+    parser.add_argument("--foreign", type=float, default=0.0, metavar="HZ", help="on each CAN bus")
     parser.add_argument("--markdown", action="store_true", help="print the table so, play nothing")
     args = parser.parse_args()
     heed_ctrl_c()
@@ -135,7 +142,7 @@ def main() -> int:
         return 0
     done = {row["name"] for row in rows}
     missing = [case for case in every_case() if args.only in case.name and case.name not in done]
-    rows += play(missing, args.table)
+    rows += play(missing, args.table, args.foreign)
     return 0 if show(rows) else 1
 
 

@@ -23,7 +23,8 @@ class IdleReader:
     """
 
     def __init__(self, read: Callable[[], None], every_s: float) -> None:
-        self.lock: Final = threading.Condition()
+        self.lock: Final = threading.RLock()
+        self._changed = threading.Condition(self.lock)
         self._read = read
         self._every_s = every_s
         self._thread: threading.Thread | None = None
@@ -45,7 +46,7 @@ class IdleReader:
         thread, self._thread = self._thread, None
         if thread is not None:
             with self.lock:
-                self.lock.notify()
+                self._changed.notify()
             thread.join()
 
     def pause(self) -> None:
@@ -59,7 +60,7 @@ class IdleReader:
         """Read again."""
         with self.lock:
             self._paused = False
-            self.lock.notify()
+            self._changed.notify()
 
     def check(self) -> None:
         """Raise the error with which ``read`` has failed, if it has; it is not called again."""
@@ -71,9 +72,9 @@ class IdleReader:
         with self.lock:
             while self._thread is own:
                 if self._paused or self._failure is not None:
-                    self.lock.wait()
+                    self._changed.wait()
                     continue
-                self.lock.wait(self._every_s)
+                self._changed.wait(self._every_s)
                 if self._thread is own and not self._paused:
                     try:
                         self._read()

@@ -25,6 +25,7 @@ from rigd.procedure.program import (
     Recorded,
     Segment,
 )
+from rigd.sdk import Link
 
 wild = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5, 5))
 profiles: st.SearchStrategy[Profile] = st.one_of(
@@ -272,6 +273,63 @@ def test_device_that_falls_silent_is_fault_even_unwatched() -> None:
     assert outcome.severity is Severity.FAULT
     assert outcome.reason.startswith("axis gave no row for 100 ms (check its supply")
     assert bench.axis.safe_calls == 1
+
+
+class Idle(Link):
+    """A link that notes when it is told that no cycle follows, and fails then."""
+
+    lost = 812
+
+    def __init__(self, told: list[str]) -> None:
+        super().__init__(None)
+        self.told = told
+
+    def open(self) -> None:
+        pass
+
+    def begin(self, t_ns: int) -> None:
+        self.told.append("begin")
+
+    def idle(self) -> None:
+        self.told.append("idle")
+        raise RuntimeError("no thread")
+
+    def close(self) -> None:
+        pass
+
+
+class Telling(Axis):
+    """An axis that notes when it is made safe, and asked whether it is."""
+
+    def make_safe(self) -> None:
+        super().make_safe()
+        self.log.append("order")
+
+    def confirm_safe(self) -> None:
+        self.log.append("confirm")
+
+
+def test_links_are_idle_between_order_and_confirming() -> None:
+    axis = Telling()
+    cycle = Bench(axis=axis).cycle({"bus": Idle(axis.log)})
+    cycle.step()
+    problems = cycle.make_safe()
+    assert axis.log == ["begin", "order", "idle", "confirm"]
+    assert "bus is not read any more: no thread" in problems
+
+
+def test_silent_device_on_overflowed_link_is_told_so() -> None:
+    axis = Telling()
+    link = Idle(axis.log)
+    axis.link = link  # type: ignore[assignment]
+    rows = iter([(0.0, 1.0)] * 10)
+    axis.answer = lambda t_ns: next(rows, None)
+    cycle = Bench(axis=axis).cycle({"bus": link})
+    outcome = None
+    while outcome is None:
+        outcome = cycle.step()
+    assert "its link overflowed: 812 frames lost" in outcome.reason
+    assert "cable" not in outcome.reason
 
 
 def test_a_device_fault_makes_every_device_safe() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import ClassVar
 
 from rigd.engine.answers import OwnAnswers
@@ -26,7 +27,7 @@ from rigd.procedure.program import (
     Step,
     TrialPlan,
 )
-from rigd.sdk import Channel, Declaration, Driver, DriverConfig, Row
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, Link, Row
 
 PERIOD_NS = 1_000_000
 
@@ -135,8 +136,9 @@ class Bench:
     sink: ListSink = field(default_factory=ListSink)
     control: Control = field(default_factory=Control)
 
-    def cycle(self) -> Cycle:
-        rig = mount({"other": ("stubborn", self.other), "axis": ("axis", self.axis)})
+    def cycle(self, links: Mapping[str, Link] = MappingProxyType({})) -> Cycle:
+        devices = {"other": ("stubborn", self.other), "axis": ("axis", self.axis)}
+        rig = mount(devices, links)
         units = {
             f"{item.name}.{channel.name}": channel.unit
             for item in rig.mounts

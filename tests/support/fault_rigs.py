@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from support import fault_table
@@ -302,10 +303,12 @@ interlocks:""",
 
 
 @contextmanager
-def sensors_rig(folder: Path) -> Iterator[WireRig]:
-    """The LuGre rig with a sensor of a DBC file and a CiA 404 transmitter."""
+def sensors_rig(
+    folder: Path, changes: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[WireRig]:
+    """The LuGre rig with a sensor of a DBC file and a CiA 404 transmitter, and ``changes``."""
     (folder / "sensor.dbc").write_text(_DBC)
-    with wire_rig(folder, "wire-sensors", PATIENT | _SENSORS) as rig:
+    with wire_rig(folder, "wire-sensors", {**PATIENT, **_SENSORS, **changes}) as rig:
         yield rig
 
 

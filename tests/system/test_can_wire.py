@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.wire import WireRig, wire_rig
+from support.fault_rigs import sensors_rig
+from support.foreign_can import foreign_traffic
+from support.wire import WireRig
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
@@ -103,7 +105,7 @@ def made(config: RigConfig, names: Sequence[str]) -> Rig:
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
     # A crowded machine may well stall for 100 ms: here the drives wait longer for the heartbeat.
     patient = {"watchdog: 100 ms": "watchdog: 1 s"}
-    with wire_rig(tmp_path_factory.mktemp("can"), "wire-can", patient) as rig:
+    with sensors_rig(tmp_path_factory.mktemp("can"), patient) as rig:
         yield rig
 
 
@@ -151,6 +153,34 @@ def test_current_moves_carriage_and_safe_takes_it_away(bench: WireRig, rig: Rig)
     for name in SERVOS:
         assert not parts[name]["enabled"]
         assert parts[name]["safe_since_ns"] > 0
+
+
+def test_rig_drives_and_stops_beside_foreign_frames(bench: WireRig, config: RigConfig) -> None:
+    buses = [bench.folder / name for name in ("servo_bus", "encoder_bus")]
+    whole = made(config, [*SERVOS, *ENCODERS, "cell", "wheel_load"])
+    with foreign_traffic(buses, 1000.0):
+        whole.open()
+        for name in SERVOS:
+            whole.devices[name].prove_watchdog()
+        whole.arm()
+        whole.run(
+            lambda row: "lateral_belt" in row and row["lateral_belt"][0] > 0.05,
+            lateral_belt=(0.3, 1.0),
+        )
+        whole.run(
+            lambda row: "lateral_belt" in row and row["lateral_belt"][0] < 0.005,
+            lateral_belt=(-0.1, 1.0),
+        )
+        for device in whole.devices.values():
+            device.make_safe()
+        for link in whole.links.values():
+            link.idle()
+        for device in whole.devices.values():
+            device.confirm_safe()
+        assert not any(bench.parts()[name]["enabled"] for name in SERVOS)
+        assert [link.lost for link in whole.links.values()] == [0, 0]
+        assert all(link.foreign > 100 for link in whole.links.values())
+        whole.close()
 
 
 def test_bridge_moves_to_position_at_commanded_speed(rig: Rig) -> None:
