@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -44,7 +45,9 @@ def execute(args: argparse.Namespace) -> int:
 
     points = sorted(entry_points(group=ANALYSES), key=lambda point: point.name)
     wanted = [point for point in points if args.name in (None, point.name)]
-    if not wanted:
+    if not points and not args.json:
+        print("no analyses are installed", file=sys.stderr)
+    if not wanted and args.name is not None:
         raise ConfigError(
             f"there is no analysis {args.name!r}",
             hint=suggest(args.name, {point.name for point in points}),

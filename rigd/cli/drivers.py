@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,9 @@ def execute(args: argparse.Namespace) -> int:
 
     everything = list(points())
     wanted = [item for item in everything if args.name in (None, item[1].name)]
-    if not wanted:
+    if not everything and not args.json:
+        print("no plug-ins are installed", file=sys.stderr)
+    if not wanted and args.name is not None:
         names = {point.name for _, point in everything}
         raise ConfigError(
             f"{args.name!r} is not installed",

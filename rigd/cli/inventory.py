@@ -16,7 +16,7 @@ from rich.markup import escape
 from rigd.analysis import Analysis
 from rigd.cli.screen import folding_table, print_table
 from rigd.config.loader import load_rig
-from rigd.config.registry import DRIVERS, LINKS, OBSERVERS, PLANTS, SIMULATIONS
+from rigd.config.registry import DRIVERS, LINKS, OBSERVERS, PLANTS, SIMULATIONS, clash
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
 from rigd.observers.model import ObserverModel
@@ -106,6 +106,8 @@ def look_at(
     Loading runs the code of other packages: an exception there is reported as broken.
     """
     package, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
+    if several := clash(point.group, point.name):
+        return made(point.name, package, version, broken=several)
     try:
         loaded = point.load()
         title, doc = introduction(loaded, base)

@@ -162,6 +162,7 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"rigd {__version__}")
+    parser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         name = command_name(command)
@@ -172,7 +173,12 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=command.EXAMPLES,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        subparser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
+        subparser.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,  # else it would undo the one before the command
+            help="show tracebacks of errors",
+        )
         command.configure(subparser)
         subparser.set_defaults(execute=command.execute, parser=parser)
     return parser

@@ -23,9 +23,40 @@ T = TypeVar("T")
 
 
 @cache
+def given_names(group: str) -> dict[str, list[EntryPoint]]:
+    """Return all entry points of ``group`` by name: several packages may give one name."""
+    found: dict[str, list[EntryPoint]] = {}
+    for point in entry_points(group=group):
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
 def installed(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of ``group`` (:data:`DRIVERS`, ...) by name."""
-    return {point.name: point for point in entry_points(group=group)}
+    """Return the entry points of ``group`` (:data:`DRIVERS`, ...) by name.
+
+    Of a name that several packages give, it is any of them: :func:`clash` is to be asked.
+    """
+    return {name: points[0] for name, points in given_names(group).items()}
+
+
+def clash(group: str, name: str) -> str:
+    """Return which packages give ``name`` of ``group`` if several do; "" if one does.
+
+    Which of them a rig gets would depend on the order of the search path.
+    """
+    points = given_names(group).get(name, [])
+    if len(points) < 2:
+        return ""
+    packages = sorted(f"{_package(point)} ({point.value})" for point in points)
+    return (
+        f"{' and '.join(packages)} all give it"
+        if len(points) > 2
+        else (f"both {packages[0]} and {packages[1]} give it")
+    )
+
+
+def _package(point: EntryPoint) -> str:
+    return "?" if point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
 def find_driver(name: str) -> type[AnyDriver]:
@@ -56,11 +87,17 @@ def find(group: str, base: type[T], kind: str, name: str) -> type[T]:
     """Return the class called ``name`` of ``group``, derived from ``base``.
 
     Raises:
-        ConfigError: none is installed, or it cannot be loaded; ``kind`` is its name in errors.
+        ConfigError: none is installed, several packages give the name, or it cannot be loaded;
+            ``kind`` is its name in errors.
     """
     known = installed(group)
     if name not in known:
         raise ConfigError(f"no {kind} {name!r} is installed", hint=suggest(name, known))
+    if several := clash(group, name):
+        raise ConfigError(
+            f"{kind} {name!r} is not clear: {several}",
+            hint="uninstall one of the packages, or give its entry point another name",
+        )
     try:
         found = known[name].load()
     except (ImportError, AttributeError) as error:

@@ -32,7 +32,7 @@ values:
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
     """Install a package with one analysis, by its name and the text of its module."""
-    caches = (registry.installed, calibratable._declared)
+    caches = (registry.given_names, calibratable._declared)
 
     def forget() -> None:
         for cached in caches:

@@ -61,7 +61,11 @@ def open_registers(interface: str, resource: str, *, alone: bool) -> RegIO:
         return MappedRegisters.of_uio(Path(resource), alone=alone)
     if interface == "emulator":
         return SocketRegisters(resource)
-    for point in entry_points(group=PLUGINS, name=interface):
+    points = list(entry_points(group=PLUGINS, name=interface))
+    if len(points) > 1:
+        given = " and ".join(sorted(point.value for point in points))
+        raise LinkError(f"the way {interface!r} to the registers of an MF624 is {given}: keep one")
+    for point in points:
         opened: RegIO = point.load()(resource)
         return opened
     raise LinkError(f"no way {interface!r} to the registers of an MF624 is installed")
