@@ -61,3 +61,10 @@ def test_signal_is_compared_in_its_unit(bring_in: Import) -> None:
     assert trial.end_ns - trial.start_ns == 1_000_000_001
     with pytest.raises(ConfigError, match="'5 N' is no quantity in m"):
         bring_in(f"t,F [mm],v\n{ROWS}", map=BARE, more=more, name="a.csv")
+
+
+def test_gram_of_force_machine_becomes_force(bring_in: Import) -> None:
+    """As docs/import.md says: `scale: 9.80665 mN/g`."""
+    scaled = MAP.replace("unit: N", "scale: 9.80665 mN/g")
+    rows = bring_in(f"t,F [g],v\n{ROWS}", map=scaled).read("samples")
+    np.testing.assert_allclose(rows["force"], np.arange(20) * 9.80665e-3, rtol=1e-14)
