@@ -193,8 +193,8 @@ class _KeptAlive:
             self._recorder.wait_until_recording()  # raises the reason
         if health in (Health.DIED, Health.SILENT):
             self._control.notices.append(
-                f"the recorder {'died' if health is Health.DIED else 'hung'} and is started again; "
-                "no sample is lost"
+                f"the recorder {self._recorder.fate or 'gives no sign of life'}, and is started "
+                "again; no sample is lost"
             )
             self._recorder.restart()
         return None

@@ -94,7 +94,7 @@ class CheckApart:
 def _reasons(child: Child, answer: str, errors: str) -> Sequence[str]:
     if child.code:
         last = errors.strip().splitlines()
-        raise Unchecked(last[-1] if last else f"its process ended with {child.ended}")
+        raise Unchecked(last[-1] if last else f"its process {child.ended}")
     reasons: list[str] = json.loads(answer)
     return reasons
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.engine.realtime import as_program
+from rigd.model.other_process import child_ending, how_ended
 from rigd.model.parent import end_with
 
 #: Bytes at the end of its log in which the last printed line of a process is searched.
@@ -80,8 +81,17 @@ class Child:
 
     @property
     def ended(self) -> str:
-        """How it ended, as text, or "" while it runs."""
+        """How it ended, in words that follow its name, or "" while it runs."""
         return "" if self.code is None else how_ended(self.code)
+
+    def fate(self, timeout_s: float) -> str:
+        """Return :attr:`ended`, and wait at most ``timeout_s`` if it is just being killed.
+
+        The kernel then may take a while to clear it away: see :mod:`rigd.model.other_process`.
+        """
+        if self.code is None and child_ending(self.pid) and not self.wait(timeout_s):
+            return "ends, and the kernel still holds it"
+        return self.ended
 
     def wait(self, timeout_s: float | None) -> bool:
         """Wait until it has ended, forever if ``timeout_s`` is None; return whether it has."""
@@ -156,16 +166,6 @@ def module(name: str, *arguments: str) -> list[str]:
     """Return the command that runs a module of rigd in this interpreter."""
     # Without -P the folder in which it starts could provide modules of its own.
     return [sys.executable, "-P", "-m", name, *arguments]
-
-
-def how_ended(code: int) -> str:
-    """Describe an exit code of :mod:`subprocess`: ``signal SIGKILL``, ``exit code 1``."""
-    if code >= 0:
-        return f"exit code {code}"
-    try:
-        return f"signal {signal.Signals(-code).name}"
-    except ValueError:  # most real-time signals have no name
-        return f"signal {-code}"
 
 
 def _become() -> None:

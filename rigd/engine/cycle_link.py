@@ -113,13 +113,13 @@ class CycleLink:
         """Return why the process counts as dead, or None; called every few ms."""
         now = monotonic_ns()
         away_ns, self._checked_ns = now - self._checked_ns, now
-        how = self._child.ended
+        how = self._child.fate(FENCE_S)
         if how:
             self.receive(0)  # its last messages
             if self._closing in self._answers:
                 return None  # it ended on request
             words = self._child.last_words()
-            return f"the cycle process ended by itself ({how})" + (f": {words}" if words else "")
+            return f"the cycle process {how}" + (f": {words}" if words else "")
         bound_ns = self._silence_ns.get(CycleState(self._board[Word.CYCLE_STATE]))
         silent_ns = now - self._board[Word.BEAT_CYCLE]
         if bound_ns is not None and away_ns < AWAY_NS and silent_ns > bound_ns:

@@ -8,14 +8,16 @@ setpoints to rest, makes every device safe, and ends.
 
 from __future__ import annotations
 
+import os
 import pickle
 import signal
 import socket
 import sys
+import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, TypeVar
@@ -34,6 +36,7 @@ from rigd.engine.slow.orders import acting_devices
 from rigd.engine.slow.stand_ins import StandIns
 from rigd.engine.stand_in import StandIn
 from rigd.engine.wiring import in_cycle, wire
+from rigd.model.other_process import OtherProcess
 from rigd.model.severity import Severity
 from rigd.model.system import readable
 from rigd.record.events import NO_TRIAL
@@ -48,6 +51,16 @@ LEAVE_NS: Final = 1_000_000_000
 BESIDE_S: Final = 5.0
 #: Without a program, the process wakes at this interval to give its sign of life.
 IDLE_S: Final = 0.01
+#: The longest wait until the kernel has closed the connections of a daemon that was killed.
+CLEARED_S: Final = 2.0
+#: The signal by which a thread of this process ends what the main thread does.
+LEAVE: Final = signal.SIGUSR1
+#: How often a cycle, and what takes longer than one, looks whether the daemon has been killed.
+LOOK_NS: Final = 5_000_000
+
+
+class _Left(BaseException):
+    """Ends what the process does in its main thread: nobody waits for it any more."""
 
 
 class CycleProcess:
@@ -85,6 +98,9 @@ class CycleProcess:
         self._arming_since: int | None = None
         self._ticking = False
         self._real_time = RealTime()
+        self._daemon = OtherProcess(os.getppid())
+        self._looked_ns = 0
+        self._guarded = False  #: whether a signal ends what the main thread does
         self._silence_ns = round(rig.supervision.daemon_silence_s * 1e9)
         self._reported_steps = ""
         self._reported_trips = 0
@@ -131,9 +147,19 @@ class CycleProcess:
             self._reported_trips += 1
         if outcome is not None:
             self._end(outcome)
-        if time.monotonic_ns() - board[Word.BEAT_DAEMON] > self._silence_ns:
-            silent_s = self._silence_ns * 1e-9
-            self._abandon(f"the daemon was silent for {silent_s:g} s")
+        now_ns = time.monotonic_ns()
+        if now_ns - self._looked_ns > LOOK_NS:
+            self._looked_ns = now_ns
+            if gone := self._daemon_gone():
+                self._abandon(gone)
+
+    def _daemon_gone(self) -> str:
+        """Return why nobody supervises this process any more, or ""."""
+        if self._daemon.ending():
+            return "the daemon has ended"
+        if time.monotonic_ns() - self._board[Word.BEAT_DAEMON] > self._silence_ns:
+            return f"the daemon was silent for {self._silence_ns * 1e-9:g} s"
+        return ""
 
     def _arming(self) -> Outcome | None:
         """Return DONE when every device is enabled, or the failure if some were not in time."""
@@ -212,12 +238,13 @@ class CycleProcess:
         match question:
             case m.Open(_, judge, known):
                 peers.learn(known)
-                self._answer(question, self._open(judge=judge))
+                self._open(question, judge=judge)
             case m.Peers():
                 self._answer(question, peers.known())
             case m.Judge():
-                judged = [*judge_devices(self._cycle), *self._prove_watchdogs()]
-                self._answer(question, judged)
+                with self._supervised():
+                    judged = [*judge_devices(self._cycle), *self._prove_watchdogs()]
+                    self._answer(question, judged)
             case m.ArmingBlockers():
                 self._answer(question, self._cycle.arming_blockers())
             case m.LockoutReason():
@@ -240,6 +267,33 @@ class CycleProcess:
                 self.over = True
             case _:
                 raise TypeError(f"unknown question: {question!r}")
+
+    @contextmanager
+    def _supervised(self) -> Iterator[None]:
+        """Do what takes longer than a cycle; leave it if the daemon ends or a stop is requested.
+
+        A driver that waits is left, too: a signal to the main thread ends its wait, and what it has
+        to do in the end, it does. Then every device is made safe.
+        """
+        over, main = threading.Event(), threading.get_ident()
+
+        def watch() -> None:
+            while not over.wait(LOOK_NS * 1e-9):
+                if self._daemon_gone():
+                    signal.pthread_kill(main, LEAVE)
+                    return
+
+        watching = threading.Thread(target=watch, name="looks at the daemon", daemon=True)
+        watching.start()
+        try:
+            self._guarded = True
+            try:
+                yield
+            finally:
+                self._guarded = False
+                over.set()
+        except _Left:
+            self._abandon(self._daemon_gone() or self._control.reason)
 
     def _begin(self, serial: int, last_received: int) -> bool:
         """Return whether the command begins; else report that the cycle has acted."""
@@ -282,19 +336,23 @@ class CycleProcess:
         self._ticking = False
         self._board[Word.CYCLE_STATE] = CycleState.WAITING
 
-    def _open(self, *, judge: bool) -> Sequence[str]:
-        reasons = list(open_devices(self._cycle, judge=judge, links_open=self._links_open))
-        self._record_event("devices", self._identities())
-        if reasons:
-            return reasons
-        if judge:
-            reasons = self._prove_watchdogs()
+    def _open(self, question: m.Open, *, judge: bool) -> None:
+        with self._supervised():
+            closed = list(open_devices(self._cycle, judge=judge, links_open=self._links_open))
+            self._record_event("devices", self._identities())
+            reasons = self._prove_watchdogs() if judge and not closed else closed
+        if self.over:
+            return
+        if not closed:
+            self._enter_real_time()
+        self._answer(question, reasons)
+
+    def _enter_real_time(self) -> None:
         self._real_time.enter()
         real_time = self._real_time
         self._record_event("realtime", {"granted": real_time.granted, "lost": real_time.lost})
         for sentence in self._real_time.lost:
             self._send(m.Notice(f"not in real time: {sentence}"))
-        return reasons
 
     def _identities(self) -> Mapping[str, str]:
         return {mount.name: mount.driver.identity for mount in self._in_cycle}
@@ -323,6 +381,8 @@ class CycleProcess:
                 continue
             if isinstance(driver, StandIn):
                 continue  # the process that runs it proves it
+            if self._daemon_gone():
+                raise _Left  # nothing is enabled for a daemon that has ended
             try:
                 took_s = driver.prove_watchdog()
             except DEVICE_ERRORS as error:
@@ -384,12 +444,17 @@ class CycleProcess:
         if not beside:
             return ()
         self._begin_making_safe()
+        self._daemon.ended(CLEARED_S)  # until then it holds their connections
         return rescue(self._job.rig, beside, BESIDE_S).problems
 
     def handle_signal(self, number: int, frame: FrameType | None) -> None:
-        """Abort on a signal for this process only."""
-        name = signal.Signals(number).name
-        self._control.request(Severity.ABORT, f"{name} was sent to the cycle process")
+        """Abort on a signal for this process only; see :meth:`_supervised` for LEAVE."""
+        if number != LEAVE:
+            name = signal.Signals(number).name
+            self._control.request(Severity.ABORT, f"{name} was sent to the cycle process")
+        if self._guarded:
+            self._guarded = False
+            raise _Left
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._events.push(t_ns, kind, self._trial, data)
@@ -423,7 +488,7 @@ def main(folder: Path, fd: int) -> None:
     """Run the cycle process of the run in ``folder``, with commands over the socket ``fd``."""
     with socket.socket(fileno=fd) as link:
         process = CycleProcess(folder, link)
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, LEAVE):
             signal.signal(number, process.handle_signal)
         signal.signal(signal.SIGTSTP, signal.SIG_IGN)
         process.run()

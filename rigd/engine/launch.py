@@ -60,6 +60,13 @@ def launch(
         folder=folder,
         control=control,
         watched=watched,
-        off_cycle=OffCycleDevices(rig, folder, job, origin_ns=origin_ns, record=record),
+        off_cycle=OffCycleDevices(
+            rig,
+            folder,
+            job,
+            origin_ns=origin_ns,
+            record=record,
+            stopped=lambda: control.asked is not None,
+        ),
         finish=finish,
     )

@@ -172,7 +172,10 @@ class ProcessHost:
 
     def judge(self) -> Sequence[str]:
         """Return the reasons why the open devices cannot be armed; tests every watchdog."""
-        return (*self._prove_off_cycle(), *self._or_lost(self._ask(m.Judge, OPEN_S)))
+        return (
+            *self._prove_off_cycle(),
+            *self._or_lost(self._ask(m.Judge, OPEN_S, kill_on_stop=True)),
+        )
 
     def active_interlocks(self) -> Sequence[str]:
         """Return the names of the interlocks that are tripped."""
@@ -378,6 +381,7 @@ class ProcessHost:
         yet.
         """
         question = question_of(self._next())
+        self._board[Word.BEAT_DAEMON] = monotonic_ns()  # the cycle judges it as soon as it is asked
         self._send(question)
         until_ns = monotonic_ns() + round(timeout_s * 1e9)
         while not self._cycle.answered(question):

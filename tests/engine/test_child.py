@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
 import pytest
 from support.blocks import until
 
-from rigd.engine.child import Child, how_ended
+from rigd.engine.child import Child
 
 PATIENCE_S = 60.0
 
@@ -18,20 +19,12 @@ def python(code: str) -> list[str]:
     return [sys.executable, "-c", code]
 
 
-@pytest.mark.parametrize(
-    ("code", "words"),
-    [(0, "exit code 0"), (7, "exit code 7"), (-9, "signal SIGKILL"), (-40, "signal 40")],
-)
-def test_exit_code_is_put_in_words(code: int, words: str) -> None:
-    assert how_ended(code) == words
-
-
 def test_last_words_are_those_of_this_process(tmp_path: Path) -> None:
     log = tmp_path / "log"
     for code, words in (("print('one'); print('two')", "two"), ("pass", "")):
         child = Child(python(code), log=log)
         assert child.wait(PATIENCE_S)
-        assert (child.ended, child.last_words()) == ("exit code 0", words)
+        assert (child.ended, child.last_words()) == ("ended by itself (exit code 0)", words)
     assert log.read_text() == "one\ntwo\n"
 
 
@@ -51,7 +44,22 @@ def test_child_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
     assert child.ended == ""
     assert child.fence(PATIENCE_S)
     assert child.fence(PATIENCE_S)
-    assert child.ended == "signal SIGKILL"
+    assert child.ended == "was ended by SIGKILL"
+    child.close_stdin()
+
+
+def test_fate_of_killed_child_waits_for_kernel() -> None:
+    """Its memory is freed first: until then waitpid shows a process that runs."""
+    child = Child(
+        python(
+            "held = bytearray(200_000_000); held[::4096] = bytes(len(held[::4096])); "
+            "print(flush=True); input()"
+        ),
+        stdin=True,
+    )
+    assert child.fate(PATIENCE_S) == ""  # one that runs is not waited for
+    os.kill(child.pid, signal.SIGKILL)
+    assert child.fate(PATIENCE_S) == "was ended by SIGKILL"
     child.close_stdin()
 
 
@@ -65,7 +73,7 @@ def test_child_that_ends_late_is_reaped(killed: bool) -> None:
     child.close_stdin()
     until(lambda: not Path(f"/proc/{child.pid}").exists(), 20.0)
     assert child.wait(PATIENCE_S)
-    assert child.ended == ("signal SIGKILL" if killed else "exit code 0")
+    assert child.ended == ("was ended by SIGKILL" if killed else "ended by itself (exit code 0)")
 
 
 def test_child_inherits_only_given_descriptors() -> None:

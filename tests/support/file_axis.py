@@ -6,6 +6,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -23,6 +24,7 @@ class FileAxisConfig(DriverConfig):
     """Whether it has one."""
     proven: bool = True
     """Whether it acts when it is tried."""
+    proof_takes_s: float = 0.0
     hang_after_s: float | None = None
     """When `read` no longer returns."""
     drops_after_s: float | None = None
@@ -74,6 +76,10 @@ class FileAxis(Driver[FileAxisConfig, None]):
     def prove_watchdog(self) -> float:
         if not self.config.proven:
             raise DeviceError("it went on for 1 s after the last command")
+        if self.config.proof_takes_s:
+            self._keep("enabled for a proof")
+            time.sleep(self.config.proof_takes_s)
+            self._keep("proven")
         return 0.1
 
     def arm(self) -> None:
@@ -154,6 +160,15 @@ def word(path: Path) -> str:
     told = json.loads(path.read_text())["word"]
     assert isinstance(told, str)
     return told
+
+
+def two_axes(path: Path, **options: object) -> RigConfig:
+    """Return a rig of the axis at ``path``, and another at ``second`` beside it."""
+    one = rig(path, **options)  # type: ignore[arg-type]  # options of an axis
+    (axis,) = one.devices.values()
+    config = axis.config.model_copy(update={"path": path.with_name("second")})
+    second = replace(axis, name="second", config=config)
+    return replace(one, devices={"axis": axis, "second": second})
 
 
 def rig(

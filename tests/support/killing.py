@@ -168,6 +168,7 @@ class Killed:
 
     at_ns: int
     safe_after_s: float  #: until every drive was without torque
+    noticed_after_s: float | None  #: until the cycle noticed the end of the daemon, if it did
     last_row_s: float  #: of the last sample in the file, relative to the kill
     gaps: int  #: cycles that ran and are not in the file
     exit_code: int | None
@@ -337,10 +338,13 @@ class Victim:
         recording = Recording.open(self.recording)
         servo = recording.read(self._movement.stream)
         unix_of_kill = at_ns + self._offset_ns  # on the clock of the run
-        ended = [e for e in recording.events() if e.kind == "run_end"]
+        events = recording.events()
+        ended = [e for e in events if e.kind == "run_end"]
+        noticed = [e.t_ns for e in events if str(e.data.get("reason")).startswith("the daemon ")]
         return Killed(
             at_ns,
             (safe_ns - at_ns) * 1e-9,
+            (noticed[0] - unix_of_kill) * 1e-9 if noticed else None,
             (int(servo["t_ns"][-1]) - unix_of_kill) * 1e-9,
             gaps(recording, self._movement.stream),
             self.process.returncode,

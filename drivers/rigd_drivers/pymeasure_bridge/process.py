@@ -11,6 +11,7 @@ import tempfile
 import threading
 from typing import IO, Any, Final
 
+from rigd.model.other_process import how_ended
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.pymeasure_bridge.checking import PYTHON
 from rigd_drivers.pymeasure_bridge.helper import GRACE_S
@@ -153,12 +154,15 @@ class Process:
         return child
 
     def _death(self) -> Gone:
-        words = ""
+        how, words = "closed its connection", ""
+        if self._child is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                how = how_ended(self._child.wait(_DEAD_S))
         if self._words is not None:
             self._words.seek(0)
             words = (self._words.read().decode("utf-8", "replace").strip().splitlines() or [""])[-1]
         self.kill()
-        return Gone(f"{self._where}: its process ended by itself" + (f": {words}" if words else ""))
+        return Gone(f"{self._where}: its process {how}" + (f": {words}" if words else ""))
 
 
 def _reap(child: subprocess.Popen[bytes], limit_s: float) -> None:

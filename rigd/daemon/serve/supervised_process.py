@@ -60,7 +60,7 @@ class SupervisedProcess:
         now = time.monotonic()
         if self._child is not None and (how := self._child.ended):
             self._child = None
-            self._failed(f"ended ({how})")
+            self._failed(how)
         if self._child is None and now >= self._again_at:
             self._start()
         if self._spare is not None and self._spare.ended:

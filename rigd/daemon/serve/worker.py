@@ -124,7 +124,7 @@ class CalculationWorker:
         if (
             child.code is not None and child.code < 0
         ):  # killed by a person, or by the kernel for lack of memory
-            raise Refusal(Code.REFUSED, f"{what} was ended from outside ({child.ended})")
+            raise Refusal(Code.REFUSED, f"{what} {child.ended}")
         if child.code != 0:
             raise RuntimeError(f"{what} failed in its own process:\n{errors}")
         answer: Mapping[str, Any] = json.loads(out)

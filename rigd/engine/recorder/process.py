@@ -97,8 +97,13 @@ class RecorderProcess:
         bound_s = START_S if state is RecorderState.STARTING else silence_s
         alive_ns = max(self._board[Word.BEAT_RECORDER], self._started_ns)
         if time.monotonic_ns() - alive_ns > bound_s * 1e9:
-            return Health.SILENT
+            return Health.DIED if self.fate else Health.SILENT
         return Health.WELL
+
+    @property
+    def fate(self) -> str:
+        """How it ended, in words that follow its name; "" while it runs."""
+        return "" if self._child is None else self._child.fate(0.0)
 
     def restart(self) -> None:
         """Make sure that the process has ended, then start it again with the same task.
@@ -161,10 +166,8 @@ class RecorderProcess:
         return RecordingError(message, hint=hint.strip() or None)
 
     def _death(self) -> RecordingError:
-        cause = "" if self._child is None else self._child.ended
         last = "" if self._child is None else self._child.last_words()
         return RecordingError(
-            f"the recorder process died ({cause or 'it was silent'}): "
-            f"{last or 'it left no message'}",
+            f"the recorder process {self.fate or 'is silent'}: {last or 'it left no message'}",
             hint="`rigd recover` adds the remaining samples to the recording.",
         )

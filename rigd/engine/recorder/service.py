@@ -16,7 +16,7 @@ from typing import Final
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import Board, Phase, RecorderState, RunFolder, Word
 from rigd.model.errors import Exit, RecordingError
-from rigd.model.system import readable
+from rigd.model.other_process import OtherProcess
 
 #: File in the run's folder with the error that stopped the recording.
 ERROR_FILE: Final = "recorder.error"
@@ -110,7 +110,7 @@ class Others:
 
     def __init__(self, board: Board) -> None:
         self._board = board
-        self._handles: dict[int, int | None] = {}  #: pidfd by process id; None: it had ended
+        self._processes: dict[int, OtherProcess] = {}  #: by process id
         self._missing_since: float | None = None
 
     def missing(self) -> bool:
@@ -125,10 +125,6 @@ class Others:
         return now - self._missing_since >= MISSING_S
 
     def _dead(self, pid: int) -> bool:
-        if pid not in self._handles:
-            try:
-                self._handles[pid] = os.pidfd_open(pid)
-            except ProcessLookupError:
-                self._handles[pid] = None
-        handle = self._handles[pid]
-        return handle is None or readable(handle, 0.0)
+        if pid not in self._processes:
+            self._processes[pid] = OtherProcess(pid)
+        return self._processes[pid].ended()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -29,6 +29,8 @@ SILENCE_S: Final = 2.0
 AWAY_S: Final = 0.5
 #: A process ends within this time after its link is closed; the daemon must not wait longer.
 _REAP_S: Final = 0.1
+#: How often a helper that opens its device looks whether a stop is requested.
+_LOOK_S: Final = 0.05
 
 
 class BlockHelper:
@@ -46,6 +48,7 @@ class BlockHelper:
         silence_s: silence after which the process counts as hung.
         every: every ``every``-th row is recorded.
         windowed: whether the table has recording windows; else rows are always recorded.
+        stopped: whether a stop is requested, which ends the opening.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class BlockHelper:
         silence_s: float = SILENCE_S,
         every: int = 1,
         windowed: bool = False,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         self.name = device.name
         self.identity = ""  #: the identity of the device, after the start
@@ -73,6 +77,7 @@ class BlockHelper:
         self._log = log
         self._lock_fd = lock_fd
         self._silence_ns = round(silence_s * 1e9)
+        self._stopped = stopped
         self._child: Child | None = None
         self._link: socket.socket | None = None
         self._fault: str | None = None
@@ -107,8 +112,12 @@ class BlockHelper:
         self._checked_ns = self._looked_ns = monotonic_ns()
 
     def _wait_until_open(self, timeout_s: float) -> None:
-        if not self._has_message(timeout_s):
-            raise LinkError(f"{self.name} was not open within {timeout_s:g} s")
+        until_ns = monotonic_ns() + round(timeout_s * 1e9)
+        while not self._has_message(_LOOK_S):
+            if self._stopped():
+                raise DeviceError(f"{self.name} was not opened: a stop was requested")
+            if monotonic_ns() > until_ns:
+                raise LinkError(f"{self.name} was not open within {timeout_s:g} s")
         match self._receive():
             case Opened(identity, rate_hz, arming_blockers):
                 self.identity, self.rate_hz, self.arming_blockers = (
@@ -137,6 +146,8 @@ class BlockHelper:
         self._looked_ns = now
         silent_ns = now - self._checked_ns
         if silent_ns > self._silence_ns:
+            if self._child is not None and self._child.fate(0.0):
+                return self._death()
             return (
                 f"{self.name}: its process {self.pid} gave no sign of life for "
                 f"{silent_ns / 1e9:.1f} s: its library hangs, the process was "
@@ -181,6 +192,6 @@ class BlockHelper:
         if self._child is None:
             raise RuntimeError(f"the helper of {self.name} is not started")
         self._child.wait(_REAP_S)
-        how = self._child.ended or "it has closed its connection"
+        how = self._child.fate(0.0) or "has closed its connection"
         words = self._child.last_words()
-        return f"{self.name}: its process ended by itself ({how})" + (f": {words}" if words else "")
+        return f"{self.name}: its process {how}" + (f": {words}" if words else "")

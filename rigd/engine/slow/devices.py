@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 import threading
-from collections.abc import Collection, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any, Final, Protocol, TypeVar
 
@@ -40,6 +40,8 @@ SAFE_S: Final = 3.0
 #: A device that was enabled is made safe if the cycle gives no order for this time; the daemon
 #: kills a silent cycle sooner.
 UNORDERED_S: Final = 1.0
+#: How often opening and proofs look whether a stop is requested.
+_STOP_S: Final = 0.05
 #: More than its own bound until the watchdog of a device must have acted.
 PROOF_S: Final = 5.0
 
@@ -64,6 +66,7 @@ class SlowDevices:
         start_ns: Unix time of the start of the run.
         origin_ns: monotonic time of the same moment.
         orders: of the cycle, for each device that takes setpoints.
+        stopped: whether a stop is requested, which ends opening and proofs.
     """
 
     def __init__(
@@ -75,6 +78,7 @@ class SlowDevices:
         start_ns: int,
         origin_ns: int,
         orders: Mapping[str, DeviceOrders] | None = None,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         self._drivers = dict(drivers)
         self._rings = rings
@@ -85,6 +89,7 @@ class SlowDevices:
         self._thread: threading.Thread | None = None
         self._running: dict[str, asyncio.Task[None]] = {}
         self._orders = dict(orders or {})
+        self._stopped = stopped
         self._obeying: dict[str, asyncio.Task[None]] = {}
         self._making_safe: set[str] = set()
         self._unsafe: dict[str, str] = {}  # open devices that were not made safe, and why
@@ -128,7 +133,7 @@ class SlowDevices:
         )
         self._thread.start()
         try:
-            self._call(self._open_all(timeout_s), timeout_s + BLOCKED_S)
+            self._unless_stopped(self._open_all(timeout_s), timeout_s + BLOCKED_S)
         except FutureTimeoutError:
             self.stop()
             raise LinkError(
@@ -194,7 +199,7 @@ class SlowDevices:
                 continue
             limit_s = bound_s + PROOF_S
             try:
-                found[name] = self._call(
+                found[name] = self._unless_stopped(
                     asyncio.wait_for(driver.prove_watchdog(), limit_s), limit_s + 1.0
                 )
             except (TimeoutError, FutureTimeoutError):
@@ -252,6 +257,27 @@ class SlowDevices:
         except FutureTimeoutError:
             future.cancel()
             raise
+
+    def _unless_stopped(self, coroutine: Coroutine[Any, Any, T], timeout_s: float) -> T:
+        """Call as :meth:`_call` does, until a stop is requested.
+
+        Raises:
+            DeviceError: it is requested; the coroutine is cancelled.
+        """
+
+        async def watched() -> T:
+            task = asyncio.ensure_future(coroutine)
+            try:
+                while not (await asyncio.wait((task,), timeout=_STOP_S))[0]:
+                    if self._stopped():
+                        raise DeviceError("a stop was requested")
+                return task.result()
+            finally:
+                if not task.done():
+                    task.cancel()
+                    await asyncio.wait((task,))
+
+        return self._call(watched(), timeout_s)
 
     async def _open_all(self, timeout_s: float) -> None:
         async def open_device(name: str, driver: SlowDriver) -> RigdError | None:

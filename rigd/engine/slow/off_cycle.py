@@ -25,7 +25,7 @@ class OffCycleDevices:
 
     ``folder`` is prepared with the rings of ``job``; ``origin_ns`` is the monotonic time of the
     job's ``start_ns``. The table of latest values is made at once, so that the cycle can attach to
-    it.
+    it. Opening and proofs of watchdogs end early once ``stopped`` returns True.
     """
 
     def __init__(
@@ -36,6 +36,7 @@ class OffCycleDevices:
         *,
         origin_ns: int,
         record: Mapping[str, Recorded],
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         streams = off_cycle_streams(rig)
         path = folder.path / TABLE
@@ -58,6 +59,7 @@ class OffCycleDevices:
                         origin_ns=origin_ns,
                         log=folder.path / f"{stream.name}.log",
                         lock_fd=folder.lock_fd,
+                        stopped=stopped,
                     )
                 )
             else:
@@ -81,6 +83,7 @@ class OffCycleDevices:
             start_ns=job.start_ns,
             origin_ns=origin_ns,
             orders=_orders(rig, folder),
+            stopped=stopped,
         )
         self._has_slow = bool(drivers)
 

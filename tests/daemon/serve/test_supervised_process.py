@@ -50,7 +50,7 @@ def test_supervised_process_ends_with_the_daemon(
         until(lambda: int(said.read_text()) != first, process.tend)
         second = int(said.read_text())
         assert [view.text for view in notices.views()] == [
-            "the panel ended (signal SIGKILL), and is started again at once"
+            "the panel was ended by SIGKILL, and is started again at once"
         ]
     assert not alive(second)
 

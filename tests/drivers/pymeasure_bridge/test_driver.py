@@ -310,7 +310,7 @@ def test_process_that_is_killed_is_replaced_for_safe() -> None:
         assert own is not None
         assert own._child is not None
         os.kill(own._child.pid, signal.SIGKILL)
-        with pytest.raises(LinkError, match="its process ended by itself"):
+        with pytest.raises(LinkError, match="its process was ended by SIGKILL"):
             await rows_of(driver, 1)
         await driver.make_safe()
         assert not supply.output

@@ -118,7 +118,7 @@ def test_failing_model_is_named_in_virtual_time(flywheel: Path, fault: str, said
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
-        ("exit", "the step at 0.001 s crashed: its process ended with code 3"),
+        ("exit", "the step at 0.001 s crashed: its process ended by itself (exit code 3)"),
         ("discard", "doStep at 0.001 s returned discard"),
         ("nan", "'temperature' is nan after 0.002 s"),
     ],

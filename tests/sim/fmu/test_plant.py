@@ -111,7 +111,7 @@ def test_plant_keeps_the_promises_that_apply(flywheel: Path) -> None:
     ("fault", "said"),
     [
         ("crash", "the step at 0.05 s crashed: its process was ended by SIGSEGV"),
-        ("exit", "the step at 0.05 s crashed: its process ended with code 3"),
+        ("exit", "the step at 0.05 s crashed: its process ended by itself (exit code 3)"),
         ("hang", "the step at 0.05 s did not return within 0.5 s"),
         ("sleep", "the step at 0.05 s did not return within 0.5 s"),
         ("error", "doStep at 0.05 s returned fatal; the FMU reports: "),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import socket
 import struct
 import subprocess
@@ -17,6 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rigd.model.errors import DeviceError
+from rigd.model.other_process import child_ending, how_ended
 from rigd.model.system import require_linux
 from rigd_sim.plants.fmu.description import FmuFile
 from rigd_sim.plants.fmu.messages import FAILED, LARGEST, REQUEST, STEP, Setup, Wires
@@ -150,7 +150,7 @@ class FmuProcess:
             code = self._child.poll()
             if code is None:
                 return None
-            raise self.refuse(f"{self._what} crashed: its process {_how(code)}")
+            raise self.refuse(f"{self._what} crashed: its process {how_ended(code)}")
         if answer[:1] == FAILED:
             raise self.refuse(answer[1:].decode("utf-8", errors="replace"))
         took_s, *outputs = struct.unpack(f"<{len(answer) // 8}d", memoryview(answer)[1:])
@@ -196,6 +196,8 @@ class FmuProcess:
             self._socket.settimeout(limit_s)
             answer = self._socket.recv(LARGEST)
         except TimeoutError:
+            if child_ending(self.pid):
+                raise self.fail(f"{what} crashed: its process {self._ending()}") from None
             raise self.fail(f"{what} did not return within {limit_s:g} s") from None
         except OSError:
             answer = b""
@@ -210,17 +212,7 @@ class FmuProcess:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
             return "closed its connection"
-        return _how(code)
-
-
-def _how(code: int) -> str:
-    """Describe an exit code of :mod:`subprocess`."""
-    if code >= 0:
-        return f"ended with code {code}"
-    try:
-        return f"was ended by {signal.Signals(-code).name}"
-    except ValueError:
-        return f"was ended by signal {-code}"
+        return how_ended(code)
 
 
 def _end(child: subprocess.Popen[bytes], connection: socket.socket, folder: str) -> None:
