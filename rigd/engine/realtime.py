@@ -8,8 +8,8 @@ Measured on a virtual machine of two processors at 1 kHz under load:
 
 If other processes run at SCHED_FIFO too, the kernel moves a process that is in their way to another
 processor. A cycle that finds its caches cold takes twice as long. So the process keeps to one
-processor: at 4 kHz beside four such loops, p99 fell from 680 to 220 us, and missed slots fell from
-5400 to 75 of 40 000.
+processor, the freest (:mod:`rigd.engine.processors`): at 4 kHz beside four such loops, p99 fell
+from 680 to 220 us, and missed slots fell from 5400 to 75 of 40 000.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
+
+from rigd.engine.processors import MOST_SHARE, choose_processor
 
 #: SCHED_FIFO priority of the cycle: above interrupt threads' 50, below the kernel's watchdogs 99.
 PRIORITY: Final = 80
@@ -89,13 +91,16 @@ class RealTime:
             )
 
     def _pin_to_processor(self) -> None:
-        """Stay on the present processor."""
-        processor = ctypes.CDLL(None).sched_getcpu()
-        if processor < 0:
-            return  # the kernel does not know
+        """Stay on the processor of which other cycles take least."""
         self._allowed = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, {processor})
-        self.granted.append(f"processor {processor}")
+        processor, taken = choose_processor()
+        beside = f", of which other cycles take {taken:.0%}" if taken else ""
+        self.granted.append(f"processor {processor}{beside}")
+        if taken > MOST_SHARE:
+            self.lost.append(
+                f"processor {processor} is full, cycles of other rigs take {taken:.0%} of it: run "
+                "this rig on another machine, or lower `cycle` of one"
+            )
 
     def _lock_memory(self) -> None:
         soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)

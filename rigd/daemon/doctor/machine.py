@@ -7,17 +7,20 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 from rigd.daemon.doctor.check import Check, CheckVerdict
+from rigd.engine.processors import LEAST_SHARE, MOST_SHARE, Resident, fitting, residents, taken_by
 
 _GROUP: Final = "machine"
 _CLOCK_SOURCE: Final = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 #: Clock sources that are read in user space, in some 25 ns; the others cost 1 us and more each.
 _FAST_SOURCES: Final = ("tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter")
 _GOVERNORS: Final = "cpu[0-9]*/cpufreq/scaling_governor"
+#: What a cycle of a rig at 1 kHz may take of a processor, for a machine without a rig.
+_USUAL_SHARE: Final = 0.1
 #: Cycle, recorder and daemon use a processor each if possible; two are enough.
 _FEW_PROCESSORS: Final = 2
 #: <sys/timex.h>: what adjtimex returns, and the bit of its status, while the clock is not set.
@@ -32,6 +35,7 @@ def examine_machine() -> Iterator[Check]:
     """Yield a check of everything about the machine that needs no measuring."""
     yield _python()
     yield _processors()
+    yield rigs_check(_GROUP, os.sched_getaffinity(0), residents())
     yield _governor()
     yield _monotonic()
     yield _wall_clock()
@@ -56,6 +60,43 @@ def _processors() -> Check:
         advice = "give this machine a second one: cycle, recorder and daemon share this one"
         return Check(_GROUP, "processors", CheckVerdict.WARN, found, advice, figures)
     return Check(_GROUP, "processors", CheckVerdict.OK, found, figures=figures)
+
+
+def rigs_check(
+    group: str, allowed: set[int], found: Sequence[Resident], share: float | None = None
+) -> Check:
+    """Return how many cycles of rigs run on each processor that is ``allowed``, and how many fit.
+
+    ``share`` is what the cycle of this rig takes of a processor, 0 to 1; else that of
+    :data:`_USUAL_SHARE` is taken.
+    """
+    taken = taken_by(found)
+    running = [one.processor for one in found]
+    told = ", ".join(
+        f"{running.count(one)} on processor {one} ({taken[one]:.0%} of it)"
+        for one in sorted(allowed & taken.keys())
+    )
+    count = fitting(share or _USUAL_SHARE, allowed, taken)
+    which = "that take" if share is None else "as this one, which takes"
+    each = f"{max(share or _USUAL_SHARE, LEAST_SHARE):.0%} of a processor"
+    text = f"cycles that run now: {told or 'none'}; {count} more {which} {each} fit"
+    figures = {"taken": {str(one): taken[one] for one in sorted(taken)}, "fit": count}
+    full = [one for one in sorted(allowed & taken.keys()) if taken[one] > MOST_SHARE]
+    shared = [one for one in sorted(taken) if running.count(one) > 1]
+    free = sorted(allowed - taken.keys())
+    advice = ""
+    if full:
+        advice = (
+            f"processor {full[0]} is full: cycles wait for each other; lower `cycle`, or run a rig "
+            "on another machine"
+        )
+    elif shared and free:
+        advice = (
+            f"processor {shared[0]} carries several cycles while {free[0]} is free: start those "
+            "rigs again, and each takes the freest"
+        )
+    verdict = CheckVerdict.WARN if advice else CheckVerdict.OK
+    return Check(group, "rigs", verdict, text, advice, figures)
 
 
 def _governor() -> Check:

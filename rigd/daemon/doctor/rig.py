@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,9 +10,11 @@ from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.check import Check, CheckVerdict, OnCheck
+from rigd.daemon.doctor.machine import rigs_check
 from rigd.daemon.doctor.survey import Survey
 from rigd.daemon.manual import UnarmedSession, open_unarmed
 from rigd.engine.control import Control
+from rigd.engine.processors import residents
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.severity import Severity
 
@@ -76,6 +79,8 @@ def _examine(look: UnarmedSession, seconds: float, on_check: OnCheck) -> None:
     }
     for check in survey.cycle(group, watchdogs):
         on_check(check)
+    if survey.share is not None:
+        on_check(rigs_check(group, os.sched_getaffinity(0), residents(), survey.share))
     for check in (*judge_loads(group, look.loads()), *_interlocks(group, look)):
         on_check(check)
     for check in survey.devices(group):

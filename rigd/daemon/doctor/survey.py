@@ -78,6 +78,14 @@ class Survey:
         yield self._work(group, rows["spent"])
         yield silence_check(group, late, self._rig, watchdogs)
 
+    @property
+    def share(self) -> float | None:
+        """What a cycle takes of the processor, 0 to 1, by the p99; None if none has run."""
+        if not self._cycles:
+            return None
+        spent_s = np.concatenate(self._cycles)["spent"]
+        return float(np.quantile(spent_s, 0.99)) / (self._rig.period_ns * 1e-9)
+
     def _work(self, group: str, spent_s: NDArray[np.float64]) -> Check:
         p50_s, p99_s = (float(item) for item in np.quantile(spent_s, [0.5, 0.99]))
         period_s = self._rig.period_ns * 1e-9
