@@ -13,7 +13,6 @@ import pickle
 import signal
 import socket
 import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from rigd.engine.control import Control
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle
 from rigd.engine.holding import HoldPhase
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
+from rigd.engine.leaving import LEAVE, Leaving, Left
 from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.rescue import rescue
@@ -53,14 +53,8 @@ BESIDE_S: Final = 5.0
 IDLE_S: Final = 0.01
 #: The longest wait until the kernel has closed the connections of a daemon that was killed.
 CLEARED_S: Final = 2.0
-#: The signal by which a thread of this process ends what the main thread does.
-LEAVE: Final = signal.SIGUSR1
-#: How often a cycle, and what takes longer than one, looks whether the daemon has been killed.
+#: How often a cycle looks whether the daemon has been killed.
 LOOK_NS: Final = 5_000_000
-
-
-class _Left(BaseException):
-    """Ends what the process does in its main thread: nobody waits for it any more."""
 
 
 class CycleProcess:
@@ -100,7 +94,7 @@ class CycleProcess:
         self._real_time = RealTime()
         self._daemon = OtherProcess(os.getppid())
         self._looked_ns = 0
-        self._guarded = False  #: whether a signal ends what the main thread does
+        self._leaving = Leaving(self._daemon_gone)
         self._silence_ns = round(rig.supervision.daemon_silence_s * 1e9)
         self._reported_steps = ""
         self._reported_trips = 0
@@ -270,29 +264,11 @@ class CycleProcess:
 
     @contextmanager
     def _supervised(self) -> Iterator[None]:
-        """Do what takes longer than a cycle; leave it if the daemon ends or a stop is requested.
-
-        A driver that waits is left, too: a signal to the main thread ends its wait, and what it has
-        to do in the end, it does. Then every device is made safe.
-        """
-        over, main = threading.Event(), threading.get_ident()
-
-        def watch() -> None:
-            while not over.wait(LOOK_NS * 1e-9):
-                if self._daemon_gone():
-                    signal.pthread_kill(main, LEAVE)
-                    return
-
-        watching = threading.Thread(target=watch, name="looks at the daemon", daemon=True)
-        watching.start()
+        """Do what takes longer than a cycle; end if the daemon ends, or a signal comes."""
         try:
-            self._guarded = True
-            try:
+            with self._leaving.guarded():
                 yield
-            finally:
-                self._guarded = False
-                over.set()
-        except _Left:
+        except Left:
             self._abandon(self._daemon_gone() or self._control.reason)
 
     def _begin(self, serial: int, last_received: int) -> bool:
@@ -381,8 +357,7 @@ class CycleProcess:
                 continue
             if isinstance(driver, StandIn):
                 continue  # the process that runs it proves it
-            if self._daemon_gone():
-                raise _Left  # nothing is enabled for a daemon that has ended
+            self._leaving.check()  # nothing is enabled for a daemon that has ended
             try:
                 took_s = driver.prove_watchdog()
             except DEVICE_ERRORS as error:
@@ -448,13 +423,11 @@ class CycleProcess:
         return rescue(self._job.rig, beside, BESIDE_S).problems
 
     def handle_signal(self, number: int, frame: FrameType | None) -> None:
-        """Abort on a signal for this process only; see :meth:`_supervised` for LEAVE."""
+        """Abort on a signal for this process only; see :class:`Leaving`."""
         if number != LEAVE:
             name = signal.Signals(number).name
             self._control.request(Severity.ABORT, f"{name} was sent to the cycle process")
-        if self._guarded:
-            self._guarded = False
-            raise _Left
+        self._leaving.signalled()
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._events.push(t_ns, kind, self._trial, data)
