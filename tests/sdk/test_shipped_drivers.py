@@ -148,7 +148,12 @@ def sensor(commands: Sequence[Any]) -> Observed:
         (LugreEncoder, {"axis": "wheel"}, lugre, sensor),
         (LugreAccelerometer, {}, lugre, sensor),
         (LugreTruth, {}, lugre, sensor),
-        (ArticulatedDrive, {"module": "front", "wheel": "front_right"}, robot, motor),
+        (
+            ArticulatedDrive,
+            {"module": "front", "wheel": "front_right", "torque_range": "0.1 N m"},
+            robot,
+            motor,
+        ),
         (ArticulatedTracker, {"module": "rear"}, robot, sensor),
         (ArticulatedTruth, {"module": "front"}, robot, sensor),
     ],

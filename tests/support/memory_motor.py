@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, ClassVar
 
+from annotated_types import Gt, Le
 from support.memory_wire import Wire
 
 from rigd.sdk import (
@@ -59,7 +60,7 @@ def motor() -> Iterator[Peer]:
 class MotorConfig(DriverConfig):
     """A motor in memory."""
 
-    speed_range: Annotated[float, In("m/s")] = 2.0
+    speed_range: Annotated[float, In("m/s"), Gt(0), Le(9)] = 2.0
     """Largest speed of either sign."""
 
 

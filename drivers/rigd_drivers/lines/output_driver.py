@@ -126,6 +126,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
 
     def arm(self) -> None:
         """Set all setpoints to rest, then send `arm`."""
+        self._on = None  # it was on before it was made safe: that says nothing
         self._wanted = self.config.rest()
         self._sent = self._setting(self._wanted)
         self._port.send(b"".join((*self._sent, *map(encoded, self.config.arm))))

@@ -199,7 +199,7 @@ def _true_rows(subject: Subject) -> Iterator[str]:
         rows = sum(len(block.times_ns) for block in blocks)
         after = found.look()
         still = {k: v for k, v in after.measured.items() if before.measured[k] == v}
-        yield from untrue(found.driver.declaration, blocks[-1].values[-1].tolist(), still)
+        yield from untrue(found.driver.declaration, blocks[-1].values[-1].tolist(), [still])
         if after.sent is not None and rows > after.sent:
             yield f"read_block() gives {rows} rows, and the device has sent {after.sent}"
 

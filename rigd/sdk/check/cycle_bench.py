@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.leaks import Leaks
 from rigd.sdk.check.peer import Observed, Peer
+from rigd.sdk.check.rows import row_problems, untrue
+from rigd.sdk.check.sequences import Failed
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
+from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
 from rigd.sdk.plant import Plant
@@ -20,22 +25,41 @@ OPEN_S: Final = 30.0
 STALL_S: Final = 1.0
 #: Time limit for enabling a drive, in s: it passes through states, a cycle or more each.
 READY_S: Final = 10.0
+#: An actuator follows its setpoint within this time, in s.
+FOLLOWS_S: Final = 0.3
 #: Time from one cycle to the next, in s.
 PERIOD_S: Final = 0.002
+#: A call of a cycle that takes longer waits for something, in s, if the machine goes on meanwhile.
+WAITS_S: Final = 0.015
+#: What a row shows was measured at most so long before it was read, in s; that of a device with a
+#: pace of its own, `silent_s` more.
+AGE_S: Final = 0.05
 
 
 class Bench:
     """One driver with one simulated device, called as the cycle calls it."""
 
-    def __init__(self, driver: Driver, link: Any, peer: Peer, caller: Caller) -> None:
-        self.driver = driver
-        self.link = link
-        self.peer = peer
+    def __init__(self, subject: Subject, peer: Peer, caller: Caller) -> None:
+        self._subject = subject
         self._caller = caller
-        self.reads: list[float] = []  # how long each took, in s
-        self.writes: list[float] = []
+        self._all: list[Driver] = []  # what one of them leaves open stays to be seen
+        self.peer = peer
+        self.took: dict[str, list[float]] = {}  # how long each read and write took, in s
+        self.waits: Counter[str] = Counter()  # how often one waited, while the machine went on
+        self.rows = 0  # that came since it was opened
+        self._last_ns: int | None = None  # taken_ns of the last of them
+        self._sent: int | None = None  # how many readings the device had sent when it was opened
+        self.replace()
+        self.watcher = Watcher(peer)  # a plant is there once it has a link
+        self.gap_s = 0.0  # for how long the machine stood still
         #: What the device did before it was opened.
         self.fresh = self.look()
+
+    def replace(self) -> None:
+        """Put a new driver, on a new link, in the place of the present one."""
+        self.link: Any = self.peer.link()
+        self.driver: Driver = self._subject.make(self.peer, self.link)
+        self._all.append(self.driver)
 
     def look(self) -> Observed:
         """Return what the device does now; nothing, if the peer does not show it.
@@ -44,7 +68,7 @@ class Bench:
             UnfitSubject: the peer does not show an actuator for each setpoint.
 
         """
-        seen = self.peer.look()
+        seen = self.watcher.look()
         expected = len(self.driver.declaration.setpoints)
         if self.peer.observed is not None and len(seen.driven) != expected:
             raise UnfitSubject(
@@ -52,23 +76,40 @@ class Bench:
             )
         return seen
 
-    def begin(self, fault: str) -> None:
-        """Have the device show ``fault`` from now on."""
-        self.peer.faults[fault]()
-
     def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> CallOutcome:
         """Make one call; see :meth:`Caller.call`."""
         return self._caller.call(function, within_s)
 
     def must(self, what: str, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Any:
-        """Return the value of a call that a rule presupposes."""
+        """Return the value of a call that must not fail.
+
+        Raises:
+            UnfitSubject: it does.
+        """
         outcome = self.call(function, within_s)
         if outcome.error is not None:
             raise UnfitSubject(f"{what} raises {described(outcome.error)}")
         return outcome.value
 
+    def run(self) -> None:
+        """Open the device, arm it and drive it, as in the middle of a run.
+
+        Raises:
+            UnfitSubject: a call fails, or its actuators do not follow.
+        """
+        outcome = self.open()
+        if outcome.error is not None:
+            raise UnfitSubject(f"open raises {described(outcome.error)}")
+        self.arm()
+        wanted = far(self.driver)
+        end = time.monotonic() + FOLLOWS_S
+        while self.cycle(wanted).error is None and self.look().driven not in ((), wanted):
+            if time.monotonic() > end:
+                break
+
     def open(self) -> CallOutcome:
         """Open the link, if there is one, then the driver."""
+        self.rows, self._last_ns, self._sent = 0, None, self.look().sent
         if isinstance(self.link, Link):
             opened = self.call(self.link.open, OPEN_S)
             if opened.error is not None:
@@ -95,12 +136,10 @@ class Bench:
             begun = self.call(lambda: link.begin(t_ns))
             if begun.error is not None:
                 return begun
-        row = self.call(lambda: driver.read(t_ns))
-        self.reads.append(row.took_s)
+        row = self._timed("read", lambda: driver.read(t_ns))
         wanted = rest(driver) if setpoints is None else setpoints
         if row.error is None and wanted:
-            written = self.call(lambda: driver.write(wanted))
-            self.writes.append(written.took_s)
+            written = self._timed("write", lambda: driver.write(wanted))
             if written.error is not None:
                 return written
         if isinstance(link, Link):
@@ -109,6 +148,56 @@ class Bench:
                 return ended
         time.sleep(PERIOD_S)
         return row
+
+    def write(self, setpoints: Sequence[float]) -> CallOutcome:
+        """Write setpoints in a cycle that reads nothing."""
+        t_ns, link = time.monotonic_ns(), self.link
+        if isinstance(link, Plant):
+            link.advance(t_ns)
+        if isinstance(link, Link):
+            self.call(lambda: link.begin(t_ns))
+        written = self.call(lambda: self.driver.write(setpoints))
+        if isinstance(link, Link):
+            self.call(lambda: link.end(t_ns))
+        return written
+
+    def _timed(self, name: str, function: Callable[[], Any]) -> CallOutcome:
+        self.watcher.gap_s = 0.0
+        outcome = self.call(function)
+        self.took.setdefault(name, []).append(outcome.took_s)
+        self.gap_s = max(self.gap_s, self.watcher.gap_s)
+        if outcome.took_s > WAITS_S and self.watcher.gap_s < outcome.took_s / 3:
+            self.waits[name] += 1
+        return outcome
+
+    def check_row(self, row: Any) -> None:
+        """Check a row of a healthy device that was read just now; None is none.
+
+        Raises:
+            Failed: it is not as declared, not true, or no reading of the device is behind it.
+        """
+        if row is None:
+            return
+        now_s, declared = time.monotonic(), self.driver.declaration
+        for problem in row_problems(declared, row):
+            raise Failed(problem)
+        self.rows += 1
+        taken_ns = self.driver.taken_ns
+        if taken_ns is not None:
+            if taken_ns > now_s * 1e9:
+                raise Failed("taken_ns of a row is after the cycle that read it")
+            if self._last_ns is not None and taken_ns <= self._last_ns:
+                raise Failed("taken_ns of a row is not after that of the row before")
+            self._last_ns = taken_ns
+        look = self.look()
+        if self._sent is not None and self.rows > (look.sent or 0) - self._sent:
+            raise Failed(f"row {self.rows} is read, and the device has sent fewer readings")
+        if look.measured:
+            age_s = AGE_S + (0.0 if declared.every_cycle else declared.silent_s)
+            for problem in untrue(
+                declared, row, [item.measured for item in self.watcher.since(now_s - age_s)]
+            ):
+                raise Failed(problem)
 
     def cycles(self, for_s: float) -> Iterator[CallOutcome]:
         """Go through cycles for a while, until one fails."""
@@ -129,6 +218,7 @@ class Bench:
                 raise UnfitSubject(
                     f"before it was ready, a cycle raises {described(outcome.error)}"
                 )
+            self.check_row(outcome.value)
             if time.monotonic() > end:
                 raise UnfitSubject(f"it is not ready {READY_S:g} s after arm()")
 
@@ -139,18 +229,34 @@ def rest(driver: Driver) -> tuple[float, ...]:
     return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in setpoints)
 
 
+def far(driver: Driver) -> tuple[float, ...]:
+    """Return setpoints in the middle between rest and the end of their ranges far from it."""
+    return tuple(
+        0.5 * (at + (channel.high if channel.high - at >= at - channel.low else channel.low))
+        for channel, at in zip(driver.declaration.setpoints, rest(driver), strict=True)
+    )
+
+
 @contextmanager
-def bench(subject: Subject, *, opened: bool = True) -> Iterator[Bench]:
-    """Put a new driver before a new device, open it, and leave it safe and closed."""
-    with subject.fresh_peer() as peer, Caller() as caller:
-        link = peer.link()
-        found = Bench(subject.make(peer, link), link, peer, caller)
-        try:
-            if opened:
-                outcome = found.open()
-                if outcome.error is not None:
-                    raise UnfitSubject(f"open raises {described(outcome.error)}")
-            yield found
-        finally:
-            found.call(found.driver.make_safe)  # other rules check what they raise
-            found.close()
+def bench(subject: Subject, fault: str = "") -> Iterator[Bench]:
+    """Put a new driver before a new device, not opened; leave it safe and closed.
+
+    ``fault`` is one that the device has from the beginning.
+
+    Raises:
+        UnfitSubject: the driver leaves something open.
+    """
+    leaks = Leaks()
+    with leaks.catching():
+        with subject.fresh_peer() as peer, Caller() as caller:
+            found = Bench(subject, peer, caller)
+            with found.watcher:
+                try:
+                    if fault:
+                        peer.faults[fault]()
+                    yield found
+                finally:
+                    found.call(found.driver.make_safe)  # others check what they raise
+                    found.close()
+        if left := leaks.left():
+            raise UnfitSubject(f"after close() {left}")

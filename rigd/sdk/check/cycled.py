@@ -1,39 +1,62 @@
 """Checks fast drivers against the rules on which the control cycle depends.
 
-A fast driver is a driver that the cycle (one turn of the control loop: read, check, play, limit,
-write) calls itself. So such a driver must, for example, never wait for an answer and never invent a
-row (a sample). ``RULES`` lists every rule with its check. A check calls the driver of a device that
-is healthy or has one fault (dead, silent, late, garbled), and yields a sentence for each problem.
+A fast driver is called by the cycle itself (one turn of the control loop: read, check, play, limit,
+write). So it must, for example, never wait for an answer and never invent a row. ``RULES`` lists
+every rule: sequences of calls with a healthy device (:mod:`rigd.sdk.check.fast`), and here what
+shows itself with a device that has a fault.
 """
 
 from __future__ import annotations
 
-import math
+import gc
+import inspect
+import random
 import statistics
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
-from functools import partial
+from pathlib import Path
 from typing import Final
 
-from rigd.sdk.check.caller import Caller
-from rigd.sdk.check.cycle_bench import OPEN_S, PERIOD_S, STALL_S, Bench, bench
+from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far
+from rigd.sdk.check.fast import any_order
 from rigd.sdk.check.rows import row_problems
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
+from rigd.sdk.check.watching import until
 
 #: Half of the calls of a cycle must return within this, in s: a cycle at 100 Hz has 10 ms.
 CALL_S: Final = 0.005
+#: So many calls may wait for longer, as this machine may stall unseen.
+WAITS: Final = 4
 #: Cycles of the measurements.
 CYCLES: Final = 100
+#: Cycles of which memory is compared, and the bytes that each may keep.
+GROWS_CYCLES: Final = 120
+GROWS_BYTES: Final = 24
 #: For so long after the link is dead, in s, and for so many cycles, as this machine may stall,
 #: read() may still return rows that arrived before.
 TAIL_S: Final = 0.5
 TAIL_CYCLES: Final = 50
-#: How much longer than watchdog_s a proven watchdog may take, in s: this machine may stall.
-WATCHDOG_ROOM_S: Final = 0.25
+#: For so long, and 2 silent_s, a fault is looked at, in s.
+FAULT_S: Final = 0.7
+#: What a device may take until it is safe, in s.
+SAFE_S: Final = 1.0
+#: Rows of the measurement come within so many silent_s, and 2 s.
+ROWS_SILENT: Final = 3
+#: For so long a device that does not enable its actuator is asked whether it is ready, in s.
+LOCKED_S: Final = 0.5
+#: Relative room for a time that a device keeps in its own unit.
+NUDGE: Final = 1e-3
+
+Check = Callable[[Subject], Iterator[str]]
 
 
 def _opens(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
+        outcome = found.open()
+        if outcome.error is not None:
+            yield f"open raises {described(outcome.error)}"
+            return
         reasons = found.must("preflight", found.driver.preflight)
         if not all(isinstance(reason, str) for reason in reasons):
             yield f"preflight() returns {reasons!r}, expected sentences"
@@ -41,217 +64,195 @@ def _opens(subject: Subject) -> Iterator[str]:
             yield f"preflight() finds fault with a healthy device: {'; '.join(reasons)}"
         else:
             found.arm()
-
-
-def _rows(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        found.arm()
-        problems: set[str] = set()
-        rows, last_ns = 0, None
-        for outcome in found.cycles(
-            max(CYCLES * PERIOD_S, 3 * found.driver.declaration.silent_s, 2.0)
-        ):
-            if outcome.error is not None:
-                problems.add(f"read or write raises {described(outcome.error)}")
-            elif outcome.value is not None:
-                rows += 1
-                problems.update(row_problems(found.driver.declaration, outcome.value))
-                taken_ns = found.driver.taken_ns
-                if taken_ns is not None and taken_ns > time.monotonic_ns():
-                    problems.add("taken_ns of a row is after the cycle that read it")
-                if taken_ns is not None and last_ns is not None and taken_ns <= last_ns:
-                    problems.add("taken_ns of a row is not after that of the row before")
-                last_ns = taken_ns
-            if problems or rows >= CYCLES:
-                break
-        yield from sorted(problems)
-        if found.driver.declaration.channels and not rows:
-            yield "it has channels, and read() gave no row"
+            end = time.monotonic() + 2.0 + ROWS_SILENT * found.driver.declaration.silent_s
+            while not found.rows and found.driver.declaration.channels:
+                outcome = found.cycle()
+                if outcome.error is not None:
+                    yield f"a cycle raises {described(outcome.error)}"
+                    return
+                found.check_row(outcome.value)
+                if time.monotonic() > end:
+                    yield "it has channels, and read() gave no row"
+                    return
 
 
 def _bounded(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
-        found.arm()
-        found.reads.clear()
-        found.writes.clear()
+        found.run()
         for _ in range(CYCLES):
-            found.cycle()
-        for name, took in (("read", found.reads), ("write", found.writes)):
-            if took and statistics.median(took) > CALL_S:
-                yield f"{name} takes {statistics.median(took) * 1e3:.1f} ms, half of the time more"
+            found.cycle(far(found.driver))
+        yield from _waits(found)
+        yield from _grown(found, Path(inspect.getfile(subject.driver_class)).parent)
 
 
-def _nan(subject: Subject) -> Iterator[str]:
+def _waits(found: Bench) -> Iterator[str]:
+    """Yield which calls since the last look waited."""
+    for name, took in found.took.items():
+        half_s = statistics.median(took)
+        if half_s > CALL_S or found.waits[name] >= WAITS:
+            yield (
+                f"{name} takes {half_s * 1e3:.1f} ms, half of the time more; it waits "
+                f"{found.waits[name]} times of {len(took)}, {max(took) * 1e3:.0f} ms at most"
+            )
+
+
+def _grown(found: Bench, package: Path) -> Iterator[str]:
+    """Yield how many bytes each cycle leaves in memory that code of the driver has allocated."""
+    found.watcher.stop()  # it keeps what it sees
+    files = [tracemalloc.Filter(True, f"{package}/*")]
+    tracemalloc.start()
+    try:
+        sizes = []
+        for _ in range(2):
+            for _ in range(GROWS_CYCLES):
+                found.cycle(far(found.driver))
+            gc.collect()
+            taken = tracemalloc.take_snapshot().filter_traces(files)
+            sizes.append(sum(trace.size for trace in taken.traces))
+    finally:
+        tracemalloc.stop()
+    if sizes[1] - sizes[0] > GROWS_BYTES * GROWS_CYCLES:
+        yield f"each cycle keeps {(sizes[1] - sizes[0]) / GROWS_CYCLES:.0f} bytes for good"
+
+
+def _watchdog_declared(subject: Subject) -> Iterator[str]:
+    with bench(subject) as found:
+        outcome = found.open()
+        if outcome.error is not None or not found.driver.declaration.setpoints:
+            return
+        declared, there = found.driver.watchdog_s, found.look().watchdog_s
+        if declared is None and there is not None:
+            yield f"the device has a watchdog of {there:g} s, and the driver declares none"
+        elif declared is not None and there is None:
+            yield f"watchdog_s is {declared:g} s, and the device has no watchdog"
+        elif declared is not None and there is not None and there > declared * (1 + NUDGE):
+            yield f"watchdog_s is {declared:g} s, and the watchdog acts after {there:g} s"
+
+
+def _fault(fault: str, *, rows: bool = False) -> Check:
+    """Return the check of a fault in mid-run: bounded calls, no rows, errors in words, honesty."""
+
+    def check(subject: Subject) -> Iterator[str]:
+        if fault == "stuck" and not subject.declare().setpoints:
+            return
+        for at_once in (False, True):
+            with bench(subject) as found:
+                rng = random.Random(f"{subject.seed} {fault} {at_once}")
+                found.run()
+                for _ in range(rng.randrange(20)):
+                    found.cycle(far(found.driver))
+                trips = found.look().trips
+                found.peer.faults[fault]()
+                if not at_once:
+                    yield from _cycled(found, fault, rows=rows)
+                yield from _made_safe(found, trips, at_once=at_once)
+                for turn in ("close", "close again"):
+                    outcome = found.close()
+                    if outcome.error is not None:
+                        yield f"{turn} raises {described(outcome.error)}"
+                if found.peer.mend is not None:
+                    found.peer.mend()
+                    yield from _works_again(found, fault)
+
+    return check
+
+
+def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
+    problems: dict[str, None] = {}
+    found.took.clear()
+    found.waits.clear()
+    began_s, number = time.monotonic(), 0
+    while time.monotonic() < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
+        outcome = found.cycle(far(found.driver))
+        number += 1
+        if outcome.error is not None and not isinstance(outcome.error, FAILURES):
+            problems[f"a cycle raises {described(outcome.error)}"] = None
+        elif outcome.error is None and outcome.value is not None:
+            declared = found.driver.declaration
+            problems |= dict.fromkeys(row_problems(declared, outcome.value, in_range=False))
+            if not rows and number > TAIL_CYCLES and time.monotonic() > began_s + TAIL_S:
+                problems[f"read() still gives rows {TAIL_S:g} s after the device is {fault}"] = None
+    problems |= dict.fromkeys(_waits(found))
+    yield from problems
+
+
+def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[str]:
+    """Yield what is wrong with make_safe() and confirm_safe(): a device is safe, or they raise."""
+    raised = False
+    for step in (found.driver.make_safe, found.driver.confirm_safe, found.driver.make_safe):
+        outcome = found.call(step)
+        raised |= outcome.error is not None
+        if outcome.error is not None and not isinstance(outcome.error, FAILURES):
+            yield f"{step.__name__}() raises {described(outcome.error)}"
+    if raised or not at_once or not found.driver.declaration.setpoints:
+        return
+    if found.look().trips is not None or found.driver.watchdog_s is None:
+        until(lambda: not found.look().energised, SAFE_S)
+    else:
+        until(lambda: not found.look().energised, found.driver.watchdog_s / 2)
+    after = found.look()
+    if after.trips != trips:
+        yield (
+            "make_safe() and confirm_safe() return, and only the watchdog of the device has made "
+            "it safe"
+        )
+    elif after.energised:
+        yield f"make_safe() and confirm_safe() return, and the device drives {after.driven}"
+
+
+def _works_again(found: Bench, fault: str) -> Iterator[str]:
+    """Yield what does not work once the device has no fault any more, with the same driver."""
+    try:
+        found.run()
+    except UnfitSubject as unfit:
+        yield f"once the device is no longer {fault}, {unfit}"
+
+
+def _locked(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         if not found.driver.declaration.setpoints:
             return
-        found.arm()
-        nothing = (math.nan,) * len(found.driver.declaration.setpoints)
-        outcome = found.call(lambda: found.driver.write(nothing))
-        if outcome.error is None:
-            yield "write() takes NaN as if it were a setpoint"
-        elif not isinstance(outcome.error, (*FAILURES, ValueError)):
-            yield f"write() of NaN raises {described(outcome.error)}"
-        after = found.cycle()
-        if after.error is not None:
-            yield f"after a NaN was refused, a cycle raises {described(after.error)}"
+        found.run()  # what it was told before is of no account
+        found.must("make_safe", found.driver.make_safe)
+        found.peer.faults["locked"]()
+        armed = found.call(found.driver.arm)
+        end = time.monotonic() + LOCKED_S
+        while armed.error is None and time.monotonic() < end:
+            if found.must("ready", found.driver.ready):
+                yield "ready() returns True, and the device is not energised"
+                return
+            if found.cycle().error is not None:
+                return
 
 
-def _beyond(subject: Subject) -> Iterator[str]:
+def _unguarded(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
-        found.arm()
-        for pick in ("low", "high"):
-            far = tuple(
-                10 * getattr(channel, pick) for channel in found.driver.declaration.setpoints
-            )
-            outcome = found.call(partial(found.driver.write, far))
-            if outcome.error is not None and not isinstance(outcome.error, (*FAILURES, ValueError)):
-                yield f"write({far}) raises {described(outcome.error)}"
-
-
-def _safe_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        found.arm()
-        found.cycle()
-        for name in ("make_safe", "make_safe again"):
-            outcome = found.call(found.driver.make_safe)
-            if outcome.error is not None:
-                yield f"{name} raises {described(outcome.error)}"
-        after = found.cycle()
-        if after.error is not None:
-            yield f"after make_safe, a cycle raises {described(after.error)}"
-        for name in ("close", "close again"):
-            outcome = found.call(found.driver.close)
-            if outcome.error is not None:
-                yield f"{name} raises {described(outcome.error)}"
-
-
-def _opened_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        again = found.call(found.driver.open, OPEN_S)
-        if again.error is not None and not isinstance(again.error, FAILURES):
-            yield f"open() of an open driver raises {described(again.error)}"
-
-
-def _reopens(subject: Subject) -> Iterator[str]:
-    with subject.fresh_peer() as peer, Caller() as caller:
-        for turn in ("first", "second"):
-            link = peer.link()
-            found = Bench(subject.make(peer, link), link, peer, caller)
-            outcome = found.open()
-            if outcome.error is not None:
-                yield f"the {turn} of two drivers, one after the other: {described(outcome.error)}"
-            found.call(found.driver.make_safe)
-            found.close()
-
-
-def _watchdog(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        promised = found.driver.watchdog_s
-        if promised is None:
+        if found.open().error is not None or found.driver.watchdog_s is None:
             return
-        proven = found.must("prove_watchdog", found.driver.prove_watchdog, OPEN_S)
-        if not 0 < proven <= promised + WATCHDOG_ROOM_S:
-            yield f"prove_watchdog() returns {proven!r} s, watchdog_s is {promised:g} s"
+        found.peer.faults["unguarded"]()
+        proven = found.call(found.driver.prove_watchdog, OPEN_S)
+        if proven.error is None:
+            yield f"prove_watchdog() returns {proven.value!r} s, and the watchdog never acts"
+        elif not isinstance(proven.error, FAILURES):
+            yield f"prove_watchdog() raises {described(proven.error)}"
 
 
-def _rescue(subject: Subject) -> Iterator[str]:
-    with bench(subject, opened=False) as found:
-        if not found.driver.second_link:
-            return
-        rescued = found.call(found.driver.rescue, OPEN_S)
-        if rescued.error is not None:
-            yield f"rescue() over a fresh link raises {described(rescued.error)}"
-        elif rescued.took_s > STALL_S * 2:
-            yield f"rescue() takes {rescued.took_s:.1f} s"
-
-
-def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of a device that falls silent: no rows, at most an error with a message."""
+def _at_open(fault: str) -> Check:
+    """Return the check of opening a device with a fault: it ends, perhaps with an error."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject) as found:
-            found.arm()
-            found.begin(fault)
-            began = time.monotonic()
-            for number, outcome in enumerate(
-                found.cycles(TAIL_S + 1.0 + 2 * found.driver.declaration.silent_s)
-            ):
-                if outcome.error is not None and not isinstance(outcome.error, FAILURES):
-                    yield f"a cycle raises {described(outcome.error)}"
-                if outcome.value is not None and _is_past(began, number):
-                    yield f"read() still gives rows {TAIL_S:g} s after the device is {fault}"
-                    break
-            for name in ("make_safe", "make_safe again", "close", "close again"):
-                outcome = found.call(getattr(found.driver, name.removesuffix(" again")))
-                known = FAILURES if name.startswith("make_safe") else ()
-                if outcome.error is not None and not isinstance(outcome.error, known):
-                    yield f"{name} raises {described(outcome.error)}"
-
-    return check
-
-
-def _bad_answers(fault: str, *, rows: bool) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of a device with bad answers: bounded time, a plain error, maybe no rows."""
-
-    def check(subject: Subject) -> Iterator[str]:
-        with bench(subject) as found:
-            found.arm()
-            found.begin(fault)
-            began = time.monotonic()
-            found.reads.clear()
-            found.writes.clear()
-            problems: set[str] = set()
-            for number, outcome in enumerate(
-                found.cycles(1.0 + 2 * found.driver.declaration.silent_s)
-            ):
-                if outcome.error is not None and not isinstance(outcome.error, FAILURES):
-                    problems.add(f"a cycle raises {described(outcome.error)}")
-                elif outcome.value is not None:
-                    problems.update(
-                        row_problems(found.driver.declaration, outcome.value, in_range=False)
-                    )
-                    if not rows and _is_past(began, number):
-                        problems.add(f"read() gives rows though what the device sends is {fault}")
-            for name, took in (("read", found.reads), ("write", found.writes)):
-                if took and statistics.median(took) > CALL_S:
-                    problems.add(f"{name} waits {statistics.median(took) * 1e3:.0f} ms")
-            yield from sorted(problems)
-
-    return check
-
-
-def _is_past(began_s: float, cycles: int) -> bool:
-    """Return whether rows that arrived before ``began_s`` have all been read since."""
-    return cycles >= TAIL_CYCLES and time.monotonic() > began_s + TAIL_S
-
-
-def _not_there(subject: Subject) -> Iterator[str]:
-    with bench(subject, opened=False) as found:
-        found.begin("dead")
-        outcome = found.open()
-        if outcome.error is None:
-            yield "open() succeeds although nothing is connected"
-        elif not isinstance(outcome.error, FAILURES):
-            yield f"open() raises {described(outcome.error)}"
-        elif outcome.error.hint is None:
-            yield f"open() raises {outcome.error.message!r} without a hint"
-        closed = found.close()
-        if closed.error is not None:
-            yield f"close() after that raises {described(closed.error)}"
-
-
-def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of opening a device with damaged answers: it ends, perhaps with an error."""
-
-    def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, opened=False) as found:
-            found.begin(fault)
-            for name, step in (("open", found.open), ("close", found.close)):
-                outcome = step()
-                known = FAILURES if name == "open" else ()
-                if outcome.error is not None and not isinstance(outcome.error, known):
-                    yield f"{name}() raises {described(outcome.error)}"
+        with bench(subject, fault) as found:
+            error = found.open().error
+            if error is None:
+                if fault == "dead":
+                    yield "open() succeeds although nothing is connected"
+            elif not isinstance(error, FAILURES):
+                yield f"open() raises {described(error)}"
+            elif fault == "dead" and error.hint is None:
+                yield f"open() raises {error.message!r} without a hint"
+            closed = found.close()
+            if closed.error is not None:
+                yield f"close() after that raises {described(closed.error)}"
 
     return check
 
@@ -260,16 +261,17 @@ def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
 RULES: Final = (
     Rule(
         "opens and arms",
-        "open() and arm() a healthy device; preflight() returns () for it, ready() becomes True",
+        "open() and arm() a healthy device; preflight() returns () for it, ready() becomes True, "
+        "and read() gives rows as declared",
         _opens,
         "",
     ),
     Rule(
-        "rows",
-        "read() returns a row as declared: a finite number per channel, within the channel's "
-        "range, and an int last if it has a status; None while there is nothing new; taken_ns, if "
-        "it is set, rises with each row and is not after the cycle",
-        _rows,
+        "any order of calls",
+        "while it is armed the device is driven with the last setpoint, clipped to its range, and "
+        "otherwise not at all; a row is as declared and shows what the device measures, once; "
+        "close() leaves nothing",
+        any_order,
         "",
     ),
     Rule(
@@ -279,88 +281,82 @@ RULES: Final = (
         "",
     ),
     Rule(
-        "no NaN",
-        "write() refuses NaN with a DeviceError and goes on: the setpoint before it holds",
-        _nan,
+        "watchdog declared",
+        "watchdog_s is the time after which the device is safe without this computer, at most; a "
+        "device with a watchdog has one",
+        _watchdog_declared,
         "",
-    ),
-    Rule(
-        "setpoints beyond the range",
-        "write() clips a setpoint beyond the range, or refuses it with a DeviceError",
-        _beyond,
-        "",
-    ),
-    Rule(
-        "safe twice, closed twice",
-        "make_safe() and close() may come twice, and read() goes on after make_safe()",
-        _safe_twice,
-        "",
-    ),
-    Rule(
-        "opened twice",
-        "open() of an open driver does nothing, or raises a LinkError",
-        _opened_twice,
-        "",
-    ),
-    Rule("lets go", "close() lets go of the connection: the next session opens it", _reopens, ""),
-    Rule(
-        "watchdog",
-        "prove_watchdog() returns after how many s the device made itself safe, within watchdog_s",
-        _watchdog,
-        "",
-    ),
-    Rule(
-        "rescue",
-        "rescue() opens the link anew, makes the device safe and closes, in about 0.5 s",
-        _rescue,
-        "",
+        observes=True,
     ),
     Rule(
         "dead",
-        "with the link dead read() returns None or raises a LinkError, make_safe() and close() end",
-        _lost("dead"),
+        "with the link dead read() returns None or raises a LinkError; make_safe() or "
+        "confirm_safe() raises, unless the device is safe; close() ends",
+        _fault("dead"),
         "dead",
     ),
     Rule(
         "silent",
-        "with the device silent read() returns None or raises a DeviceError: no row is made up",
-        _lost("silent"),
+        "with the device silent read() returns None or raises a DeviceError: no row is made up; "
+        "make_safe() or confirm_safe() raises, unless the device is safe",
+        _fault("silent"),
         "silent",
     ),
     Rule(
         "late",
         "an answer that is late costs rows, not time: read() never waits for it",
-        _bad_answers("late", rows=True),
+        _fault("late", rows=True),
         "late",
     ),
     Rule(
         "garbled",
         "damaged answers are thrown away or raise a ProtocolError; they never become rows",
-        _bad_answers("garbled", rows=False),
+        _fault("garbled"),
         "garbled",
     ),
     Rule(
         "frozen",
         "a frame that was seen before is no new row: compare the counter that it carries",
-        _lost("frozen"),
+        _fault("frozen"),
         "frozen",
+    ),
+    Rule(
+        "safe while stuck",
+        "make_safe() or confirm_safe() raises a LinkError or DeviceError, unless the device is "
+        "safe: wait for its answer in confirm_safe(), and check it",
+        _fault("stuck", rows=True),
+        "stuck",
+        observes=True,
+    ),
+    Rule(
+        "ready is true",
+        "ready() returns what the device reports of its actuator, not what it was ordered to do",
+        _locked,
+        "locked",
+    ),
+    Rule(
+        "watchdog that never acts",
+        "prove_watchdog() asks the device whether its watchdog acted, and raises a DeviceError if "
+        "it did not",
+        _unguarded,
+        "unguarded",
     ),
     Rule(
         "not there",
         "open() without a device raises a LinkError with a hint: what to check",
-        _not_there,
+        _at_open("dead"),
         "dead",
     ),
     Rule(
         "silent at open",
         "open() of a device that sends nothing ends within 30 s, and raises at most a LinkError",
-        _opens_in_words("silent"),
+        _at_open("silent"),
         "silent",
     ),
     Rule(
         "garbled at open",
         "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
-        _opens_in_words("garbled"),
+        _at_open("garbled"),
         "garbled",
     ),
 )

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
+from rigd.sdk.check.leaks import Leaks, opens
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
@@ -180,22 +181,38 @@ def _silence(subject: Subject) -> Iterator[str]:
 
 
 def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
+    name = subject.driver_class.__name__
     with subject.fresh_peer() as peer, Caller() as caller:
         made: list[object] = []
         for _ in range(2):
             make = partial(subject.make, peer, peer.link())  # a link may take longer to make
+            before, leaks = peer.look(), Leaks()
             try:
-                ended = caller.call(make, AT_ONCE_S)
+                ended = caller.call(partial(_listened, make), AT_ONCE_S)
             except Hung as hung:
                 yield f"the constructor {hung}"
                 return
             if ended.error is not None:
-                name = subject.driver_class.__name__
                 yield f"{name}(config, link) raises {described(ended.error)}"
                 return
-            made.append(ended.value)
+            driver, opened = ended.value
+            made.append(driver)
+            after = peer.look()
+            if opened:
+                yield f"{name}(config, link) calls {', '.join(dict.fromkeys(opened))}"
+            elif left := leaks.left():
+                yield f"after {name}(config, link) {left}"
+            elif (before.driven, before.energised, before.sent, before.acted) != (
+                after.driven, after.energised, after.sent, after.acted,
+            ):  # fmt: skip
+                yield f"{name}(config, link) changes what the device does"
         if made[0] is made[1]:
             yield "the class gives the same object twice"
+
+
+def _listened(make: Callable[[], object]) -> tuple[object, list[str]]:
+    with opens() as opened:
+        return make(), opened
 
 
 def _unopened(subject: Subject) -> Iterator[str]:

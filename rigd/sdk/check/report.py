@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from rigd.sdk.check.caller import Hung
+from rigd.sdk.check.sequences import Failed
 from rigd.sdk.check.subject import NamedRule, UnfitSubject
 
 R = TypeVar("R", bound=NamedRule)
@@ -38,9 +39,12 @@ class Report:
     checked: tuple[str, ...] = ()
     #: Rules that did not run, and what was missing for each.
     skipped: Mapping[str, str] = field(default_factory=dict)
+    #: What was drawn at random was drawn from it; None: nothing was.
+    seed: int | None = None
 
     def __str__(self) -> str:
-        lines = [f"{self.subject}: {len(self.checked)} rules checked"]
+        seed = "" if self.seed is None else f", seed {self.seed}"
+        lines = [f"{self.subject}: {len(self.checked)} rules checked{seed}"]
         lines += [f"  {finding}" for finding in self.findings]
         for why in dict.fromkeys(self.skipped.values()):
             rules = ", ".join(rule for rule, reason in self.skipped.items() if reason == why)
@@ -65,6 +69,7 @@ def examine(
     *,
     gates: Collection[str],
     only: Collection[str],
+    seed: int | None = None,
 ) -> Report:
     """Apply rules stage by stage; a broken rule of ``gates`` prevents the following stages.
 
@@ -91,6 +96,6 @@ def examine(
             checked.append(rule.name)
             try:
                 findings += [Finding(rule.name, item, rule.demand) for item in problems(rule)]
-            except (UnfitSubject, Hung) as unfit:
+            except (UnfitSubject, Hung, Failed) as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
-    return Report(subject, tuple(findings), tuple(checked), skipped)
+    return Report(subject, tuple(findings), tuple(checked), skipped, seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from rigd.model.channels import Channel
+from rigd.model.channels import STATUS_FIELD, Channel
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
@@ -51,16 +51,25 @@ def beyond_range(channel: Channel, value: float) -> str:
     )
 
 
-def untrue(declared: Declaration, row: Sequence[float], measured: Mapping[str, float]) -> list[str]:
-    """Return the problems of a row whose device measures ``measured``, by channel in its unit."""
-    names = {channel.name for channel in declared.channels}
-    unknown = [
-        f"the peer measures {name!r}, which is no channel" for name in measured.keys() - names
-    ]
-    return unknown + [
-        f"{channel.name} is {value:g} {channel.unit}, and the device measures "
-        f"{measured[channel.name]:g} {channel.unit}"
-        for channel, value in zip(declared.channels, row, strict=False)
-        if channel.name in measured
-        and not abs(value - measured[channel.name]) <= TRUE_PART * abs(measured[channel.name])
-    ]
+def untrue(
+    declared: Declaration, row: Sequence[float], looks: Sequence[Mapping[str, float]]
+) -> Iterator[str]:
+    """Yield the problems of a row whose device measured ``looks`` in turn, by channel in its unit.
+
+    A value lies between the least and the greatest of them.
+    """
+    names = [channel.name for channel in declared.channels]
+    units = [channel.unit for channel in declared.channels]
+    if declared.has_status:
+        names, units = [*names, STATUS_FIELD], [*units, ""]
+    for name in looks[-1]:
+        if name not in names:
+            yield f"the peer measures {name!r}, which is no channel"
+            continue
+        index = names.index(name)
+        values = [look[name] for look in looks if name in look]
+        low, high = min(values), max(values)
+        room = TRUE_PART * max(abs(low), abs(high)) if units[index] else 0.0
+        if not low - room <= row[index] <= high + room:
+            measured = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            yield f"{name} is {row[index]:g} {units[index]}, and the device measures {measured}"

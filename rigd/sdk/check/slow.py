@@ -229,7 +229,7 @@ async def _true_rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None
     await _stop(task, problems)
     after = peer.look()
     still = {k: v for k, v in after.measured.items() if before.measured[k] == v}
-    problems.update(untrue(driver.declaration, rows.rows[-1], still))
+    problems.update(untrue(driver.declaration, rows.rows[-1], [still]))
 
 
 async def _repeated(driver: SlowDriver, peer: Peer, problems: Problems) -> None:

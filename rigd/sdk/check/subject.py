@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk.check.drawn import drawn_options
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, DriverConfig
 
 #: The errors that a driver may raise if a device or its connection fails.
 FAILURES = (LinkError, ProtocolError, DeviceError)
+
+
+#: So often options are drawn until they fit each other.
+DRAWS = 20
 
 
 class UnfitSubject(Exception):
@@ -30,6 +37,21 @@ class Subject:
     peer: Callable[[], AbstractContextManager[Peer]] | None
     #: Whether the peer shows what the device does.
     observes: bool = False
+    #: What is drawn at random is drawn from it.
+    seed: int = 1
+    #: Options that were drawn, beside those of the author.
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    def drawn(self, rng: random.Random) -> Mapping[str, Any]:
+        """Return options at random with which the driver can be declared; {} if there are none."""
+        if isinstance(self.options, DriverConfig):
+            return {}
+        for _ in range(DRAWS):
+            options = drawn_options(self.driver_class.Config, self.options, rng)
+            with contextlib.suppress(ValueError):  # they contradict each other
+                replace(self, more=options).declare()
+                return options
+        return {}
 
     def config(self, more: Mapping[str, Any]) -> DriverConfig:
         """Return the options with ``more`` among them.
@@ -40,7 +62,7 @@ class Subject:
 
         """
         if not isinstance(self.options, DriverConfig):
-            return self.driver_class.Config.model_validate({**self.options, **more})
+            return self.driver_class.Config.model_validate({**self.options, **self.more, **more})
         if more:
             raise ValueError("give the suite the options as a mapping: the peer adds its own")
         return self.options

@@ -9,7 +9,6 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from rigd.sdk.check import declared
-from rigd.sdk.check.actuated import RULES as ACTUATOR_RULES
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
@@ -20,7 +19,7 @@ from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDr
 
 #: The rules of each kind of driver that need a device.
 RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
-    Driver: CYCLE_RULES + ACTUATOR_RULES,
+    Driver: CYCLE_RULES,
     BlockDriver: BLOCK_RULES,
     SlowDriver: SLOW_RULES,
 }
@@ -40,6 +39,7 @@ def check_driver(
     *,
     peer: Callable[[], AbstractContextManager[Peer]] | None = None,
     only: Collection[str] = (),
+    seed: int = 1,
 ) -> Report:
     """Put a driver to the test; return what was checked.
 
@@ -49,6 +49,8 @@ def check_driver(
         peer: starts a simulated device, see :class:`Peer`; without one only what needs no
             device is checked. It is started anew for each rule.
         only: names of the rules to apply, while one is being worked on; by default all.
+        seed: the calls and the options that are drawn at random are drawn from it. The report
+            states it, so that what was found can be played again.
 
     Raises:
         NonConforming: the driver breaks rules; the message names all, with what to do.
@@ -56,7 +58,7 @@ def check_driver(
             is no such rule.
 
     """
-    report = examine_driver(driver_class, options, peer=peer, only=only)
+    report = examine_driver(driver_class, options, peer=peer, only=only, seed=seed)
     if report.findings:
         raise NonConforming(report)
     return report
@@ -68,6 +70,7 @@ def examine_driver(
     *,
     peer: Callable[[], AbstractContextManager[Peer]] | None = None,
     only: Collection[str] = (),
+    seed: int = 1,
 ) -> Report:
     """Return the report of :func:`check_driver`, without raising."""
     kind = _kind(driver_class)
@@ -75,7 +78,7 @@ def examine_driver(
         declared.CLASS_RULES, declared.DECLARES, declared.DECLARED_RULES,
         declared.UNOPENED_RULES[:1], declared.UNOPENED_RULES[1:], RULES[kind][:1], RULES[kind][1:],
     )  # fmt: skip
-    subject, faults = _subject(driver_class, {} if options is None else options, peer)
+    subject, faults = _subject(driver_class, {} if options is None else options, peer, seed)
     # A driver that cannot be constructed, or opened, has nothing else to show.
     return examine(
         driver_class.__name__,
@@ -84,6 +87,7 @@ def examine_driver(
         lambda rule: _missing(rule, faults, observes=subject.observes),
         gates=GATES,
         only=only,
+        seed=seed,
     )
 
 
@@ -101,6 +105,7 @@ def _subject(
     driver_class: type[AnyDriver],
     options: Mapping[str, Any] | DriverConfig,
     peer: Callable[[], AbstractContextManager[Peer]] | None,
+    seed: int,
 ) -> tuple[Subject, frozenset[str] | None]:
     """Return the examined driver and the faults of its peer, None without a peer."""
     subject = Subject(driver_class, options, peer)
@@ -123,7 +128,7 @@ def _subject(
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     if not isinstance(options, DriverConfig):  # the rules without a peer need all options
         options = {**options, **more}
-    return Subject(driver_class, options, peer, observes=observes), faults
+    return Subject(driver_class, options, peer, observes=observes, seed=seed), faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:

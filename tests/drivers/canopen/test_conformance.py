@@ -31,6 +31,7 @@ WATCHDOG = "300 ms"
                 "current_range": "2 A",
                 "watchdog": WATCHDOG,
                 "rated_current": "1.5 A",
+                "inverted": False,
             },
         ),
         (
@@ -43,6 +44,7 @@ WATCHDOG = "300 ms"
                 "watchdog": WATCHDOG,
                 "travel": "100 mm/rev",
                 "clutch": True,
+                "inverted": False,
             },
         ),
         (
@@ -54,6 +56,8 @@ WATCHDOG = "300 ms"
                 "speed_range": "100 rad/s",
                 "watchdog": WATCHDOG,
                 "rated_torque": "1 N m",
+                "gear_ratio": "1",
+                "inverted": False,
             },
         ),
         (Cia406Encoder, "encoder", {"node": 11, "kind": "rotary"}),

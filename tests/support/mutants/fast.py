@@ -35,77 +35,84 @@ MUTANTS = (
     # open and arm
     Mutant(
         "open moves",
-        "open moves nothing",
+        "any order of calls",
         _OPENED,
         _OPENED + "        self._flags = protocol.ENABLE\n        self._send(0.1)\n",
     ),
     Mutant(
         "open enables",
-        "open moves nothing",
+        "any order of calls",
         _OPENED,
         _OPENED + "        self._flags = protocol.ENABLE\n        self._send(0.0)\n",
     ),
     Mutant(
         "always enabled",
-        "open moves nothing",
+        "any order of calls",
         "protocol.command(self._sequence, self._flags, speed)",
         "protocol.command(self._sequence, protocol.ENABLE, speed)",
     ),
     Mutant(
         "arm moves",
-        "arm moves nothing",
+        "opens and arms",
         "        self._flags = protocol.ENABLE\n        self._send(0.0)\n",
         "        self._flags = protocol.ENABLE\n        self._send(0.3)\n",
     ),
     Mutant("always ready", "ready is true", _READY, "        return True\n"),
     Mutant("ready when ordered", "ready is true", _READY, "        return bool(self._flags)\n"),
     # setpoints
-    Mutant("setpoint not clipped", "limits hold", _CLIPPED, "self._send(speed)"),
-    Mutant("clipped on one side", "limits hold", _CLIPPED, "self._send(min(speed, fastest))"),
+    Mutant("setpoint not clipped", "any order of calls", _CLIPPED, "self._send(speed)"),
     Mutant(
-        "clipped to the device", "limits hold", _CLIPPED, "self._send(min(max(speed, -10), 10))"
+        "clipped on one side", "any order of calls", _CLIPPED, "self._send(min(speed, fastest))"
+    ),
+    Mutant(
+        "clipped to the device",
+        "any order of calls",
+        _CLIPPED,
+        "self._send(min(max(speed, -10), 10))",
     ),
     Mutant(
         "setpoint in mm/s",
-        "setpoints arrive",
+        "any order of calls",
         _CLIPPED,
         "self._send(1e-3 * min(max(speed, -fastest), fastest))",
     ),
     Mutant(
         "setpoint inverted",
-        "setpoints arrive",
+        "any order of calls",
         _CLIPPED,
         "self._send(-min(max(speed, -fastest), fastest))",
     ),
     Mutant(
-        "setpoint positive", "setpoints arrive", _CLIPPED, "self._send(min(abs(speed), fastest))"
+        "setpoint positive", "any order of calls", _CLIPPED, "self._send(min(abs(speed), fastest))"
     ),
-    Mutant("setpoint ignored", "setpoints arrive", _CLIPPED, "self._send(0.0)"),
-    Mutant("NaN sent", "no NaN", "        if math.isnan(speed):\n", "        if False:\n"),
+    Mutant("setpoint ignored", "any order of calls", _CLIPPED, "self._send(0.0)"),
+    Mutant(
+        "NaN sent", "any order of calls", "        if math.isnan(speed):\n", "        if False:\n"
+    ),
     Mutant(
         "NaN stops",
-        "NaN changes nothing",
+        "any order of calls",
         "        if math.isnan(speed):\n",
         "        if math.isnan(speed):\n            self._send(0.0)\n",
     ),
     # safe
-    Mutant("make_safe sends nothing", "made safe", _SEND_ZERO, ""),
+    Mutant("make_safe sends nothing", "any order of calls", _SEND_ZERO, ""),
     Mutant(
         "make_safe leaves it enabled",
-        "made safe",
+        "any order of calls",
         "        self._flags = 0\n        self._enabled = False\n        if",
         "        self._enabled = False\n        if",
     ),
     Mutant(
         "write after make_safe enables",
-        "made safe",
+        "any order of calls",
         _CLIPPED,
         "self._flags = self._flags or int(self._answered is not None)\n        " + _CLIPPED,
     ),
     Mutant("safety not confirmed", "safe while stuck", _CONFIRM, "        if False:\n"),
     Mutant(
         "no answer taken for safe",
-        "safe while dead",
+        "dead",
         _CONFIRM,
         "        try:\n            self._exchange(SAFE_TRIES)\n        except LinkError:\n"
         "            return\n" + _CONFIRM,
@@ -116,16 +123,16 @@ MUTANTS = (
         _CONFIRM,
         "        if self._socket is not None and not self._exchange(SAFE_TRIES):\n",
     ),
-    Mutant("rescue empty", "rescued", _RESCUE, "            pass\n"),
+    Mutant("rescue empty", "any order of calls", _RESCUE, "            pass\n"),
     Mutant(
         "rescue of the old connection",
-        "rescued",
+        "any order of calls",
         _RESCUE,
         "            self.make_safe()\n            self.confirm_safe()\n",
     ),
     Mutant(
         "second close raises",
-        "safe twice, closed twice",
+        "safe and closed before open",
         "        if link is not None:\n            link.close()\n",
         "        link.close()\n",
     ),
@@ -137,7 +144,7 @@ MUTANTS = (
         "            watchdog_s=WATCHDOG_S,\n",
         "            watchdog_s=0.1 * WATCHDOG_S,\n",
     ),
-    Mutant("constant for a proof", "watchdog proven", _PROOF, "        tripped_ms = 400\n"),
+    Mutant("constant for a proof", "any order of calls", _PROOF, "        tripped_ms = 400\n"),
     Mutant(
         "constant after a wait",
         "watchdog that never acts",
@@ -146,18 +153,20 @@ MUTANTS = (
     ),
     Mutant(
         "proof sends meanwhile",
-        "watchdog",
+        "any order of calls",
         "        time.sleep(2 * WATCHDOG_S)\n",
         "        for _ in range(20):\n            self._exchange()\n            time.sleep(0.05)\n",
     ),
-    Mutant("proof in ms", "watchdog", "return tripped_ms * 1e-3", "return float(tripped_ms)"),
+    Mutant(
+        "proof in ms", "any order of calls", "return tripped_ms * 1e-3", "return float(tripped_ms)"
+    ),
     Mutant(
         "thread keeps it alive",
-        "watchdog acts",
+        "any order of calls",
         _OPENED,
         _OPENED + "        self._last = 0.0\n" + _THREAD,
     ),
-    Mutant("trip swallowed", "watchdog acts", _TRIPPED, "        if False:\n"),
+    Mutant("trip swallowed", "any order of calls", _TRIPPED, "        if False:\n"),
     # rows
     Mutant("damaged frames taken", "garbled", _CRC, '    if head != b"AR":\n', "protocol"),
     Mutant(
@@ -177,7 +186,7 @@ MUTANTS = (
     Mutant("same frame again", "frozen", _FRESH, "reply is not None"),
     Mutant(
         "last row again",
-        "no row twice",
+        "any order of calls",
         _NO_ROW,
         _NO_ROW.replace("return None", 'return getattr(self, "_row", None)')
         + "        self._row = self.declaration.row.of(position=newest.position,"
@@ -185,18 +194,18 @@ MUTANTS = (
     ),
     Mutant(
         "position in mm",
-        "rows are true",
+        "opens and arms",
         "position=newest.position",
         "position=1e3 * newest.position",
     ),
     Mutant(
         "position without sign",
-        "rows are true",
+        "opens and arms",
         "position=newest.position",
         "position=abs(newest.position)",
     ),
-    Mutant("speed inverted", "rows are true", "speed=newest.speed", "speed=-newest.speed"),
-    Mutant("speed of the setpoint", "rows are true", "speed=newest.speed", "speed=0.5"),
+    Mutant("speed inverted", "any order of calls", "speed=newest.speed", "speed=-newest.speed"),
+    Mutant("speed of the setpoint", "opens and arms", "speed=newest.speed", "speed=0.5"),
     Mutant(
         "read waits",
         "bounded",

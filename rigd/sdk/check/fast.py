@@ -1,0 +1,534 @@
+"""Plays sequences of calls with a fast driver, as a run of the rig makes them and as none should.
+
+What must hold after each call is one sentence: the device is driven with the last setpoint that was
+written, clipped to its range, while it is armed; otherwise it is not driven at all. And what a row
+shows, the device has measured. The peer shows the device (:class:`Observed`); without an observer
+only what calls return is checked.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from rigd.model.channels import Channel
+from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, Bench, rest
+from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.peer import Observed
+from rigd.sdk.check.sequences import Call, Drawing, Failed, Stalled, Step, Trial, first_failure
+from rigd.sdk.check.subject import FAILURES, Subject, described
+from rigd.sdk.check.watching import until
+
+#: Sequences of one examination, and the steps of each behind those that open and before the last.
+TRIALS: Final = 6
+STEPS: Final = 22
+#: An actuator that is driven with a value within this part of its range of another has that value:
+#: frames and cards carry whole numbers.
+NEAR: Final = 0.004
+#: What was sent has arrived after this time, in s; no command of a cycle follows in it.
+ARRIVES_S: Final = 0.05
+#: What a device may take until it follows, or is safe, in s: some look at commands every 20 ms.
+FOLLOWS_S: Final = 1.0
+#: How much longer than watchdog_s a device may drive after the last call, in s: machines stall.
+ROOM_S: Final = 1.0
+#: A fault of the device in mid-run is reported within this time, in s.
+REPORTED_S: Final = 1.5
+#: An action ends within this time, in s.
+ACTS_S: Final = 10.0
+#: A proof returns the time of the device's watchdog, less at most this part of it.
+PROOF_PART: Final = 0.2
+#: A setpoint is held for this part of the time of the watchdog, which must not act; if there is
+#: none, for so long, in s.
+HELD_PART: Final = 1.4
+HELD_S: Final = 0.3
+
+#: States: closed, open (not armed), armed, tripped (by the watchdog).
+CALLS: Final[Mapping[str, Call]] = {
+    "open": Call("closed", 1, "open"),
+    "open again": Call("open", 0.3, "closed", 1),
+    "prove watchdog": Call("open", 0.3, "open", 1),
+    "arm": Call("open", 4, "armed"),
+    "arm and at once make safe": Call("open", 0.5, "open", 1),
+    "write": Call("armed", 10),
+    "write unarmed": Call("open", 1.5, "", 2),
+    "write without a read": Call("armed", 1),
+    "go on": Call("armed", 2),
+    "hold": Call("armed", 0.6, "", 1),
+    "cycle without a write": Call("armed open", 1),
+    "act": Call("open armed", 0.6, "", 3),
+    "wait for the watchdog": Call("armed", 0.4, "tripped", 1),
+    "make safe": Call("open armed tripped", 2.5, "open"),
+    "close": Call("open", 0.6, "closed"),
+    "new driver": Call("closed", 0.3),
+    "kill": Call("armed", 0.5, "closed", 1),
+    "kill and rescue": Call("armed", 0.8, "closed", 2),
+}
+#: Those that a driver without setpoints, without a watchdog, a second link, actions does not know.
+OF_SETPOINTS: Final = {
+    "write", "write unarmed", "write without a read", "go on", "hold", "arm and at once make safe",
+}  # fmt: skip
+OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill"}
+#: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
+KINDS: Final = (
+    *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
+    *("any", "any", "any"),
+)
+
+
+def calls_of(subject: Subject) -> Mapping[str, Call]:
+    """Return the calls that are possible with a driver of the present options."""
+    declared = subject.declare()
+    left_out: set[str] = set()
+    if not declared.setpoints:
+        left_out |= OF_SETPOINTS | OF_WATCHDOG | {"kill and rescue"}
+    if declared.watchdog_s is None:
+        left_out |= OF_WATCHDOG
+    if not getattr(subject.driver_class, "second_link", False):
+        left_out.add("kill and rescue")
+    if not declared.actions:
+        left_out.add("act")
+    return {name: call for name, call in CALLS.items() if name not in left_out}
+
+
+class Values:
+    """Draws what steps are given: setpoints of each kind equally often, actions."""
+
+    def __init__(self) -> None:
+        self._deck: list[str] = []
+        self._last: Sequence[float] = ()
+        self._proofs = 0
+
+    def __call__(self, name: str, subject: Subject, rng: random.Random) -> Any:
+        """Return what a step is given."""
+        declared = subject.declare()
+        if name.startswith("write"):
+            before = self._last or [0.0] * len(declared.setpoints)
+            self._last = tuple(
+                self._setpoint(channel, last, rng)
+                for channel, last in zip(declared.setpoints, before, strict=True)
+            )
+            return self._last
+        if name == "act":
+            return rng.choice([*declared.actions, "no_such_action"])
+        if name == "prove watchdog":
+            self._proofs += 1
+            return "twice" if self._proofs == 1 else None
+        return None
+
+    def _setpoint(self, channel: Channel, last: float, rng: random.Random) -> float:
+        """Return a setpoint of one of the kinds, each of which comes equally often."""
+        if not self._deck:
+            self._deck += KINDS
+            rng.shuffle(self._deck)
+        low, high = channel.low, channel.high
+        span = high - low
+        last = low if math.isnan(last) else min(max(last, low), high)
+        kind = self._deck.pop()
+        if channel.unit == "1" and (low, high) == (0.0, 1.0):  # a switch
+            kind = {"any": "high", "step": "zero", "below": "zero", "above": "high"}.get(kind, kind)
+        match kind:
+            case "zero":
+                return 0.0
+            case "again":
+                return last
+            case "step":
+                return last + span * rng.choice((-0.05, -0.02, -0.01, 0.01, 0.02, 0.05))
+            case "low":
+                return low
+            case "high":
+                return high
+            case "below":
+                return low - span * rng.choice((0.05, rng.random(), 10.0))
+            case "above":
+                return high + span * rng.choice((0.05, rng.random(), 10.0))
+            case "endless":
+                return rng.choice((math.inf, -math.inf))
+            case "nan":
+                return math.nan
+        return low + span * rng.random()
+
+
+def any_order(subject: Subject) -> Iterator[str]:
+    """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
+
+    def play(trial: Trial) -> None:
+        drawn = replace(subject, more=trial.options)
+        leaks = Leaks()
+        with leaks.catching():
+            with drawn.fresh_peer() as peer, Caller() as caller:
+                played = _Played(drawn, Bench(drawn, peer, caller))
+                played.play(trial)
+            if left := leaks.left():
+                failed = Failed(f"after close() {left}")
+                failed.at = len(trial.steps)
+                raise failed
+        del played
+
+    yield from first_failure(play, Drawing(subject, calls_of, Values()).trials(TRIALS, STEPS))
+
+
+class _Played:
+    """Makes the calls of a sequence, and knows what the device is to do."""
+
+    def __init__(self, subject: Subject, found: Bench) -> None:
+        self._subject = subject
+        self._found = found
+        self._state = "closed"
+        self._channels = found.driver.declaration.setpoints
+        self._safe: Sequence[float] = found.fresh.driven
+        #: What the device is to be driven with, and what was written last.
+        self._wanted: Sequence[float] = self._safe
+        self._last: Sequence[float] = ()
+        self._observed = found.peer.observed is not None
+        self._enables: bool | None = None  # whether an armed device at rest is energised
+        self._called_s = 0.0  # when the last command was sent
+        self._stalled = False
+
+    def play(self, trial: Trial) -> None:
+        """Make the calls.
+
+        Raises:
+            Failed: the driver breaks a promise.
+            Stalled: it may be the machine.
+        """
+        found = self._found
+        with found.watcher:
+            try:
+                for number, step in enumerate(trial.steps):
+                    call = CALLS[step.name]
+                    if self._state not in call.states.split():
+                        continue
+                    try:
+                        self._step(step)
+                    except Failed as failed:
+                        failed.at = number
+                        if self._stalled or self._stands():
+                            raise Stalled from failed
+                        if number == 0 and trial.options and "open raises" in str(failed):
+                            return  # the simulated device is not one of these options
+                        raise
+                    self._state = call.after or self._state
+            finally:
+                found.call(found.driver.make_safe)
+                found.close()
+
+    def _step(self, step: Step) -> None:
+        """Make the calls of one step, and check the device while and after they are made."""
+        self._stalled = False
+        self._called_s = time.monotonic()
+        self._found.gap_s = self._found.watcher.gap_s = 0.0
+        began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
+        calls = getattr(self, "_" + step.name.replace(",", "").replace(" ", "_"))
+        calls() if step.value is None else calls(step.value)
+        if not self._observed or not self._channels:
+            return
+        trips_expected = step.name in ("prove watchdog", "wait for the watchdog", "kill")
+        if self._found.look().trips != trips and not trips_expected:
+            raise Failed(
+                "the watchdog of the device acts, though the driver is called all the time"
+            )
+        for look in self._found.watcher.since(began_s):
+            for index, channel in enumerate(self._channels):
+                ends = before[index], self._wanted[index], *(
+                    (rest(self._found.driver)[index],) if "arm" in step.name else ()
+                )  # fmt: skip
+                room = NEAR * (channel.high - channel.low)
+                if not min(ends) - room <= look.driven[index] <= max(ends) + room:
+                    raise Failed(
+                        f"meanwhile the device is driven at {look.driven[index]:g} {channel.unit}"
+                    )
+
+    def _stands(self) -> bool:
+        """Return whether the machine stood still for so long that the watchdog may have acted."""
+        watchdog_s = self._found.driver.watchdog_s or 1.0
+        return max(self._found.gap_s, self._found.watcher.gap_s) > min(watchdog_s / 3, AGE_S / 2)
+
+    # The calls of each step.
+
+    def _open(self) -> None:
+        self._must("open", self._found.open())
+        self._safe_now("after open()")
+
+    def _open_again(self) -> None:
+        error = self._found.call(self._found.driver.open, OPEN_S).error
+        if error is not None and not isinstance(error, FAILURES):
+            raise Failed(f"open() of an open driver raises {described(error)}")
+        self._close()
+
+    def _prove_watchdog(self, times: str = "once") -> None:
+        for _ in range(1 + (times == "twice")):
+            self._prove()
+
+    def _prove(self) -> None:
+        before, promised = self._found.look(), self._found.driver.watchdog_s or 0.0
+        outcome = self._found.call(self._found.driver.prove_watchdog, OPEN_S)
+        self._must("prove_watchdog", outcome)
+        least_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0)
+        if not least_s < outcome.value <= promised + ROOM_S / 4:
+            of = f", and the device acts after {before.watchdog_s:g} s" if before.watchdog_s else ""
+            raise Failed(f"it returns {outcome.value!r} s, and watchdog_s is {promised:g} s{of}")
+        if before.trips is not None and self._found.look().trips == before.trips:
+            raise Failed(f"it returns {outcome.value:g} s, and the watchdog did not act")
+        self._safe_now("after prove_watchdog()")
+
+    def _arm(self) -> None:
+        found = self._found
+        self._wanted = self._last = rest(found.driver)
+        self._must("arm", found.call(found.driver.arm))
+        self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
+        end = time.monotonic() + FOLLOWS_S * 10
+        while True:
+            ready = found.call(found.driver.ready)
+            self._must("ready", ready)
+            if ready.value:
+                break
+            if time.monotonic() > end:
+                raise Failed("it never becomes ready")
+            self._cycle(self._last)
+        energised = found.look().energised
+        if self._enables is None:
+            self._enables = energised
+        elif self._enables and not energised:
+            raise Failed("ready() returns True, and the device is not energised")
+        if self._observed:  # it is at rest as before, or as the setpoint zero has it
+            driven = found.look().driven
+            near = [
+                min((self._safe[index], self._wanted[index]), key=lambda item: abs(item - value))
+                for index, value in enumerate(driven)
+            ]
+            self._wanted = tuple(near)
+        self._settle()
+
+    def _arm_and_at_once_make_safe(self) -> None:
+        self._must("arm", self._found.call(self._found.driver.arm))
+        self._make_safe()
+
+    def _write(self, setpoints: Sequence[float]) -> None:
+        outcome = self._cycle(setpoints, refused=not self._within(setpoints))
+        if outcome.error is None:
+            if any(map(math.isnan, setpoints)):
+                raise Failed("write() takes NaN as if it were a setpoint")
+            self._last, self._wanted = setpoints, self._clipped(setpoints)
+        self._settle()
+
+    def _write_unarmed(self, setpoints: Sequence[float]) -> None:
+        for _ in range(3):
+            self._cycle(setpoints, refused=True)
+        self._safe_now("without arm()")
+
+    def _write_without_a_read(self, setpoints: Sequence[float]) -> None:
+        self._last = self._wanted = self._clipped(
+            [0.0 if math.isnan(value) else value for value in setpoints]
+        )
+        end = time.monotonic() + 3 * AGE_S
+        while time.monotonic() < end:  # what is read then is the newest, and not the oldest
+            self._must("write", self._found.write(self._last))
+            self._called_s = time.monotonic()
+            time.sleep(AGE_S / 4)
+        self._cycle(self._last)
+        self._settle()
+
+    def _go_on(self) -> None:
+        self._wanted = self._clipped(self._last)
+        end = time.monotonic() + 3 * AGE_S
+        while time.monotonic() < end:
+            self._cycle(self._last)
+        self._still()
+
+    def _hold(self) -> None:
+        declared, watchdog_s = self._found.driver.declaration, self._found.driver.watchdog_s
+        self._wanted = self._clipped(self._last)
+        for_s = HELD_S if watchdog_s is None else HELD_PART * watchdog_s
+        rows, cycles, began_s = self._found.rows, 0, time.monotonic()
+        while time.monotonic() < began_s + max(for_s, 4 * declared.silent_s):
+            self._cycle(self._last)
+            cycles += 1
+        if cycles > 50 and declared.channels and self._found.rows == rows:
+            raise Failed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
+        self._settle()
+
+    def _cycle_without_a_write(self) -> None:
+        self._listen(2 * ARRIVES_S)
+        self._still()
+
+    def _act(self, action: str) -> None:
+        found = self._found
+        before, error = found.look().acted, found.call(lambda: found.driver.act(action)).error
+        if action not in found.driver.declaration.actions:
+            if not isinstance(error, ValueError):
+                raise Failed("it is none of its actions, and raises no ValueError")
+            return
+        end = time.monotonic() + ACTS_S
+        reply: object = None
+        while error is None and not reply and time.monotonic() < end:
+            if self._state == "armed":
+                self._wanted = self._clipped(self._last)
+            self._cycle(self._last if self._state == "armed" else ())
+            outcome = found.call(found.driver.acted)
+            reply, error = outcome.value, outcome.error
+        if not isinstance(reply, str):
+            words = "no reply" if error is None else described(error)
+            raise Failed(f"a healthy device gives {words}")
+        if before is not None and list(found.look().acted or ()) != [*before, action]:
+            raise Failed("the device has not done it")
+
+    def _wait_for_the_watchdog(self) -> None:
+        if not self._observed:
+            return
+        self._let_it_act()
+        self._wanted = self._safe
+        trips = self._found.look().trips
+        if not trips:
+            return  # it does not count them
+        end = time.monotonic() + REPORTED_S + self._found.driver.declaration.silent_s
+        while time.monotonic() < end:
+            outcome = self._found.cycle(self._last)
+            if self._found.look().energised:
+                raise Failed("the next setpoint drives the device again")
+            if outcome.error is not None:
+                if not isinstance(outcome.error, FAILURES):
+                    raise Failed(f"a cycle raises {described(outcome.error)}")
+                return
+        raise Failed("the watchdog has switched the device off, and read() does not report it")
+
+    def _make_safe(self) -> None:
+        found = self._found
+        trips = found.look().trips
+        self._wanted = self._safe
+        self._must("make_safe", found.call(found.driver.make_safe))
+        self._await_safe("after make_safe()", trips)
+        self._must("confirm_safe", found.call(found.driver.confirm_safe))
+        self._must("make_safe again", found.call(found.driver.make_safe))
+        self._cycle(())
+        self._safe_now("after make_safe()")
+
+    def _close(self) -> None:
+        found = self._found
+        self._must("close", found.close())
+        self._must("close again", found.close())
+        self._safe_now("after close()")
+
+    def _new_driver(self) -> None:
+        self._found.replace()
+
+    def _kill(self) -> None:
+        self._found.close()  # as when its process is killed: nothing makes it safe
+        if self._observed:
+            self._let_it_act()
+        self._wanted = self._safe
+        self._found.replace()
+
+    def _kill_and_rescue(self) -> None:
+        found, trips = self._found, self._found.look().trips
+        found.close()
+        found.replace()
+        self._wanted = self._safe
+        self._must("rescue", found.call(found.driver.rescue, OPEN_S))
+        self._await_safe("after rescue() over a new connection", trips)
+        found.replace()  # it has closed what it opened
+
+    # What must hold.
+
+    def _must(self, what: str, outcome: CallOutcome) -> None:
+        if outcome.error is not None:
+            raise Failed(f"{what} raises {described(outcome.error)}")
+
+    def _cycle(self, setpoints: Sequence[float], *, refused: bool = False) -> CallOutcome:
+        """Go through a cycle, check its row, and return how it ended; it may refuse setpoints."""
+        outcome = self._found.cycle(setpoints)
+        if outcome.error is None:
+            self._found.check_row(outcome.value)
+        elif not refused or not isinstance(outcome.error, (*FAILURES, ValueError)):
+            raise Failed(f"a cycle raises {described(outcome.error)}")
+        now_s = time.monotonic()
+        if setpoints:
+            self._stalled |= now_s - self._called_s > (self._found.driver.watchdog_s or 9.0) / 2
+            self._called_s = now_s
+        return outcome
+
+    def _listen(self, for_s: float) -> None:
+        """Go through cycles without a setpoint, not for so long that the watchdog may act."""
+        end = time.monotonic() + for_s
+        if self._found.driver.watchdog_s is not None:
+            end = min(end, self._called_s + 0.5 * self._found.driver.watchdog_s)
+        while time.monotonic() < end:
+            self._cycle(())
+
+    def _settle(self) -> None:
+        """Go through cycles without a setpoint until the device is driven as it is to be."""
+        end = time.monotonic() + FOLLOWS_S
+        if self._found.driver.watchdog_s is not None:
+            end = min(end, self._called_s + 0.5 * self._found.driver.watchdog_s)
+        self._cycle(())
+        while self._observed and not self._driven() and time.monotonic() < end:
+            self._cycle(())
+        self._still()
+
+    def _still(self) -> None:
+        """Check that the device is driven as it is to be."""
+        if self._observed and self._channels and not self._driven():
+            driven = self._found.look().driven
+            raise Failed(f"the device is driven at {self._shown(driven)}")
+
+    def _safe_now(self, when: str) -> None:
+        """Check that the device is and stays safe, for as long as what was sent needs to arrive."""
+        if not self._observed or not self._channels:
+            return
+        began_s = time.monotonic()
+        time.sleep(ARRIVES_S)
+        for look in self._found.watcher.since(began_s):
+            if look.energised:
+                raise Failed(f"{when} the device is energised")
+            if not self._driven(look):
+                raise Failed(f"{when} the device is driven at {self._shown(look.driven)}")
+
+    def _await_safe(self, when: str, trips: int | None) -> None:
+        """Check that the device becomes safe, and not by its watchdog."""
+        if not self._observed or not self._channels:
+            return
+        within_s, watchdog_s = FOLLOWS_S, self._found.driver.watchdog_s
+        if trips is None and watchdog_s is not None:
+            within_s = watchdog_s / 2  # what its watchdog does cannot be told apart
+        until(lambda: not self._found.look().energised, within_s)
+        after = self._found.look()
+        if after.trips != trips:
+            raise Failed(f"{when} only the watchdog of the device has made it safe")
+        if after.energised:
+            raise Failed(f"{when} the device is still driven at {self._shown(after.driven)}")
+
+    def _let_it_act(self) -> None:
+        """Wait until the watchdog has switched the device off; nothing is called meanwhile."""
+        within_s = (self._found.driver.watchdog_s or 0.0) + ROOM_S
+        if not until(lambda: not self._found.look().energised, within_s):
+            driven = self._shown(self._found.look().driven)
+            raise Failed(f"{within_s:g} s after the last call the device is driven at {driven}")
+
+    def _driven(self, look: Observed | None = None) -> bool:
+        driven = (self._found.look() if look is None else look).driven
+        return all(
+            abs(value - want) <= NEAR * (channel.high - channel.low)
+            for channel, value, want in zip(self._channels, driven, self._wanted, strict=True)
+        )
+
+    def _within(self, setpoints: Sequence[float]) -> bool:
+        return all(
+            channel.low <= value <= channel.high
+            for channel, value in zip(self._channels, setpoints, strict=True)
+        )
+
+    def _clipped(self, setpoints: Sequence[float]) -> tuple[float, ...]:
+        return tuple(
+            min(max(value, channel.low), channel.high)
+            for channel, value in zip(self._channels, setpoints, strict=True)
+        )
+
+    def _shown(self, driven: Sequence[float]) -> str:
+        return ", ".join(
+            f"{value:.4g} {channel.unit}, not {want:.4g}"
+            for channel, value, want in zip(self._channels, driven, self._wanted, strict=True)
+        )

@@ -1,0 +1,107 @@
+"""Counts what a driver leaves behind: descriptors, threads, processes; and sees what it opens.
+
+It looks at the process itself, so that it depends on no setting of the author's tests.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+#: What is left gets this time to end, in s: threads end in their next turn.
+ENDS_S: Final = 1.5
+_LOOK_S: Final = 0.01
+_FOLDER: Final = Path("/proc/self/fd")
+#: Files that are opened by reading them in once, such as maps of a device, are no connections.
+_OPENS: Final = ("socket.connect", "socket.bind", "socket.sendto", "subprocess.Popen", "os.system",
+                 "_thread.start_new_thread")  # fmt: skip
+
+_opened: dict[int, list[str]] = {}  # by thread: what it opens, while it is watched
+_hooked = threading.Event()
+
+
+class Leaks:
+    """Compares what the process has open with what it had when this was made.
+
+    ``with leaks:`` also catches what is dropped without being closed, in any thread of a driver.
+    """
+
+    def __init__(self) -> None:
+        self._before = _held()
+        self._dropped: list[str] = []
+
+    @contextlib.contextmanager
+    def catching(self) -> Iterator[None]:
+        """Catch warnings of what is dropped without being closed, by the driver's own thread."""
+
+        def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+            if threading.current_thread().name == "driver under check":
+                self._dropped.append(str(message).partition("\n")[0])
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)
+            warnings.filterwarnings("always", category=ResourceWarning)
+            warnings.showwarning = show
+            yield
+
+    def left(self) -> str:
+        """Return in words what is left now, after it had time to end; "" if there is nothing."""
+        if self._dropped:
+            return f"it drops what it has not closed: {self._dropped[0]}"
+        end = time.monotonic() + ENDS_S
+        while left := _held().items() - self._before.items():
+            if time.monotonic() > end:
+                return f"{', '.join(sorted(words for _, words in left))} left open"
+            gc.collect()
+            time.sleep(_LOOK_S)
+        return ""
+
+
+def _held() -> dict[str, str]:
+    """Return descriptors, threads and processes, each with its words."""
+    held = {
+        f"thread {thread.ident}": f"the thread {thread.name!r} is"
+        for thread in threading.enumerate()
+        if thread.name not in {"driver under check", "watcher of the device"}
+    }
+    with contextlib.suppress(OSError):  # a system without /proc
+        for number in _FOLDER.iterdir():
+            with contextlib.suppress(OSError):  # the one that lists the folder
+                target = str(number.readlink())
+                held[f"descriptor {number.name} {target}"] = f"{target.partition(':')[0]} is"
+        for task in Path("/proc/self/task").iterdir():
+            for pid in (task / "children").read_text().split():
+                held[f"process {pid}"] = f"the process {pid} is"
+    return held
+
+
+@contextlib.contextmanager
+def opens() -> Iterator[list[str]]:
+    """Yield the list of the connections, processes and threads that this thread opens meanwhile."""
+    if not _hooked.is_set():
+        _hooked.set()
+        sys.addaudithook(_hear)
+    seen = _opened[threading.get_ident()] = []
+    try:
+        yield seen
+    finally:
+        del _opened[threading.get_ident()]
+
+
+def _hear(event: str, args: tuple[Any, ...]) -> None:
+    if not _opened:
+        return
+    seen = _opened.get(threading.get_ident())
+    if seen is None:
+        return
+    if event in _OPENS:
+        seen.append(event)
+    elif event == "open" and str(args[0]).startswith("/dev/"):
+        seen.append(f"open {args[0]}")
