@@ -1,17 +1,25 @@
 """A campaign of the approach-angle rig in MCAP of another program, against rigd's own file.
 
-    python benchmarks/foreign_recording.py             ten runs; about a minute on one core
+    python benchmarks/foreign_recording.py             ten runs; some minutes on one core
     python benchmarks/foreign_recording.py --trials 80
+    python benchmarks/foreign_recording.py --odd       the odd variants alone
 
 The same messages are written again with the `mcap` package: in order of time, so that channels mix
 within each chunk, other numbers of schemas and channels, other chunk sizes and compressions. Every
 trial of every stream is read, and `rigd identify` evaluates both. Times are CPU seconds, the best
 of three interleaved rounds.
+
+Then a run of the omni-wheel rig is written in each odd but valid way of
+`tests/support/odd_mcap.py`. Each command is to give what it gives for rigd's own file: `verify`
+finds nothing damaged, `open` gives the same rows and trials, `export` the same tables, `identify`
+the same numbers, and `recover` leaves the file as it is. Last, each is cut off and repaired: every
+message that the `mcap` package finds before the cut must be in the repaired file.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import resource
 import subprocess
 import sys
@@ -21,14 +29,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from figures import at_most, noted
+from figures import at_least, at_most, noted
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.odd_mcap import VALID, content_of, messages_in
 from support.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
+from rigd.model.errors import RigdError
 from rigd.record import Recording
 from rigd.sdk.shipped import shipped_folder
 
@@ -102,12 +112,94 @@ def identify_s(path: Path) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
+def ran(*command: str | Path) -> tuple[int, str]:
+    """Return exit code and output of a command."""
+    done = subprocess.run([str(RIGD), *map(str, command)], check=False, capture_output=True)
+    return done.returncode, done.stdout.decode()
+
+
+def tables(path: Path) -> dict[str, bytes]:
+    """Return what `rigd export` writes; the metadata name the file, and are left out."""
+    target = path.with_suffix("")
+    code, _ = ran("export", path, "--to", "csv", "--output", target, "--overwrite")
+    if code:
+        return {}
+    return {item.name: item.read_bytes() for item in target.glob("*.csv")}
+
+
+def estimates(path: Path) -> object:
+    """Return the exit code of `rigd identify` and its parameters."""
+    code, text = ran("identify", path, "--no-report", "--json")
+    try:
+        return code, json.loads(text)["parameters"]
+    except (ValueError, KeyError, TypeError):
+        return code, None
+
+
+def opened(path: Path) -> object:
+    """Return rows, events and trials as Python gives them; the error if it gives none."""
+    try:
+        recording = Recording.open(path)
+        rows = [recording.read(name).tobytes() for name in sorted(recording.streams)]
+        return rows, recording.events(), [trial.info for trial in recording.trials]
+    except RigdError as error:
+        return str(error)
+
+
+def keeps_all(path: Path) -> bool:
+    """Cut a file off; return whether `rigd recover` keeps what the `mcap` package finds."""
+    data = path.read_bytes()[: path.stat().st_size * 2 // 3]
+    cut = path.with_name("cut.mcap")
+    for item in path.parent.glob("cut.mcap*"):
+        item.unlink()
+    cut.write_bytes(data)
+    before = {topic: set(found) for topic, found in messages_in(data).items()}
+    code, _ = ran("recover", cut)
+    if not before:  # the only chunk is cut: then the file is to be left as it is
+        return code != 0 and cut.read_bytes() == data
+    after = {topic: set(found) for topic, found in messages_in(cut.read_bytes()).items()}
+    return code == 0 and all(found <= after.get(topic, set()) for topic, found in before.items())
+
+
+def play_odd(folder: Path) -> None:
+    """Write a run in each odd way, and count for how many each command gives what it should."""
+    ours = folder / "odd_ours.mcap"
+    rig = load_rig(shipped_folder("configs") / "sim_lugre.yaml")
+    play(Pair(shipped_folder("procedures") / "constant_current.yaml", rig), 1, ours, trials=2)
+    content = content_of(ours)
+    expected = opened(ours), tables(ours), estimates(ours)
+    right = dict.fromkeys(("verify", "open", "export", "identify", "recover", "cut, recover"), 0)
+    for number, (name, make) in enumerate(VALID.items()):
+        path = folder / f"odd_{number}.mcap"
+        make(content, path)
+        before = path.read_bytes()
+        found = {
+            "verify": ran("verify", path)[0] == 0,
+            "open": opened(path) == expected[0],
+            "export": tables(path) == expected[1],
+            "identify": estimates(path) == expected[2],
+            "recover": ran("recover", path)[0] == 0 and path.read_bytes() == before,
+            "cut, recover": keeps_all(path),
+        }
+        wrong = ", ".join(command for command, is_right in found.items() if not is_right)
+        print(f"{name}: {wrong or 'right'}", flush=True)
+        for command, is_right in found.items():
+            right[command] += is_right
+        path.unlink()
+    for command, count in right.items():
+        at_least(f"odd files, {command}", count, len(VALID), f"of {len(VALID)}")
+
+
 def main() -> int:
     """Record, write again, time both."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--trials", type=int, default=10, help="runs of the campaign (default 10)")
+    parser.add_argument("--odd", action="store_true", help="the odd variants alone")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
+        play_odd(Path(folder))
+        if arguments.odd:
+            return 0
         ours = Path(folder) / "ours.mcap"
         rig = load_rig(shipped_folder("configs") / "sim_approach_angle.yaml")
         pair = Pair(shipped_folder("procedures") / "approach_angles.yaml", rig)

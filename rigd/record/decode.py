@@ -8,6 +8,7 @@ those of a channel at once. What was found is kept, as every stream reads the sa
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from threading import Lock
@@ -122,10 +123,8 @@ class Messages:
         """Return the rows of the channels of one stream as :func:`numbered_dtype`.
 
         Of a file of another program: channels in ``decoders`` are decoded one by one, the others
-        are plain CDR, in any byte order and with any bytes behind their values.
-
-        Raises:
-            Malformed: a message is shorter than its stream.
+        are plain CDR, in any byte order and with any bytes behind their values. A message that
+        does not fit its type gives a row of NaN.
         """
         dtype, parts = numbered_dtype(blob), []
         for channel in channels:
@@ -138,40 +137,46 @@ class Messages:
     def _plain(self, channel: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
         places, message = self._all, message_dtype(dtype["values"].itemsize)
         mine = places.channels == channel
-        offsets = places.offsets[mine]
-        if (places.sizes[mine] < message.itemsize).any():
-            raise Malformed("a message that is shorter than its type")
-        rows = np.empty(len(offsets), dtype)
-        if not len(offsets):
-            return rows
-        octets = np.frombuffer(self.data, np.uint8)
-        taken = np.lib.stride_tricks.sliding_window_view(octets, message.itemsize)[offsets]
-        found = taken.view(message)[:, 0]
-        for name, source in _HEAD.items():
-            rows[name] = found[source]
-        rows["values"] = found["values"]
-        # The second byte of the header is 1 for little-endian; the last two are options.
-        big = found["cdr"].view("<u4") >> 8 & 1 == 0
+        offsets, fits = places.offsets[mine], places.sizes[mine] >= message.itemsize
+        rows = self._heads(offsets, dtype)
+        found = self._at(offsets[fits], message)
+        values = found["values"].copy()
+        # The second byte of the header is odd for little-endian; the last two are options.
+        big = found["cdr"] >> 8 & 1 == 0
         if big.any():
-            rows["values"][big] = _swapped(rows["values"][big])
+            values[big] = _swapped(values[big])
+        rows["values"][fits] = values
         return rows
 
     def _decoded(self, channel: int, dtype: np.dtype[np.void], decode: Decode) -> NDArray[np.void]:
         places, view = self._all, memoryview(self.data)
         mine = places.channels == channel
+        rows = self._heads(places.offsets[mine], dtype)
+        values = rows["values"].view(f"({dtype['values'].itemsize // 8},)<f8")
+        begin = FRAME.size + MESSAGE_FIELDS.size
         spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
-        heads, values = [], []
-        for offset, size in spans:
-            at = offset + FRAME.size
-            _, sequence, log_ns, publish_ns = MESSAGE_FIELDS.unpack_from(view, at)
-            heads.append((log_ns, sequence, publish_ns))
-            values.append(decode(view[at + MESSAGE_FIELDS.size : offset + size]))
-        rows = np.empty(len(heads), dtype)
-        for name, column in zip(_HEAD, zip(*heads, strict=True), strict=False):
-            rows[name] = column
-        if values:
-            rows["values"] = np.array(values, "<f8").view(dtype["values"])[:, 0]
+        for row, (at, size) in enumerate(spans):
+            with suppress(Malformed):
+                values[row] = decode(view[at + begin : at + size])
         return rows
+
+    def _heads(self, offsets: NDArray[np.int64], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+        """Return rows with times and number of the messages at ``offsets``, and values of NaN."""
+        rows, heads = np.empty(len(offsets), dtype), self._at(offsets, MESSAGE_HEAD)
+        for name, source in _HEAD.items():
+            rows[name] = heads[source]
+        size = dtype["values"].itemsize
+        unknown = np.full(size // 8, np.nan, "<f8").tobytes() + bytes(size % 8)
+        rows["values"] = np.frombuffer(unknown, dtype["values"])[0]
+        return rows
+
+    def _at(self, offsets: NDArray[np.int64], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+        """Return what stands at ``offsets`` (n,) as a ``dtype``, (n,)."""
+        if not len(offsets):
+            return np.empty(0, dtype)
+        octets = np.frombuffer(self.data, np.uint8)
+        taken = np.lib.stride_tricks.sliding_window_view(octets, dtype.itemsize)[offsets]
+        return np.asarray(taken.view(dtype)[:, 0])
 
     @cached_property
     def _all(self) -> Places:
@@ -198,13 +203,9 @@ class Messages:
         places, dtype = self._all, message_dtype(value_bytes)
         mine = np.isin(places.channels, channels)
         offsets = places.offsets[mine]
-        if not len(offsets):
-            return np.empty(0, dtype)
         if (places.sizes[mine] != MESSAGE_HEAD.itemsize + CDR_SIZE + value_bytes).any():
             raise Malformed("a message whose size does not fit its stream")
-        octets = np.frombuffer(self.data, np.uint8)
-        taken = np.lib.stride_tricks.sliding_window_view(octets, dtype.itemsize)[offsets]
-        return np.asarray(taken.view(dtype)[:, 0])
+        return self._at(offsets, dtype)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Decodes the messages of other programs to columns of numbers: JSON."""
+"""Decodes the messages of other programs to columns of numbers: JSON, and ROS 2 of any type."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mcap.records import Channel, Schema
 from rigd.model import Channel as Column
 from rigd.model import Stream
 from rigd.model.rows import TIME_FIELD
+from rigd.record.ros2msg import numbers_of
 
 #: Returns the values of the columns of a message, NaN where it has none.
 Decode = Callable[[memoryview], tuple[float, ...]]
@@ -28,7 +29,18 @@ def columns_of(
     """
     if channel.message_encoding == "json":
         return _of_json(channel.topic, schema, first)
+    if channel.message_encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
+        found = numbers_of(schema.data.decode(errors="replace"))
+        if found is not None:
+            names, decode = found
+            columns = tuple(Column(_free(name)) for name in names)
+            return Stream(channel.topic.removeprefix("/"), columns), decode
     return None
+
+
+def _free(name: str) -> str:
+    """Return the name of a column, which must not be that of the times."""
+    return f"message_{name}" if name == TIME_FIELD else name
 
 
 def _of_json(topic: str, schema: Schema | None, first: bytes) -> tuple[Stream, Decode] | None:
@@ -39,10 +51,7 @@ def _of_json(topic: str, schema: Schema | None, first: bytes) -> tuple[Stream, D
     paths = dict.fromkeys((*described, *(path for path, _ in _leaves(_loaded(first)))))
     if not paths:
         return None
-    names = [f"message_{path}" if path == TIME_FIELD else path for path in paths]
-    columns = tuple(
-        Column(name, doc=described.get(path, "")) for name, path in zip(names, paths, strict=True)
-    )
+    columns = tuple(Column(_free(path), doc=described.get(path, "")) for path in paths)
 
     def decode(payload: memoryview) -> tuple[float, ...]:
         values = dict(_leaves(_loaded(bytes(payload))))

@@ -375,10 +375,7 @@ class Recording:
         with opened(self.path) as fd:
             for index, following in zip(chunks, begins, strict=False):
                 messages = self._unpack(fd, index, check_crc=check_crc)
-                try:
-                    rows = messages.numbered(channels, blob, self.topics.decoders)
-                except Malformed as error:
-                    raise self._damaged(f"/{stream}: {error}") from error
+                rows = messages.numbered(channels, blob, self.topics.decoders)
                 within = (rows["t_ns"] >= low) & (rows["t_ns"] < high)
                 rows = in_order(np.concatenate([held, rows[within]]))
                 end = int(np.searchsorted(rows["t_ns"], following))
