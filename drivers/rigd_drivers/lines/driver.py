@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from functools import partial
 from typing import ClassVar, Final
 
 from rigd.sdk import (
@@ -17,7 +18,7 @@ from rigd.sdk import (
 )
 from rigd.sdk.port import LinePort
 from rigd_drivers.lines.config import LinesConfig
-from rigd_drivers.lines.reader import Reading
+from rigd_drivers.lines.reader import LineReader, Reading
 from rigd_drivers.lines.tally import LineStatus, Tally
 from rigd_drivers.lines.text import encoded
 
@@ -119,10 +120,8 @@ class Lines(SlowDriver[LinesConfig, None]):
         if question is None:
             return f"lines at {self.config.port}"
         asked = encoded(question)
-        echo = asked.strip()
-        answer = await self._port.ask(
-            asked, lambda line: line if line.strip() != echo else None, self.config.timeout
-        )
+        take = partial(LineReader(self.config).identity, asked)
+        answer = await self._port.ask(asked, take, self.config.timeout)
         if answer is None:
             raise LinkError(
                 f"{self.config.port} does not answer {asked!r} within {self.config.timeout:g} s",

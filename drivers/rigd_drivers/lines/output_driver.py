@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import ClassVar, Final, TypeVar
 
 from rigd.sdk import (
@@ -111,7 +112,8 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
                 self._port.send(encoded(command))
             self.identity = f"lines at {config.port}"
             if config.identify is not None:
-                line = self._wait(encoded(config.identify), lambda line: line, OPEN_S)
+                asked = encoded(config.identify)
+                line = self._wait(asked, partial(LineReader(config).identity, asked), OPEN_S)
                 self.identity = line.decode("latin-1").strip()
             self._on = self._wait(self._ask_state, self._state, OPEN_S)
             self._wait(self._ask, self._tally.take, OPEN_S)

@@ -68,6 +68,15 @@ class LineReader:
             values.append(value)
         return Reading(tuple(values), beyond)
 
+    def identity(self, asked: bytes, line: bytes) -> bytes | None:
+        """Return ``line`` if it can answer a question for the identity.
+
+        Its echo does not, nor a line with values, which the device sends by itself.
+        """
+        if line.strip() == asked.strip() or isinstance(self.read(line), Reading):
+            return None
+        return line
+
     def _groups(self, text: str) -> dict[str, tuple[str, str]] | str:
         """Return what each channel's group has, and how a message names it; or what is wrong."""
         pattern = self._pattern

@@ -87,6 +87,31 @@ def sound(row: Sequence[float]) -> bool:
     return row[:2] == pytest.approx((4.25, 293.15)) and int(row[2]) & 0xFFFF == 0
 
 
+def test_line_between_question_and_identity_is_none() -> None:
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readline()
+        writer.write(b"*IDN?\r\n4.25 20.0\r\nACME,G1\r\n4.25 20.0\r\n")
+        await reader.read()
+        writer.close()
+
+    async def main() -> None:
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        options = {
+            "port": f"tcp://127.0.0.1:{port}",
+            "columns": ["force", "temperature"],
+            "channels": {"force": "N", "temperature": "degC"},
+            "identify": r"*IDN?\n",
+        }
+        driver = Lines(LinesConfig.model_validate(options), None)
+        await driver.open()
+        assert driver.identity == "ACME,G1"
+        await driver.close()
+        server.close()
+
+    asyncio.run(main())
+
+
 @pytest.mark.parametrize("asked", [True, False])
 def test_values_follow_the_device(asked: bool, tmp_path: Path) -> None:
     async def main() -> None:
