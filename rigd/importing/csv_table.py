@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import math
 import re
-import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +21,7 @@ import pyarrow.csv as pa_csv
 from rigd.importing.source import TextTableSource
 from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
+from rigd.model.units import odd_character
 
 #: Text that is parsed at once, in bytes: above 4 MiB it is not parsed faster.
 BLOCK_BYTES: Final = 8 << 20
@@ -36,11 +36,6 @@ _WHOLE: Final = re.compile(r"[-+]?\d+")
 _PLUS: Final = re.compile(rb"(?m)(^|[,;\t| \"])\+(?=[0-9.,])")
 #: A line end of old Macs and of some instruments.
 _LONE_CR: Final = re.compile(rb"\r(?!\n)")
-#: What looks like a part of a number, and is none -> what is meant.
-_LOOKALIKES: Final = {
-    "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-", "\u00a0": "", "\u202f": "",
-    "\u2009": "", "\ufeff": "",
-}  # fmt: skip
 _SPACES: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"(?m)^ | \r?$")
 
@@ -253,12 +248,8 @@ class CsvTable:
             return f"{cell!r} is no whole number, as the first row has", None
         if problem := self.wrong_decimal(cell):
             return problem
-        odd = next((sign for sign in cell if sign in _LOOKALIKES), None)
-        if odd is not None:
-            name = f"U+{ord(odd):04X} {unicodedata.name(odd)}"
-            return f"{cell!r} has the character {name}", (
-                f"write {_LOOKALIKES[odd]!r} in its place in the file"
-            )
+        if odd := odd_character(cell):
+            return f"{cell!r} is no number{odd}", "correct that character in the file"
         return f"{cell!r} is no number", (
             f"if it means that there is no value, add `missing: [{cell!r}]` below `text:`"
         )

@@ -39,7 +39,10 @@ def _opened(path: Path, group: str | None, by_matlab: bool) -> Iterator[Sequence
                 file.visit(there.append)
                 raise ConfigError(f"{path} has no group {group!r}", hint=suggest(group, there))
             found = file[group]
-        yield list(_columns(found, by_matlab))
+        columns = list(_columns(found, by_matlab))
+        if by_matlab and not columns:
+            _refuse_object(path, file)
+        yield columns
 
 
 def _columns(found: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
@@ -49,8 +52,21 @@ def _columns(found: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
     datasets: list[tuple[str, Any]] = []
     found.visititems(lambda name, item: datasets.append((name, item)))
     for name, item in datasets:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+        if isinstance(item, h5py.Dataset) and not (name.startswith("#") or _is_object(item)):
             yield from _of_dataset(name, item, by_matlab)
+
+
+def _is_object(item: Any) -> bool:
+    """Return whether MATLAB wrote an object of a class there, whose content lies elsewhere."""
+    return "MATLAB_object_decode" in item.attrs
+
+
+def _refuse_object(path: Path, file: Any) -> None:
+    from rigd.importing.mat_table import not_read
+
+    for name, item in file.items():
+        if not name.startswith("#") and _is_object(item):
+            raise not_read(path, name)
 
 
 def _of_dataset(name: str, data: Any, by_matlab: bool) -> Iterator[ArrayColumn]:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 import scipy.io
+from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from rigd.config.problems import suggest
 from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
@@ -18,6 +19,8 @@ from rigd.model.errors import ConfigError
 from rigd.model.extras import require
 
 _HDF5: Final = b"MATLAB 7.3"
+#: So many structures are listed.
+_MOST_NAMED: Final = 12
 
 
 def open_mat(path: Path, group: str | None) -> ArrayTable:
@@ -41,14 +44,59 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
         raise unreadable(path, "MATLAB file", error) from error
     except Exception as error:  # scipy has errors of its own, and those of zlib
         raise unreadable(path, "MATLAB file", error) from error
-    found = content
+    own = {name: item for name, item in content.items() if not name.startswith("__")}
+    structures = dict(_structures(own))
+    found = own
     if group is not None:
-        structures = [name for name, item in content.items() if isinstance(item, dict)]
         if group not in structures:
+            _refuse_object(path, {group: own.get(group)})
             raise ConfigError(f"{path} has no structure {group!r}", hint=suggest(group, structures))
-        found = content[group]
+        found = structures[group]
+    elif not any(isinstance(item, np.ndarray) and item.dtype.kind in "iufb"
+                 for item in own.values()):  # fmt: skip
+        _refuse_object(path, own)
+        if structures:
+            raise ConfigError(
+                f"{path} has structures and no arrays",
+                hint=f"give `group:`, one of {', '.join(list(structures)[:_MOST_NAMED])}",
+            )
     units = found.get("units")
     return ArrayTable(path, partial(_opened, found, units if isinstance(units, dict) else {}))
+
+
+def _structures(own: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the structures by what selects them: `run`, or `results(3)` of an array of them."""
+    for name, item in own.items():
+        if isinstance(item, dict):
+            yield name, item
+        elif isinstance(item, list):
+            yield from (
+                (f"{name}({at})", part) for at, part in enumerate(item, 1) if isinstance(part, dict)
+            )
+
+
+def _refuse_object(path: Path, own: dict[str, Any]) -> None:
+    for name, item in own.items():
+        if is_object(item):
+            raise not_read(path, name)
+
+
+def is_object(item: object) -> bool:
+    """Return whether scipy has found an object of a class of MATLAB, and not its content."""
+    kinds = (MatlabOpaque, MatlabFunction)
+    return isinstance(item, kinds) or (
+        isinstance(item, np.ndarray) and item.dtype.names == ("s0", "s1", "s2", "arr")
+    )
+
+
+def not_read(path: Path, name: str) -> ConfigError:
+    """Return the error for a variable that only MATLAB can read."""
+    return ConfigError(
+        f"the variable {name!r} in {path} is an object of MATLAB, such as a timeseries, a table or "
+        "a Dataset of Simulink, which only MATLAB reads",
+        hint=f"save its numbers in MATLAB: s.t = {name}.Time; s.x = {name}.Data; "
+        "save('new.mat', '-struct', 's')",
+    )
 
 
 @contextmanager

@@ -124,7 +124,8 @@ class StreamSource(Source):
     format: Format | None = None
     """The format; by default by the ending of the file's name."""
     group: Annotated[str, StringConstraints(min_length=1, max_length=200)] | None = None
-    """In a file with several tables: the group (HDF5, TDMS), the structure (MAT), or the number or
+    """In a file with several tables: the group (HDF5, TDMS), the structure (MAT; `results(3)` of
+    an array of them), or the number or
     name of the channel group (MDF4).
     """
     text: TextTableSource = Field(default_factory=TextTableSource)

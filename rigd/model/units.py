@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -229,7 +230,7 @@ def symbols(unit: str | None = None) -> tuple[list[str], list[str]]:
 def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     match = _FACTOR.match(word)
     if match is None:
-        raise ValueError(f"cannot read {word!r} in unit {text!r}")
+        raise ValueError(f"cannot read {word!r} in unit {text!r}{odd_character(word)}")
     symbol = _SYNONYMS.get(match["symbol"], match["symbol"])
     power = int((match["power"] or "1")[:9])  # nine characters prove that it is too large
     if abs(power) > _MAX_POWER:
@@ -293,12 +294,26 @@ def parse_quantity(text: str) -> Quantity:
         raise ValueError(f"{text!r} has a decimal comma: write '{comma[1]}.{comma[2]}'")
     match = _NUMBER.match(text)
     if match is None:
-        raise ValueError(f"cannot read {text!r} as a number with a unit, such as '1.5 A'")
+        raise ValueError(
+            f"cannot read {text!r} as a number with a unit, such as '1.5 A'{odd_character(text)}"
+        )
     unit = parse_unit(match["unit"])
     value = unit.to_si(float(match["number"]))
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is too large a number")
     return Quantity(value, unit)
+
+
+def odd_character(text: str) -> str:
+    """Return what to say of the first character that only looks like one of a quantity, or "".
+
+    Such as a minus sign U+2212, a space without a width, a mark of the order of bytes.
+    """
+    for sign in text:
+        kind = unicodedata.category(sign)
+        if kind == "Cc" or (kind in ("Cf", "Pd", "Sm", "Zs") and not sign.isascii()):
+            return f": it has U+{ord(sign):04X} {unicodedata.name(sign, 'a control character')}"
+    return ""
 
 
 def format_quantity(value: float, unit: str, digits: int = 6) -> str:

@@ -303,3 +303,52 @@ def test_warning_of_a_library_is_an_error(
     (made,) = import_files(what, [tmp_path / name], tmp_path / "runs")
     assert words in Recording.open(made.path).metadata["import"]["warnings"]
     assert capfd.readouterr().err == ""
+
+
+def bring_mat(path: Path, group: str = "") -> Recording:
+    text = MAP.replace("    GROUP\n", group and f"    group: {group}\n").replace("TIME", "t")
+    (made,) = import_files(parse_map(text, Path("map.yaml")), [path], path.parent / "runs")
+    return Recording.open(made.path)
+
+
+def test_structure_of_an_array_goes_by_number(tmp_path: Path) -> None:
+    array = np.zeros(3, [("t", object), ("force", object)])
+    for index in range(3):
+        array[index] = (TIMES_S, FORCE * index)
+    scipy.io.savemat(tmp_path / "a.mat", {"all_results": array})
+    with pytest.raises(ConfigError, match="structures and no arrays") as raised:
+        bring_mat(tmp_path / "a.mat")
+    assert "one of all_results(1), all_results(2), all_results(3)" in str(raised.value.hint)
+    with pytest.raises(ConfigError, match=r"no structure 'all_results\(4\)'"):
+        bring_mat(tmp_path / "a.mat", "all_results(4)")
+    rows = bring_mat(tmp_path / "a.mat", "all_results(3)").read("samples")
+    assert rows["force"].tolist() == (FORCE * 2 * 1000.0).tolist()
+
+
+def write_object_of_version_7_3(path: Path) -> None:
+    """As MATLAB writes an object: numbers that say where its content lies."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        item = file.create_dataset("logs", data=np.zeros((1, 6), np.uint32))
+        item.attrs["MATLAB_class"] = np.bytes_("timeseries")
+        item.attrs["MATLAB_object_decode"] = np.int32(3)
+        file["#refs#/a"] = np.zeros(4)
+    with path.open("r+b") as head:
+        head.write(b"MATLAB 7.3 MAT-file")
+
+
+def test_object_of_matlab_is_named(tmp_path: Path) -> None:
+    write_object_of_version_7_3(tmp_path / "a.mat")
+    with pytest.raises(ConfigError, match=r"'logs' in .* is an object of MATLAB") as raised:
+        bring_mat(tmp_path / "a.mat")
+    assert "save('new.mat', '-struct', 's')" in str(raised.value.hint)
+
+
+def test_object_of_older_matlab_is_named(tmp_path: Path) -> None:
+    """What scipy gives for one; scipy cannot write such a file."""
+    scipy.io.savemat(tmp_path / "a.mat", {"note": "old"})
+    opaque = [("s0", "O"), ("s1", "O"), ("s2", "O"), ("arr", "O")]
+    item = scipy.io.matlab.MatlabOpaque(np.zeros(1, opaque))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("scipy.io.loadmat", lambda *_, **__: {"logs": item})
+        with pytest.raises(ConfigError, match=r"'logs' in .* is an object of MATLAB"):
+            bring_mat(tmp_path / "a.mat", "logs")

@@ -422,8 +422,8 @@ TEXTS = {
         files={"a.csv": MISSING}, force=HOLE,
     ),
     "lookalike": Case(
-        "write '-' in its place in the file",
-        [Walk("-", files={"a.csv": GOOD.replace(",0.5,", ",-0.5,")})],
+        "correct that character in the file",
+        [Walk("correct", files={"a.csv": GOOD.replace(",0.5,", ",-0.5,")})],
         files={"a.csv": GOOD.replace(",0.5,", ",\u22120.5,")}, force=[0.0, -0.5, *FORCE[2:]],
     ),
     "other decimal sign": Case(
@@ -614,6 +614,19 @@ def mat(path: Path) -> None:
     scipy.io.savemat(path, {"run": {"t": MILLI, "F": FORCE, "v": np.arange(40.0)}})
 
 
+def object_of_matlab(path: Path) -> None:
+    """As version 7.3 has it: numbers that say where the content lies."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        item = file.create_dataset("logs", data=np.zeros((1, 6), np.uint32))
+        item.attrs["MATLAB_object_decode"] = np.int32(3)
+    with path.open("r+b") as head:
+        head.write(b"MATLAB 7.3 MAT-file")
+
+
+def saved_anew(path: Path) -> None:
+    scipy.io.savemat(path, {"t": MILLI, "x": FORCE})
+
+
 WITHOUT_V: tuple[str, str] = ("      speed: {column: v, unit: mm/s}\n", "")
 OF_TDMS = [(TIME, "time: {column: (time)}"), ("    text: {}\n", "    group: g\n")]
 NO_GROUP = [(TIME, "time: {column: (time)}")]
@@ -636,6 +649,18 @@ FORMATS = {
         [Walk("run", [("group: rum", "group: run")])],
         [("    text: {}\n", "    group: rum\n")],
         {"a.mat": mat},
+    ),
+    "structures alone": Case(
+        "give `group:`, one of run",
+        [Walk("run", [("    text: {}\n", "    group: run\n")])],
+        files={"a.mat": mat},
+    ),
+    "object of MATLAB": Case(
+        "save its numbers in MATLAB: s.t = logs.Time; s.x = logs.Data; save('new.mat', "
+        "'-struct', 's')",
+        [Walk("s.t = logs.Time; s.x = logs.Data", [("column: F", "column: x"), WITHOUT_V],
+              files={"a.mat": saved_anew})],
+        files={"a.mat": object_of_matlab},
     ),
     "groups of TDMS": Case(
         "give `group:`, one of g, h",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -191,3 +192,17 @@ def test_printed_quantity_reads_back_unchanged(value: float, unit: str) -> None:
     shown = format_quantity(value, unit)
     rounding = 1e-5 * parse_unit(unit).offset or 1e-12
     assert parse_quantity(shown).value == pytest.approx(value, rel=1e-5, abs=rounding)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("\u22120.3 A", "U+2212 MINUS SIGN"),
+        ("\ufeff0.3 A", "U+FEFF ZERO WIDTH NO-BREAK SPACE"),
+        ("0.3 A\u200b", "U+200B ZERO WIDTH SPACE"),
+        ("0.3\u00a0m\u2013s", "U+2013 EN DASH"),
+    ],
+)
+def test_character_that_looks_alike_is_named(text: str, name: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(name)):
+        parse_quantity(text)
