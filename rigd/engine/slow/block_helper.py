@@ -113,7 +113,7 @@ class BlockHelper:
 
     def _wait_until_open(self, timeout_s: float) -> None:
         until_ns = monotonic_ns() + round(timeout_s * 1e9)
-        while not self._has_message(_LOOK_S):
+        while not self._has_message(min(_LOOK_S, timeout_s)):
             if self._stopped():
                 raise DeviceError(f"{self.name} was not opened: a stop was requested")
             if monotonic_ns() > until_ns:

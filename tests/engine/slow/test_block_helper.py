@@ -82,6 +82,13 @@ def test_helper_lives_before_it_is_judged(placed: Placed) -> None:
     assert place.slot.beat_ns > 0
 
 
+def test_stop_ends_opening_of_helper(placed: Placed) -> None:
+    place = placed(counter(fault="slow start"), stopped=lambda: True)
+    with pytest.raises(DeviceError, match="daq was not opened: a stop was requested"):
+        place.helper.start()
+    assert not alive(place.helper.pid)
+
+
 def test_helper_not_open_in_time_is_ended(placed: Placed) -> None:
     place = placed(counter())
     with pytest.raises(LinkError, match="daq was not open within 0 s"):

@@ -238,6 +238,16 @@ def test_action_runs_while_device_measures(bench: Make) -> None:
     assert found.devices.poll() is None
 
 
+def test_stop_ends_opening_that_waits(bench: Make) -> None:
+    """Asked for while a device is opened that does not answer for 20 s."""
+    found = bench(bad="deaf", good="")
+    found.devices._stopped = lambda: found.scales["good"].opened
+    with pytest.raises(DeviceError, match="a stop was requested"):
+        found.devices.start()
+    assert found.scales["good"].closed
+    assert found.scales["bad"].closed
+
+
 def test_driver_that_blocks_loop_is_found_out(bench: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigd.engine.slow.devices.BLOCKED_S", 0.5)
     monkeypatch.setattr("rigd.engine.slow.devices.CLOSE_S", 0.2)

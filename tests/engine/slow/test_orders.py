@@ -146,6 +146,18 @@ def test_nothing_is_sent_before_arming(bench: Callable[..., Bench]) -> None:
     assert found.oven.calls == ["open"]
 
 
+def test_stop_ends_proof_that_waits(bench: Callable[..., Bench]) -> None:
+    found = bench(watchdog=600.0)
+    found.devices.start()
+    found.oven.fault = "watchdog hangs"
+    found.devices._stopped = lambda: True
+    proven, (reason,) = found.devices.prove_watchdogs()
+    assert proven == {}
+    assert reason == "oven: its watchdog is not proven: a stop was requested"
+    assert found.devices.make_safe() == []
+    assert found.oven.calls == ["open", "safe"]
+
+
 def test_setpoints_go_to_rest_before_output_is_on(bench: Callable[..., Bench]) -> None:
     found = bench()
     assert found.cycle.ready()
