@@ -212,7 +212,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             load_lab(checked.lab)
         if checked.plant is not None:
             checked.plant.config.files()
-        sibling = _sibling_text(checked)
+        sibling = f"{_certificates_text(checked)}{_sibling_text(checked)}"
         channels = sum(len(device.channels) for device in checked.devices.values())
         devices = sum(not isinstance(item.config, COMPUTED) for item in checked.devices.values())
         parts = [f"rig {checked.name}", f"{devices} devices", f"{channels} channels"]
@@ -245,6 +245,27 @@ def _texts(specimen: Specimen) -> str:
         if begins_with_number(text) and value_of(text).number is None
     ]
     return f"; kept as text, since it is no number with a unit: {', '.join(texts)}" if texts else ""
+
+
+def _certificates_text(rig: RigConfig) -> str:
+    """Return a line on certificates that are not there yet; "" without.
+
+    Raises:
+        ConfigError: one of them is none, has expired, or does not belong to the others.
+    """
+    tls = rig.remote.tls
+    if tls is None:
+        return ""
+    absent = [path for path in (tls.ca, tls.certificate, tls.key) if not path.exists()]
+    if absent:
+        return f"\n  {absent[0]} does not exist yet: `rigd remote setup-tls` makes certificates"
+    from rigd.model.errors import ConfigError
+    from rigd.remote.certificates import check_usable, distrusted
+
+    check_usable(tls)
+    if why := distrusted(tls):
+        raise ConfigError(why, hint="`rigd remote setup-tls` makes those that are missing")
+    return ""
 
 
 def _sibling_text(rig: RigConfig) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator, model_validator
 
-from rigd.model.errors import ConfigError, Place
+from rigd.model.errors import ConfigError
+from rigd.sdk.document import read_document
 from rigd.sdk.documented import Documented, WrongEntries
 from rigd.sdk.plant import PlantConfig
 
@@ -104,20 +104,15 @@ def load_parameters(path: Path, model: type[M], example: Path) -> M:
         ConfigError: see :meth:`ParametersConfig.read_parameters`.
 
     """
-    from ruamel.yaml.error import YAMLError
-
+    document = read_document(path)
     try:
-        tree = _tree(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
-    try:
-        return model.model_validate(tree)
+        return model.model_validate(document.data)
     except ValidationError as error:
         raise ConfigError.several(
             [
                 ConfigError(
                     f"{'.'.join(map(str, where)) or 'parameters'}: {words}",
-                    place=_place(path, tree, where),
+                    place=document.place(where),
                     hint=f"{example} shows every key with its unit",
                 )
                 for item in error.errors(include_url=False)
@@ -134,13 +129,6 @@ def _problems(item: Any) -> list[tuple[tuple[int | str, ...], str]]:
     return [(item["loc"], _words(item))]
 
 
-@lru_cache(maxsize=8)  # a run reads the file of its plant several times, at 30 ms each
-def _tree(text: str) -> Any:
-    from ruamel.yaml import YAML
-
-    return YAML(typ="rt", pure=True).load(text)
-
-
 def _words(item: Any) -> str:
     """Return the problem of one entry, in terms of the file instead of the library."""
     known = {"extra_forbidden": "unknown key", "missing": "this key is missing"}
@@ -149,17 +137,3 @@ def _words(item: Any) -> str:
     words, found = str(item["msg"]).removeprefix("Value error, "), item["input"]
     is_value = isinstance(found, str | int | float) and str(found) not in words
     return f"{words}, found {str(found)!r}" if is_value else words
-
-
-def _place(path: Path, tree: Any, location: tuple[int | str, ...]) -> Place:
-    """Return the place of the entry at ``location``, or of the last entry on the way to it."""
-    line, column, node = 0, 0, tree
-    for key in location:
-        if isinstance(node, dict) and key in node:
-            line, column = node.lc.value(key)  # type: ignore[attr-defined] # ruamel's CommentedMap
-        elif isinstance(node, list) and isinstance(key, int) and key < len(node):
-            line, column = node.lc.item(key)  # type: ignore[attr-defined] # ruamel's CommentedSeq
-        else:
-            break
-        node = node[key]
-    return Place(str(path), line + 1, column + 1)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from rigd.cli.main import main
+from rigd.remote.tls import setup_tls
 from rigd.sdk.shipped import shipped_folder
 
 PROCEDURES = shipped_folder("procedures")
@@ -239,3 +240,21 @@ def test_rig_whose_lab_is_missing_is_refused(
     code, _, err = check(str(tmp_path / "rig.yaml"), capsys=capsys)
     assert code == 2
     assert "nolab.yaml" in err
+
+
+def test_certificates_of_rig_are_opened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (shipped_folder("configs") / "sim_lugre.yaml").read_text("utf-8")
+    tls = "  tls: {ca: ca.crt, certificate: rigd.crt, key: rigd.key}\n"
+    tls = f"remote:\n  listen: [tls/0.0.0.0:7447]\n{tls}"
+    rig = tmp_path / "mine.yaml"
+    rig.write_text(f"{text}{tls}  roles: {{alice: operator}}\n", "utf-8")
+    code, out, _ = check(str(rig), capsys=capsys)
+    assert code == 0
+    assert "ca.crt does not exist yet: `rigd remote setup-tls` makes certificates" in out
+    setup_tls(tmp_path, ["rig.lab"], [])
+    assert check(str(rig), capsys=capsys)[0] == 0
+    (tmp_path / "rigd.crt").write_text("root:*:19000:0:99999:7:::\n")
+    code, _, err = check(str(rig), capsys=capsys)
+    assert code == 2
+    assert "rigd.crt is no certificate in PEM" in err
+    assert "root" not in err.replace(str(tmp_path), "")

@@ -21,6 +21,7 @@ from rigd.sdk.check.plant_bench import (
     wild,
 )
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
+from rigd.sdk.document import parse_document
 from rigd.sdk.driver import Driver
 from rigd.sdk.options import options_of
 from rigd.sdk.parameters import ParametersConfig
@@ -121,10 +122,8 @@ def _parameters(subject: PlantSubject) -> Iterator[str]:
 
 
 def _plain(config: ParametersConfig) -> Any:
-    from ruamel.yaml import YAML
-
-    ((_, text),) = config.files().items()
-    return YAML(typ="safe", pure=True).load(text)
+    ((path, text),) = config.files().items()
+    return parse_document(text, path).data
 
 
 def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -17,9 +17,10 @@ from typing import Annotated, Any, Final, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from rigd.model.errors import ConfigError, Place
+from rigd.model.errors import ConfigError
 from rigd.model.units import parse_quantity
 from rigd.sdk import Documented, In
+from rigd.sdk.document import read_document
 from rigd_sim.wire.part import Part, State
 
 #: Longer signs first, so that `<=` is not read as `<`.
@@ -34,6 +35,11 @@ _COMPARE: Final[Mapping[str, Callable[[Any, Any], bool]]] = {
 _CONDITION: Final = re.compile(r"\s*(\w+)\.(\w+)\s*(<=|>=|==|!=|<|>)\s*(\S.*?)\s*$")
 #: Where states come from: a part's name, or ``plant``.
 States = Mapping[str, Callable[[], State]]
+
+
+#: A number of YAML 1.2.
+_NUMBER: Final = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+_HEXADECIMAL: Final = re.compile(r"0x[0-9a-fA-F]{1,16}")
 
 
 class FaultEntry(Documented, BaseModel):  # both: ruff does not look into other modules
@@ -225,31 +231,43 @@ def read_fault_file(path: Path) -> list[FaultEntry]:
         ConfigError: it cannot be read, or an entry is wrong; names every problem with its place.
 
     """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
-    try:
-        tree = YAML(typ="rt", pure=True).load(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(tree, dict) or list(tree) != ["faults"]:
+    document = read_document(path)
+    tree = document.data
+    listed = tree.get("faults") if isinstance(tree, dict) and list(tree) == ["faults"] else ""
+    if not isinstance(listed, list | None):
         raise ConfigError(
             f"{path}: expected a list under `faults:`",
             hint="faults:\n    - {part: wheel_servo, fault: silent, at: 2 s, for: 0.5 s}",
         )
     entries, problems = [], []
-    for index, item in enumerate(tree["faults"] or ()):
-        line, column = tree["faults"].lc.item(index)
+    for index, item in enumerate(listed or ()):
+        if isinstance(item, dict) and isinstance(item.get("options"), dict):
+            item = {**item, "options": _plain(item["options"])}
         try:
             entries.append(FaultEntry.model_validate(item))
         except ValidationError as error:
-            place = Place(str(path), line + 1, column + 1)
             problems += [
                 ConfigError(
-                    f"{'.'.join(map(str, entry['loc'])) or 'entry'}: {entry['msg']}", place=place
+                    f"{'.'.join(map(str, entry['loc'])) or 'entry'}: {entry['msg']}",
+                    place=document.place(("faults", index)),
                 )
                 for entry in error.errors(include_url=False, include_context=False)
             ]
     if problems:
         raise ConfigError.several(problems)
     return entries
+
+
+def _plain(data: Any) -> Any:
+    """Return options as numbers, truth values and words: the reader keeps each as its text."""
+    if isinstance(data, dict):
+        return {name: _plain(item) for name, item in data.items()}
+    if isinstance(data, list):
+        return [_plain(item) for item in data]
+    if data in ("true", "false"):
+        return data == "true"
+    if isinstance(data, str) and _HEXADECIMAL.fullmatch(data):
+        return int(data, 16)
+    if isinstance(data, str) and _NUMBER.fullmatch(data) and len(data) < 30:
+        return float(data) if set(data) & set(".eE") else int(data)
+    return data

@@ -175,7 +175,7 @@ def test_a_fault_file_is_read_with_its_units(tmp_path: Path) -> None:
         ("faults:\n  - {part: a, fault: b, when: hot}\n", r":2:5: .*cannot read 'hot'"),
         ("faults:\n  - {part: a, fault: b, probability: 1 1/s}\n", r":2:5: .*needs `for`"),
         ("- {part: a, fault: b}\n", "expected a list under `faults:`"),
-        ("faults: [\n", "cannot be read"),
+        ("faults: [\n", "is not closed"),
     ],
 )
 def test_wrong_fault_file_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:
