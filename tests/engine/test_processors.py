@@ -94,10 +94,12 @@ def test_doctor_counts_cycles_and_what_fits() -> None:
     check = rigs_check("machine", {0, 1}, found, 0.1)
     assert check.verdict is CheckVerdict.OK
     assert check.found == (
-        "cycles that run now: 1 on processor 0 (20% of it), 2 on processor 1 (40% of it); 4 more "
-        "as this one, which takes 10% of a processor fit"
+        "cycles that run now: 1 on processor 0 (20% of it), 2 on processor 1 (40% of it); room for "
+        "4 more like this one, which takes 10% of a processor"
     )
-    assert rigs_check("machine", {0, 1}, []).found.startswith("cycles that run now: none; 10 more")
+    assert rigs_check("machine", {0, 1}, []).found.startswith(
+        "cycles that run now: none; room for 10 more"
+    )
 
 
 def test_doctor_warns_of_full_and_badly_shared_processors() -> None:

@@ -77,9 +77,9 @@ def rigs_check(
         for one in sorted(allowed & taken.keys())
     )
     count = fitting(share or _USUAL_SHARE, allowed, taken)
-    which = "that take" if share is None else "as this one, which takes"
     each = f"{max(share or _USUAL_SHARE, LEAST_SHARE):.0%} of a processor"
-    text = f"cycles that run now: {told or 'none'}; {count} more {which} {each} fit"
+    like = f"that take {each} each" if share is None else f"like this one, which takes {each}"
+    text = f"cycles that run now: {told or 'none'}; room for {count} more {like}"
     figures = {"taken": {str(one): taken[one] for one in sorted(taken)}, "fit": count}
     full = [one for one in sorted(allowed & taken.keys()) if taken[one] > MOST_SHARE]
     shared = [one for one in sorted(taken) if running.count(one) > 1]
