@@ -164,6 +164,7 @@ def perform(
         path = resume.path
     else:
         path = request.output or new_path(request)
+        make_folder(path.parent, "--output" if request.output else "--runs")
     form = _form(request, control, path, len(done), held)
     procedure = request.procedure
     seeds = trial_seeds(request.seed, request.rig.name, procedure.name, procedure.trials)
@@ -401,19 +402,27 @@ def _media_type(name: str) -> str:
     return "application/yaml" if name.endswith((".yaml", ".yml")) else "text/plain"
 
 
+def make_folder(folder: Path, option: str) -> None:
+    """Make the folder of a recording if it is missing; ``option`` names another one.
+
+    Raises:
+        RecordingError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot make the folder {folder}: {error.strerror}", hint=f"choose another {option}"
+        ) from error
+
+
 def new_path(request: RunRequest) -> Path:
     """Return a path in the folder that no file has yet: time, procedure, floor or the like.
 
     Raises:
         RecordingError: the folder cannot be made.
     """
-    try:
-        request.folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot make the folder {request.folder}: {error.strerror}",
-            hint="choose another --runs",
-        ) from error
+    make_folder(request.folder, "--runs")
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     words = [stamp, request.procedure.name]
     plan = request.procedure.identify

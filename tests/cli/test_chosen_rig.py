@@ -10,9 +10,11 @@ import pytest
 from support import command
 
 import rigd
+import rigd.remote
 from rigd.cli.main import main
 from rigd.cli.options import expanded, the_newest
 from rigd.model import ConfigError
+from rigd.model.errors import RigdError
 from rigd.procedure.chosen_rig import chosen_rig, try_rig
 from rigd.procedure.loader import load_procedure
 from rigd.record import run_info
@@ -166,3 +168,17 @@ def test_python_runs_without_a_rig(folder: Path) -> None:
     recording = rigd.run("short.yaml", notify=told.append)
     assert run_info(recording).rig == "lugre-1"
     assert told == ["no --rig: simulated on lugre-1, nothing moves"]
+
+
+def test_output_makes_its_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "short.yaml", "--output", "new/runs/x.mcap"]) == 0
+    assert (folder / "new" / "runs" / "x.mcap").is_file()
+    (folder / "file").touch()
+    assert main(["run", "short.yaml", "--output", "file/x.mcap"]) == 7
+    assert "cannot make the folder file" in capsys.readouterr().err
+
+
+def test_errors_of_remote_stand_beside_its_clients() -> None:
+    """As docs/remote.md names them."""
+    assert issubclass(rigd.remote.Refusal, RigdError)
+    assert issubclass(rigd.remote.LinkError, RigdError)
