@@ -21,6 +21,7 @@ from rigd.importing.files import SourceFiles, sort_files
 from rigd.importing.found import FoundTrial, found_trials
 from rigd.importing.map import ImportMap
 from rigd.importing.reading import SourceReader, find_trials_in, open_source, prefetched
+from rigd.importing.table import HasMoments
 from rigd.importing.warned import listening
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
@@ -345,8 +346,9 @@ def _write_events(
 
 
 def _dated(reader: SourceReader) -> bool:
-    time = reader.source.time
-    return time.since_ns is not None or time.format is not None
+    time, table, column = reader.source.time, reader.table, reader.times.clock.column
+    moments = column is not None and isinstance(table, HasMoments) and table.is_moment(column)
+    return moments or time.since_ns is not None or time.format is not None
 
 
 def _stamp(path: Path) -> tuple[int, int]:

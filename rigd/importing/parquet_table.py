@@ -53,6 +53,8 @@ class ParquetTable:
 
     def unit(self, column: int) -> str:
         """Return the unit in the metadata of the column, as rigd exports it."""
+        if self.is_moment(column):
+            return "ns"
         metadata = self._schema.field(column).metadata or {}
         return str(metadata.get(b"unit", b""), "utf-8", "replace")
 
@@ -60,6 +62,10 @@ class ParquetTable:
         """Return whether the column has whole numbers."""
         kind = self._schema.field(column).type
         return bool(pa.types.is_integer(kind) or pa.types.is_timestamp(kind))
+
+    def is_moment(self, column: int) -> bool:
+        """Return whether the column has moments: its zero is 1970."""
+        return bool(pa.types.is_timestamp(self._schema.field(column).type))
 
     def place(self, column: int, row: int | None = None) -> Place:
         """Return row and column."""

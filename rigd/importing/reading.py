@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from rigd.importing.clock import Clock
 from rigd.importing.formats import open_table
 from rigd.importing.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
-from rigd.importing.table import Batch, Kind, SourceTable, find_column, stated_unit, unit_of
+from rigd.importing.table import (
+    Batch,
+    HasMoments,
+    Kind,
+    SourceTable,
+    find_column,
+    stated_unit,
+    unit_of,
+)
 from rigd.importing.times import Times
 from rigd.importing.trials import TrialFinder
 from rigd.model.channels import Stream
@@ -200,6 +208,8 @@ def _times(time: TimeMap, table: SourceTable, base_ns: int, *, started: bool) ->
                 )
     if table.start_ns is not None and not started:
         base_ns = table.start_ns
+    if isinstance(table, HasMoments) and column is not None and table.is_moment(column):
+        base_ns = 0
     if time.since_ns is not None:
         base_ns = time.since_ns
     if time.format is not None:

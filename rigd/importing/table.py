@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -68,6 +68,14 @@ class SourceTable(Protocol):
         Raises:
             ConfigError: a cell cannot be read, or the file is empty or cut off.
         """
+
+
+@runtime_checkable
+class HasMoments(Protocol):
+    """A table whose format has a type for moments."""
+
+    def is_moment(self, column: int) -> bool:
+        """Return whether a column has moments: its zero is 1970, whatever the map states."""
 
 
 def find_column(table: SourceTable, name: str, place: Place) -> int:

@@ -352,3 +352,20 @@ def test_object_of_older_matlab_is_named(tmp_path: Path) -> None:
         patched.setattr("scipy.io.loadmat", lambda *_, **__: {"logs": item})
         with pytest.raises(ConfigError, match=r"'logs' in .* is an object of MATLAB"):
             bring_mat(tmp_path / "a.mat", "logs")
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+@pytest.mark.parametrize("given", ["", ", unit: ns, since: 1970-01-01"])
+def test_timestamps_of_parquet_are_moments(
+    tmp_path: Path, unit: str, zone: str | None, given: str
+) -> None:
+    moments = np.arange(500) * 1_000_000 + START_NS
+    column = pa.array(moments, pa.timestamp("ns")).cast(pa.timestamp(unit))
+    typed = column.cast(pa.timestamp(unit, zone)) if zone else column
+    pq.write_table(pa.table({"t": typed, "force": FORCE}), tmp_path / "a.parquet")
+    text = MAP.replace("GROUP", "sparse: false").replace("TIME, unit: s", f"t{given}")
+    (made,) = import_files(parse_map(text, Path("map.yaml")), [tmp_path / "a.parquet"], tmp_path)
+    recording = Recording.open(made.path)
+    assert recording.read("samples")["t_ns"].tolist() == moments.tolist()
+    assert recording.metadata["import"]["started_from"] == "the times in the file"

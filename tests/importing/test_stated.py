@@ -65,3 +65,14 @@ def test_wrong_statement_imports_nothing(
     assert main([*command, *said]) == 2
     assert message in capsys.readouterr().err
     assert not Path("runs").exists()
+
+
+def test_info_shows_what_was_done_to_times(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("map.yaml").write_text(MAP.replace("unit: s}", "unit: s, coarse: spread}"))
+    Path("one.csv").write_text("t,F,v\n0,1,2\n0,1,2\n0.1,2,3\n0.1,2,3\n")
+    assert main([*command[:2], *command[3:]]) == 0
+    assert main(["info", "runs/one.mcap"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "4 rows at 2 different times, spread evenly between them" in shown
