@@ -113,13 +113,14 @@ def _is_own(channel: mcap.Channel, schema: mcap.Schema | None, *, others: bool) 
 
 def _stream(channel: mcap.Channel, schema: mcap.Schema | None, *, others: bool) -> Stream | None:
     """Return the stream of a channel whose messages are plain float64s, else None."""
-    if channel.message_encoding != "cdr":
-        return None
     plain = None
-    if schema is not None:
-        if schema.encoding != "ros2msg":
+    if others or STREAM_KEY not in channel.metadata:
+        if channel.message_encoding != "cdr":
             return None
-        plain = stream_from_schema(channel.topic, schema.data.decode(errors="replace"))
+        if schema is not None:
+            if schema.encoding != "ros2msg":
+                return None
+            plain = stream_from_schema(channel.topic, schema.data.decode(errors="replace"))
     if STREAM_KEY not in channel.metadata:
         return plain
     try:
