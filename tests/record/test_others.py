@@ -147,3 +147,27 @@ def test_bad_bytes_cost_only_what_they_hit(
     repaired = every(theirs.read_bytes())
     assert len(whole - repaired) <= (2 if name in LOOSE else CHUNK)
     assert len(repaired - whole) <= (CHUNK if name in NO_CRC else 0)
+
+
+@pytest.mark.parametrize("name", ["mixed channels", "no summary", "no chunks", "swapped"])
+def test_trial_that_lost_rows_is_not_complete(name: str, content: Content, tmp_path: Path) -> None:
+    """Bytes of the second trial are wrong; before the repair and after it."""
+    theirs = tmp_path / "theirs.mcap"
+    VALID[name](content, theirs)
+    data = bytearray(theirs.read_bytes())
+    chunks = Recording.open(theirs).contents.chunks
+    hit = min(
+        chunks, key=lambda chunk: abs(chunk.message_start_time - content.messages[550].log_time)
+    )
+    at = hit.chunk_start_offset + 60
+    if name == "no chunks":
+        at = bytes(data).index(content.messages[550].data) - 31 + 1  # the length of its record
+    data[at : at + 16] = b"\xff" * 16
+    theirs.write_bytes(data)
+    for _ in range(2):
+        recording = Recording.open(theirs, partial=True)
+        assert [trial.complete for trial in recording.trials] == [True, False]
+        assert recording.gaps
+        assert recording.losses
+        recover(theirs)
+        assert verify(theirs).damages == ()

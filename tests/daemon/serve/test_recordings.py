@@ -8,10 +8,12 @@ import os
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from rigd.daemon.serve.recordings import Recordings, interrupted
+from rigd.model import RecordingError
 from rigd.model.channels import Channel, Stream
-from rigd.record import NO_TRIAL, RecordingWriter
+from rigd.record import NO_TRIAL, RecordingWriter, recover
 from rigd.remote.protocol import Code, Refusal, as_json
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 
@@ -235,3 +237,26 @@ def test_names_that_steer_a_terminal_are_left_out(tmp_path: Path, name: str) -> 
     assert recordings.of("bench") == []
     with pytest.raises(Refusal, match="there is no recording"):
         recordings.path(name)
+
+
+def test_file_of_another_program_is_valid_or_damaged(tmp_path: Path) -> None:
+    """It has no run: nothing is offered to be resumed, and nothing of it is repaired."""
+    path = tmp_path / "others.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("", "another")
+        number = writer.register_channel("/j", "json", 0)
+        for t_ns in range(1, 2000):
+            writer.add_message(number, t_ns, b'{"v": 1}', t_ns)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    recordings = Recordings(tmp_path)
+    (line,) = recordings.lines(10, None, None).runs
+    assert (line.condition, line.state, line.problem) == ("valid", "no run", None)
+    assert recordings.interrupted(path.name) is None
+    data = path.read_bytes()[:-9]
+    path.write_bytes(data)
+    (line,) = recordings.lines(10, None, None).runs
+    assert line.condition == "damaged"
+    with pytest.raises(RecordingError, match="was written by 'another' and is damaged"):
+        recover(path, others=False)
+    assert path.read_bytes() == data
