@@ -47,6 +47,7 @@ class Good(BlockDriver[DriverConfig, Wire]):
 
     def start(self) -> None:
         """Start."""
+        self.last_ns = 0
 
     def read_block(self, timeout_s: float) -> Block | None:
         """Read, when a millisecond for each row has passed."""
@@ -74,7 +75,7 @@ class Good(BlockDriver[DriverConfig, Wire]):
 def test_a_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, peer=card)
     assert report.findings == ()
-    assert report.skipped.keys() == {"rows are true", "quiet after close"}  # the peer shows nothing
+    assert report.skipped.keys() == set()
 
 
 class Patchy(Good):
@@ -219,21 +220,21 @@ class Greedy(Good):
 BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("opens and starts", Closed, "open raises LinkError: never"),
     ("opens and starts", Rateless, "rate_hz is 0.0"),
-    ("blocks", Narrow, "of shape (10, 1), expected float64 of (10, 2)"),
-    ("blocks", Beyond, "voltage is 11 V, beyond its range"),
-    ("blocks", Single, "float32"),
-    ("blocks", Seconds, "times_ns is float64"),
-    ("blocks", Undefined, "not finite"),
-    ("blocks", Backward, "do not increase"),
-    ("blocks", WallClock, "CLOCK_MONOTONIC stands at"),
-    ("blocks", Rows, "returns list"),
-    ("blocks", Empty, "no block with rows in"),
+    ("any order of calls", Narrow, "of shape (10, 1), expected float64 of (10, 2)"),
+    ("any order of calls", Beyond, "voltage is 11 V, beyond its range"),
+    ("any order of calls", Single, "float32"),
+    ("any order of calls", Seconds, "times_ns is float64"),
+    ("any order of calls", Undefined, "not finite"),
+    ("any order of calls", Backward, "do not increase"),
+    ("any order of calls", WallClock, "after they came"),
+    ("any order of calls", Rows, "returns list"),
+    ("any order of calls", Empty, "0 blocks with rows in"),
     ("newest row", Short, "newest_row gives 1 values, expected 2"),
     ("newest row", Greedy, "newest_row of a block of 1 raises IndexError"),
-    ("time-out", Waiting, "read_block(0.2) takes"),
-    ("opened twice", OpenOnce, "RuntimeError: already open"),
-    ("closed twice", CloseOnce, "close again raises"),
-    ("lets go", Clinging, "the second of two"),
+    ("any order of calls", Waiting, "read_block(0.2) takes"),
+    ("any order of calls", OpenOnce, "RuntimeError: already open"),
+    ("any order of calls", CloseOnce, "close again raises"),
+    ("any order of calls", Clinging, "somebody has it"),
     ("dead", Inventive, "still gives rows"),
     ("dead", BadWords, "read_block raises OSError"),
     ("silent", Inventive, "still gives rows"),
@@ -250,4 +251,6 @@ def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], wo
 
 def test_no_rule_is_without_driver_that_breaks_it() -> None:
     mutants = {mutant.rule for mutant in KINDS["block"]}
-    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants
+    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants - {
+        "constructor opens nothing"
+    }

@@ -86,11 +86,7 @@ class Good(SlowDriver[DriverConfig, Wire]):
 def test_a_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, peer=thermometer)
     assert report.findings == ()
-    assert report.skipped.keys() == {
-        "actions are done",
-        "rows are true",
-        "no row twice",
-    }  # the peer shows nothing
+    assert report.skipped == {}  # the peer shows nothing
 
 
 def test_measured_value_of_no_channel_is_found() -> None:
@@ -260,11 +256,9 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("never blocks", Blocking, "the event loop stood still"),
     ("cancelled anywhere", Immortal, "run() returns when it is cancelled"),
     ("cancelled anywhere", Leaky, "somebody has it"),
-    ("actions", Deaf, "zero at a healthy device raises DeviceError"),
-    ("actions", Deaf, "unknown action raises"),
-    ("actions", Vague, "zero returns ''"),
-    ("actions", Vague, "unknown action returns"),
-    ("closed twice", CloseOnce, "close again raises"),
+    ("any order of calls", Deaf, "act raises DeviceError"),
+    ("any order of calls", Vague, "it returns ''"),
+    ("any order of calls", CloseOnce, "not open"),
     ("dead", Inventive, "still gives rows"),
     ("dead", GivesUp, "run() returns"),
     ("silent", Inventive, "still gives rows"),
@@ -285,4 +279,6 @@ def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[SlowDriver], wor
 
 def test_no_rule_is_without_driver_that_breaks_it() -> None:
     mutants = {mutant.rule for mutant in KINDS["slow"]}
-    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants
+    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants - {
+        "constructor opens nothing", "safe and closed before open",
+    }  # fmt: skip

@@ -76,6 +76,8 @@ class Peer:
     link: Callable[[], Any] = lambda: None
     #: Functions that begin each of :data:`FAULTS`, without those that it cannot show.
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
+    #: Has the device measure other values, by channel in its unit; None if it cannot.
+    measure: Callable[[Mapping[str, float]], object] | None = None
     #: Ends the fault that was begun; None if it cannot.
     mend: Callable[[], object] | None = None
     #: Returns what the device does now, from any thread, whatever its fault is.

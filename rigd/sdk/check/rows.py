@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
+from rigd.sdk.check.peer import Peer
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
 STATUS_LIMIT = 1 << 31
+#: A channel without a range is given values up to this, in its unit.
+LARGEST: Final = 100.0
 #: A value may differ from what the device measures by this part of it: its noise, its resolution.
 TRUE_PART = 0.02
 
@@ -73,3 +78,21 @@ def untrue(
         if not low - room <= row[index] <= high + room:
             measured = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             yield f"{name} is {row[index]:g} {units[index]}, and the device measures {measured}"
+
+
+def drawn_values(declared: Declaration, rng: random.Random) -> tuple[float, ...]:
+    """Return a value for each channel, within its range."""
+    values = []
+    for channel in declared.channels:
+        low = channel.low if math.isfinite(channel.low) else min(channel.high, LARGEST) - LARGEST
+        high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
+        values.append(low + (high - low) * rng.choice((0.02, 0.98, rng.random(), rng.random())))
+    return tuple(values)
+
+
+def measure(peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
+    """Have the device measure ``values``, as far as it can, by its channels."""
+    names = [channel.name for channel in declared.channels]
+    measured = peer.look().measured
+    if peer.measure is not None:
+        peer.measure({n: v for n, v in zip(names, values, strict=True) if n in measured})

@@ -1,18 +1,30 @@
-"""Checks slow drivers (coroutines) against the rules that the daemon's event loop depends on."""
+"""Checks slow drivers (coroutines) against the rules that the daemon's event loop depends on.
+
+Sequences of calls are played with a healthy device: what a row shows, the device has measured, when
+it came, once; and what a driver with setpoints drives is the last one that it was given, while it
+is armed, and otherwise nothing.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
+import random
 import time
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from typing import Final
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller
-from rigd.sdk.check.peer import Peer
-from rigd.sdk.check.rows import row_problems, untrue
+from rigd.sdk.check.caller import Caller, Hung
+from rigd.sdk.check.fast import Setpoints, near
+from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.peer import Observed, Peer
+from rigd.sdk.check.rows import drawn_values, measure, row_problems, untrue
+from rigd.sdk.check.sequences import Call, Drawing, Failed, Stalled, Trial, first_failure
 from rigd.sdk.check.stalls import Stalls
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
+from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import SlowDriver
 
 #: Time limit of a whole scene, in s, opening and a fault included.
@@ -39,8 +51,42 @@ WAITS_S: Final = 0.3
 #: Steps of the loop after which open() and run() are cancelled: any await may be the last.
 CANCEL_STEPS: Final = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 
+#: Sequences of one examination, and the steps of each.
+TRIALS: Final = 5
+STEPS: Final = 14
+#: What a row shows was measured at most so long before it was emitted, in s.
+AGE_S: Final = 0.05
+#: What was sent has arrived after this time, in s.
+ARRIVES_S: Final = 0.06
+#: For so long what is closed is looked at, twice, in s.
+ENDS_S: Final = 0.15
+#: A machine that stands still for so long says nothing about the times of rows, in s.
+STALL_S: Final = 0.025
+
 Problems = set[str]
 Scene = Callable[[SlowDriver, Peer, Problems], Awaitable[None]]
+
+
+def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]]) -> None:
+    """Play a coroutine on a loop of its own, before a new device.
+
+    Raises:
+        Failed: something is left open after it.
+        Exception: what the coroutine raises.
+    """
+    leaks = Leaks()
+    with leaks.catching():
+        with subject.fresh_peer() as peer, Caller() as caller:
+            outcome = caller.call(lambda: asyncio.run(play(peer)), SCENE_S)
+        if outcome.error is not None:
+            raise outcome.error
+        if left := leaks.left():
+            raise Failed(f"after close() {left}")
+
+
+def _tasks_left() -> str:
+    left = asyncio.all_tasks() - {asyncio.current_task()}
+    return ", ".join(sorted(task.get_name() for task in left))
 
 
 def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[str]]:
@@ -48,25 +94,26 @@ def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[
 
     def check(subject: Subject) -> Iterator[str]:
         problems: Problems = set()
-        with subject.fresh_peer() as peer, Caller() as caller:
+        kept: list[SlowDriver] = []  # what it leaves open stays to be seen
 
-            async def main() -> None:
-                driver = subject.make(peer, peer.link())
-                try:
-                    if opened:
-                        await _opened(driver)
-                    await play(driver, peer, problems)
-                finally:
-                    await driver.close()
-                if left := asyncio.all_tasks() - {asyncio.current_task()}:
-                    names = ", ".join(sorted(task.get_name() for task in left))
-                    problems.add(f"tasks go on after close(): {names}")
+        async def main(peer: Peer) -> None:
+            driver: SlowDriver = subject.make(peer, peer.link())
+            kept.append(driver)
+            try:
+                if opened:
+                    await _opened(driver)
+                await play(driver, peer, problems)
+            finally:
+                await driver.close()
+            if left := _tasks_left():
+                problems.add(f"tasks go on after close(): {left}")
 
-            outcome = caller.call(lambda: asyncio.run(main()), SCENE_S)
-        if outcome.error is not None:
-            if isinstance(outcome.error, UnfitSubject):
-                raise outcome.error
-            problems.add(described(outcome.error))
+        try:
+            _played(subject, main)
+        except (UnfitSubject, Failed) as unfit:
+            problems.add(str(unfit))
+        except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
+            problems.add(described(error))
         yield from sorted(problems)
 
     return check
@@ -148,6 +195,317 @@ async def _rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
             await _stop(task, problems)
 
 
+#: States: closed, open, running, armed (and running).
+CALLS: Final[Mapping[str, Call]] = {
+    "open": Call("closed", 3, "open"),
+    "open and cancel": Call("closed", 0.5, "closed", 2),
+    "run": Call("open", 4, "running"),
+    "wait for rows": Call("running armed", 2),
+    "measure": Call("running armed", 4),
+    "act": Call("running armed", 1),
+    "cancel": Call("running", 1.5, "open"),
+    "close": Call("open", 1, "closed"),
+    "new driver": Call("closed", 0.5),
+    "arm": Call("running", 3, "armed"),
+    "write": Call("armed", 8),
+    "make safe": Call("running armed", 2, "running"),
+    "kill and rescue": Call("armed", 0.5, "closed", 1),
+}
+OF_SETPOINTS: Final = {"arm", "write", "make safe", "kill and rescue"}
+
+
+def calls_of(subject: Subject) -> Mapping[str, Call]:
+    """Return the calls that are possible with a driver of the present options."""
+    declared = subject.declare()
+    left_out = set() if declared.setpoints else set(OF_SETPOINTS)
+    if not getattr(subject.driver_class, "second_link", False):
+        left_out.add("kill and rescue")
+    if not declared.actions:
+        left_out.add("act")
+    if not declared.channels:
+        left_out |= {"wait for rows", "measure"}
+    return {name: call for name, call in CALLS.items() if name not in left_out}
+
+
+def any_order(subject: Subject) -> Iterator[str]:
+    """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
+    setpoints = Setpoints()
+
+    def value(name: str, subject: Subject, rng: random.Random) -> Any:
+        declared = subject.declare()
+        if name == "measure":
+            return drawn_values(declared, rng)
+        if name == "write":  # the cycle limits them
+            drawn = setpoints.draw(declared, rng)
+            return tuple(
+                min(max(0.0 if math.isnan(item) else item, channel.low), channel.high)
+                for channel, item in zip(declared.setpoints, drawn, strict=True)
+            )
+        if name == "act":
+            return rng.choice([*declared.actions, "no_such_action"])
+        return rng.choice(CANCEL_STEPS) if "cancel" in name else None
+
+    def play(trial: Trial) -> None:
+        drawn = replace(subject, more=trial.options)
+        kept: list[_Session] = []  # what its drivers leave open stays to be seen
+
+        async def main(peer: Peer) -> None:
+            kept.append(_Session(drawn, peer))
+            await kept[0].play(trial)
+
+        try:
+            _played(drawn, main)
+        except Failed as failed:
+            failed.at = failed.at or len(trial.steps)
+            raise
+        except (Stalled, UnfitSubject, Hung):
+            raise
+        except Exception as error:
+            shown = Failed(described(error))
+            shown.at = len(trial.steps)
+            raise shown from error
+
+    yield from first_failure(play, Drawing(subject, calls_of, value).trials(TRIALS, STEPS))
+
+
+class _Session:
+    """Makes the calls of a sequence, and knows what the device is to do."""
+
+    def __init__(self, subject: Subject, peer: Peer) -> None:
+        self._subject = subject
+        self._peer = peer
+        self._all: list[SlowDriver] = []
+        self._new()
+        self._watcher = Watcher(peer)
+        self._state = "closed"
+        self._task: asyncio.Task[None] | None = None
+        self._rows = 0  # since it was opened, and what the device had sent until then
+        self._sent: int | None = None
+        self._wrong: list[Failed] = []  # what emit() saw
+        self._came = asyncio.Event()
+        self._safe = self._wanted = self._watcher.look().driven
+        self._observed = bool(self._safe)  # the peer shows its actuators
+
+    async def play(self, trial: Trial) -> None:
+        """Make the calls.
+
+        Raises:
+            Failed: the driver breaks a promise.
+            Stalled: it may be the machine.
+        """
+        with self._watcher:
+            try:
+                for number, step in enumerate(trial.steps):
+                    call = CALLS[step.name]
+                    if self._state not in call.states.split():
+                        continue
+                    self._watcher.gap_s = 0.0
+                    calls = getattr(self, "_" + step.name.replace(" ", "_"))
+                    try:
+                        await (calls() if step.value is None else calls(step.value))
+                        if self._wrong:
+                            raise self._wrong[0]
+                    except Failed as failed:
+                        failed.at = number
+                        if self._watcher.gap_s > STALL_S:
+                            raise Stalled from failed
+                        if trial.options and "open raises" in str(failed):
+                            return  # the simulated device is not one of these options
+                        raise
+                    self._state = call.after or self._state
+            finally:
+                if self._task is not None:
+                    self._task.cancel()
+                    await asyncio.wait({self._task}, timeout=CANCEL_S)
+                if self._driver.declaration.setpoints and self._state != "closed":
+                    with contextlib.suppress(*FAILURES):
+                        await self._driver.make_safe()
+                await self._driver.close()
+        if left := _tasks_left():
+            raise Failed(f"tasks go on after close(): {left}")
+
+    # The calls of each step.
+
+    async def _open(self) -> None:
+        self._rows, self._sent = 0, self._watcher.look().sent
+        await self._must("open", self._driver.open())
+        await self._still("after open()")
+
+    async def _open_and_cancel(self, steps: int) -> None:
+        task = asyncio.create_task(self._driver.open())
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait({task}, timeout=CANCEL_S)
+        if not task.done():
+            raise Failed(f"it goes on {CANCEL_S:g} s after it was cancelled")
+        await self._must("close", self._driver.close())
+
+    async def _run(self) -> None:
+        self._came.clear()
+        self._task = asyncio.create_task(self._driver.run(self._emit))
+        if self._driver.declaration.channels:
+            await self._wait_for_rows()
+
+    async def _wait_for_rows(self) -> None:
+        assert self._task is not None  # noqa: S101
+        for _ in range(2):
+            self._came.clear()
+            came = asyncio.ensure_future(self._came.wait())
+            within_s = self._driver.declaration.silent_s + ROOM_S
+            await asyncio.wait(
+                {came, self._task}, timeout=within_s, return_when=asyncio.FIRST_COMPLETED
+            )
+            came.cancel()
+            if self._task.done():
+                error = self._task.exception()
+                how = "returns" if error is None else f"raises {described(error)}"
+                raise Failed(f"run() {how}")
+            if not self._came.is_set():
+                raise Failed(f"run() gives no row for {within_s:.3g} s")
+
+    async def _measure(self, values: tuple[float, ...]) -> None:
+        await asyncio.to_thread(measure, self._peer, self._driver.declaration, values)
+        await self._wait_for_rows()
+
+    async def _act(self, action: str) -> None:
+        before = self._watcher.look().acted
+        if action not in self._driver.declaration.actions:
+            try:
+                reply = await self._driver.act(action)
+            except ValueError:
+                return
+            except Exception as error:
+                raise Failed(f"it is none of its actions, and raises {described(error)}") from error
+            raise Failed(f"it is none of its actions, and returns {reply!r}")
+        reply = await self._must("act", self._driver.act(action))
+        if not isinstance(reply, str) or not reply:
+            raise Failed(f"it returns {reply!r}, expected the reply of the device")
+        if before is not None and list(self._watcher.look().acted or ()) != [*before, action]:
+            raise Failed("the device has not done it")
+
+    async def _cancel(self, steps: int = 1) -> None:
+        for _ in range(steps):
+            await asyncio.sleep(0.002)
+        assert self._task is not None  # noqa: S101
+        self._task.cancel()
+        await asyncio.wait({self._task}, timeout=CANCEL_S)
+        if not self._task.done():
+            raise Failed(f"run() goes on {CANCEL_S:g} s after it was cancelled")
+        if not self._task.cancelled():
+            error = self._task.exception()
+            how = "returns" if error is None else f"raises {described(error)}"
+            raise Failed(f"run() {how} when it is cancelled")
+        self._task = None
+
+    async def _close(self) -> None:
+        rows = self._rows
+        for turn in ("close", "close again"):
+            await self._must(turn, self._driver.close())
+        await asyncio.sleep(ENDS_S)  # what is under way arrives
+        before = self._watcher.look().sent
+        await asyncio.sleep(ENDS_S)
+        if self._rows > rows:
+            raise Failed("run() still gives rows after it was cancelled")
+        if self._watcher.look().sent != before:
+            raise Failed("the device goes on sending after close()")
+        if left := _tasks_left():
+            raise Failed(f"tasks go on after close(): {left}")
+
+    async def _new_driver(self) -> None:
+        self._new()
+
+    async def _arm(self) -> None:
+        rest = [min(max(0.0, item.low), item.high) for item in self._setpoints]
+        await self._must("write", self._driver.write(rest))
+        await self._still("without arm()")
+        await self._must("arm", self._driver.arm())
+        if self._observed:
+            driven = await self._settled([self._safe, rest])
+            if driven is None:
+                raise Failed(f"the device is driven at {self._watcher.look().driven}")
+            self._wanted = driven
+
+    async def _write(self, setpoints: tuple[float, ...]) -> None:
+        await self._must("write", self._driver.write(setpoints))
+        self._wanted = setpoints
+        if self._observed and await self._settled([setpoints]) is None:
+            raise Failed(f"the device is driven at {self._watcher.look().driven}")
+
+    async def _make_safe(self) -> None:
+        for turn in ("make_safe", "make_safe again"):
+            await self._must(turn, self._driver.make_safe())
+            self._wanted = self._safe
+            await self._still("after make_safe()")
+
+    async def _kill_and_rescue(self) -> None:
+        await self._cancel()
+        await self._driver.close()  # as when its process is killed: nothing makes it safe
+        self._new()
+        await self._must("rescue", self._driver.rescue())
+        self._wanted = self._safe
+        await self._still("after rescue()")
+        self._new()
+
+    # What must hold.
+
+    @property
+    def _setpoints(self) -> Sequence[Any]:
+        return self._driver.declaration.setpoints
+
+    def _new(self) -> None:
+        self._driver: SlowDriver = self._subject.make(self._peer, self._peer.link())
+        self._all.append(self._driver)
+
+    def _emit(self, row: Sequence[float]) -> None:
+        self._rows += 1
+        self._came.set()
+        declared, look = self._driver.declaration, self._watcher.look()
+        looks = [item.measured for item in self._watcher.since(time.monotonic() - AGE_S)]
+        problems = list(row_problems(declared, row))
+        if not problems and looks[-1]:
+            problems += untrue(declared, row, looks)
+        if self._sent is not None and self._rows > (look.sent or 0) - self._sent:
+            problems.append(f"row {self._rows} comes, and the device has sent fewer readings")
+        self._wrong += map(Failed, problems)
+
+    async def _must(self, what: str, call: Awaitable[Any]) -> Any:
+        try:
+            return await asyncio.wait_for(call, OPEN_S)
+        except Exception as error:
+            raise Failed(f"{what} raises {described(error)}") from error
+
+    async def _settled(self, wanted: Sequence[Sequence[float]]) -> Sequence[float] | None:
+        """Return which of ``wanted`` the device is driven with, each value one of them."""
+        end = time.monotonic() + 1.0
+        while True:
+            driven = self._watcher.look().driven
+            if all(
+                any(near(channel, value, item[index]) for item in wanted)
+                for index, (channel, value) in enumerate(zip(self._setpoints, driven, strict=True))
+            ):
+                return driven
+            if time.monotonic() > end:
+                return None
+            await asyncio.sleep(0.005)
+
+    async def _still(self, when: str) -> None:
+        """Check that the device is safe, and stays so for as long as what was sent needs."""
+        if not self._observed:
+            return
+        began_s = time.monotonic()
+        await asyncio.sleep(ARRIVES_S)
+        for look in self._watcher.since(began_s):
+            if look.energised or not self._is_safe(look):
+                raise Failed(f"{when} the device is driven at {look.driven}")
+
+    def _is_safe(self, look: Observed) -> bool:
+        return all(
+            near(channel, value, safe)
+            for channel, value, safe in zip(self._setpoints, look.driven, self._safe, strict=True)
+        )
+
+
 async def _never_blocks(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     await driver.close()
     with Stalls() as stalls:
@@ -217,91 +575,6 @@ async def _rate(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     if hz > MOST_HZ * (1 + ROOM_S):
         problems.add(f"run() gives {hz:.0f} rows per second, at most {MOST_HZ:g} are meant")
     await _stop(task, problems)
-
-
-async def _true_rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    before = peer.look()
-    if not before.measured:
-        return
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    await _stop(task, problems)
-    after = peer.look()
-    still = {k: v for k, v in after.measured.items() if before.measured[k] == v}
-    problems.update(untrue(driver.declaration, rows.rows[-1], [still]))
-
-
-async def _repeated(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    before = peer.look().sent
-    if before is None:
-        return
-    rows = _Rows(MORE_ROWS)
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    await _stop(task, problems)
-    sent = (peer.look().sent or 0) - before
-    if len(rows.rows) > sent:
-        problems.add(f"run() gives {len(rows.rows)} rows, and the device sent {sent} readings")
-
-
-async def _acted(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    for action in driver.declaration.actions:
-        before = peer.look().acted
-        if before is None:
-            return
-        await asyncio.wait_for(driver.act(action), SCENE_S / 4)
-        if list(peer.look().acted or ()) != [*before, action]:
-            problems.add(f"act({action!r}) returns, and the device has not done it")
-
-
-async def _quiet(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    await _stop(task, problems)
-    given = len(rows.rows)
-    await driver.close()
-    await asyncio.sleep(TAIL_S / 2)  # what is under way arrives
-    before = peer.look().sent
-    await asyncio.sleep(TAIL_S / 2)
-    if len(rows.rows) > given:
-        problems.add("run() still gives rows after it was cancelled")
-    if peer.look().sent != before:
-        problems.add("the device goes on sending after close()")
-
-
-async def _actions(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    try:
-        unknown = await driver.act("no such action")
-        problems.add(f"act() of an unknown action returns {unknown!r}")
-    except ValueError:
-        pass
-    except FAILURES as error:
-        problems.add(f"act() of an unknown action raises {described(error)}")
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    for action in driver.declaration.actions:
-        try:
-            reply: object = await asyncio.wait_for(driver.act(action), SCENE_S / 4)
-        except (*FAILURES, TimeoutError) as error:
-            problems.add(f"{action} at a healthy device raises {described(error)}")
-            continue
-        if not isinstance(reply, str) or not reply:
-            problems.add(f"{action} returns {reply!r}, expected the reply of the device")
-    await _stop(task, problems)
-
-
-async def _closed_twice(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    with contextlib.suppress(*FAILURES):
-        await driver.open()
-    for turn in ("close", "close again"):
-        try:
-            await driver.close()
-        except FAILURES as error:
-            problems.add(f"{turn} raises {described(error)}")
-    await _opened(driver)
 
 
 def _lost(fault: str) -> Scene:
@@ -383,6 +656,14 @@ RULES: Final = (
         "",
     ),
     Rule(
+        "any order of calls",
+        "run() emits what the device measures, as it comes, each reading once, until it is "
+        "cancelled; act() does each of actions; a device with setpoints is driven with the last "
+        "one while it is armed, otherwise not at all; close() may come twice and leaves nothing",
+        any_order,
+        "",
+    ),
+    Rule(
         "never blocks",
         "await whatever waits: one blocking call stops every other device of the daemon",
         _scene(_never_blocks),
@@ -395,50 +676,10 @@ RULES: Final = (
         "",
     ),
     Rule(
-        "actions",
-        "act() does each of actions while run() goes on, returns the reply of the device, and "
-        "raises ValueError for another name",
-        _scene(_actions),
-        "",
-    ),
-    Rule(
-        "actions are done",
-        "act() returns when the device has done the action",
-        _scene(_acted),
-        "",
-        observes=True,
-    ),
-    Rule(
-        "rows are true",
-        "a row has what the device measures, in the unit of its channel: check factor and sign",
-        _scene(_true_rows),
-        "",
-        observes=True,
-    ),
-    Rule(
-        "no row twice",
-        "emit a row only when the device has sent a new reading; never the last one again",
-        _scene(_repeated),
-        "",
-        observes=True,
-    ),
-    Rule(
-        "quiet after close",
-        "close() ends every task and stream of run(): the device sends nothing more",
-        _scene(_quiet),
-        "",
-    ),
-    Rule(
         "not too often",
         "wait from one reading to the next, as long as the options give: 100 rows per second at "
         "most",
         _scene(_rate),
-        "",
-    ),
-    Rule(
-        "closed twice",
-        "close() may come twice, leaves no task behind, and lets go: open() works again",
-        _scene(_closed_twice),
         "",
     ),
     Rule(

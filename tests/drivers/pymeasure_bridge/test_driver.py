@@ -384,14 +384,19 @@ def simulated() -> Iterator[Peer]:
         yield Peer(
             options={"address": supply.address},
             faults={name: partial(supply.fail, name) for name in FAULTS[:4]},
-            observed=lambda: Observed(measured={"voltage": supply.driven}),
+            observed=lambda: Observed(
+                driven=(supply.driven,),
+                energised=supply.output,
+                measured={"voltage": supply.driven},
+            ),
         )
     finally:
         supply.stop()
 
 
 def test_it_keeps_what_a_slow_driver_promises() -> None:
-    options = {**SUPPLY, "setpoints": VOLTS, "errors": None}
+    volts = {"voltage": {**VOLTS["voltage"], "high": "30 V"}}  # the most that it gives
+    options = {**SUPPLY, "setpoints": volts, "errors": None}
     assert check_driver(Pymeasure, options, peer=simulated).skipped == {}
 
 

@@ -12,54 +12,57 @@ _HEADER = '            if head != b"AP" or not 0 < count <= MOST_SAMPLES:\n'
 _NONE = "            except TimeoutError:\n                return None\n"
 _LOST = "            if not data:\n                raise self._lost(None)\n"
 _CLOSE = "            link.close()\n"
-_ARRIVED = "self._block(packets, time.monotonic_ns())"
+_START = "            self._start_ns = time.monotonic_ns()"
+_CONST = "        self._expected = 0\n        try:\n"
 
 MUTANTS = (
     # times
-    Mutant("wall clock", "blocks", _ARRIVED, "self._block(packets, time.time_ns())"),
+    Mutant(
+        "wall clock", "any order of calls", _START, "            self._start_ns = time.time_ns()"
+    ),
     Mutant(
         "period of another rate",
-        "times are true",
+        "any order of calls",
         _PERIOD,
         "        period_ns = 2e9 / self.rate_hz\n",
     ),
     Mutant(
         "rate of another card",
-        "times are true",
+        "any order of calls",
         'float(match["rate"])\n',
         '2.0 * float(match["rate"])\n',
         "protocol",
     ),
     Mutant(
         "times in the future",
-        "times are true",
-        _ARRIVED,
-        "self._block(packets, time.monotonic_ns() + 2_000_000_000)",
+        "any order of calls",
+        _START,
+        _START + " + 2_000_000_000",
     ),
     Mutant(
         "times of long ago",
-        "times are true",
-        _ARRIVED,
-        "self._block(packets, time.monotonic_ns() - 20_000_000_000)",
+        "any order of calls",
+        _START,
+        _START + " - 20_000_000_000",
     ),
     Mutant(
         "one time for a block",
-        "blocks",
+        "any order of calls",
         _BLOCK,
-        "        times_ns[:] = arrived_ns\n" + _BLOCK,
+        "        times_ns[:] = times_ns[-1]\n" + _BLOCK,
     ),
     # values
-    Mutant("in millivolts", "blocks", _VOLTS, "1e3 * " + _VOLTS, "protocol"),
-    Mutant("sign inverted", "rows are true", _VOLTS, "-" + _VOLTS, "protocol"),
-    Mutant("scale of 5 V", "rows are true", _VOLTS, "0.5 * " + _VOLTS, "protocol"),
-    Mutant("bytes swapped", "rows are true", '"<i2"', '">i2"', "protocol"),
+    Mutant("in millivolts", "any order of calls", _VOLTS, "1e3 * " + _VOLTS, "protocol"),
+    Mutant("sign inverted", "any order of calls", _VOLTS, "-" + _VOLTS, "protocol"),
+    Mutant("scale of 5 V", "any order of calls", _VOLTS, "0.5 * " + _VOLTS, "protocol"),
+    Mutant("bytes swapped", "any order of calls", '"<i2"', '">i2"', "protocol"),
     Mutant(
         "single precision",
-        "blocks",
+        "any order of calls",
         _BLOCK,
         "        return Block(times_ns, volts[:, np.newaxis].astype(np.float32))\n",
     ),
-    Mutant("flat array", "blocks", _BLOCK, "        return Block(times_ns, volts)\n"),
+    Mutant("flat array", "any order of calls", _BLOCK, "        return Block(times_ns, volts)\n"),
     Mutant(
         "newest row without values",
         "newest row",
@@ -89,7 +92,7 @@ MUTANTS = (
         "            except TimeoutError:\n"
         "                first, self._expected = self._expected, self._expected + 50\n"
         "                volts = np.zeros(50)\n"
-        "                return self._block([protocol.Packet(self._expected, volts)], 0)\n",
+        "                return self._block([protocol.Packet(self._expected, volts)])\n",
     ),
     Mutant(
         "end of stream taken for silence",
@@ -113,18 +116,21 @@ MUTANTS = (
     ),
     Mutant(
         "sleeps before it reads",
-        "time-out",
+        "any order of calls",
         "        deadline = time.monotonic() + timeout_s\n",
         "        time.sleep(1.5)\n        deadline = time.monotonic() + timeout_s\n",
     ),
     Mutant(
         "start forgotten",
-        "blocks",
+        "any order of calls",
         "            self._opened().sendall(protocol.START)\n",
         "            self._opened()\n",
     ),
     Mutant(
-        "close leaves the stream on", "quiet after close", _CLOSE, "            self._kept = link\n"
+        "close leaves the stream on",
+        "any order of calls",
+        _CLOSE,
+        "            self._kept = link\n",
     ),
     Mutant(
         "no hint",
@@ -138,5 +144,80 @@ MUTANTS = (
         "    match = _GREETING.fullmatch(line)\n",
         '    line.decode("ascii")\n    match = _GREETING.fullmatch(line)\n',
         "protocol",
+    ),
+    # in some orders of calls alone
+    Mutant(
+        "numbers go on over a new start",
+        "any order of calls",
+        _CONST,
+        "        try:\n",
+    ),
+    Mutant(
+        "clock of the first start",
+        "any order of calls",
+        _START,
+        "            self._start_ns = self._start_ns or time.monotonic_ns()",
+    ),
+    Mutant(
+        "last packet kept back",
+        "any order of calls",
+        "            packets = self._packets.feed(data)\n",
+        "            packets = [*getattr(self, '_late', []), *self._packets.feed(data)]\n"
+        "            self._late, packets = packets[-1:], packets[:-1]\n",
+    ),
+    Mutant("voltage without sign", "any order of calls", _VOLTS, "abs(" + _VOLTS + ")", "protocol"),
+    Mutant(
+        "voltage of half the range",
+        "any order of calls",
+        _BLOCK,
+        "        volts = np.clip(volts, -5.0, 5.0)\n" + _BLOCK,
+    ),
+    Mutant("offset of 0.5 V", "any order of calls", _VOLTS, _VOLTS + " + 0.5", "protocol"),
+    Mutant(
+        "every second row",
+        "any order of calls",
+        _BLOCK,
+        "        return Block(times_ns[::2], volts[::2, np.newaxis])\n",
+    ),
+    Mutant(
+        "rows in mid-packet dropped after a pause",
+        "any order of calls",
+        _BLOCK,
+        "        if len(volts) > 100:\n            times_ns, volts = times_ns[-50:], volts[-50:]\n"
+        + _BLOCK,
+    ),
+    Mutant(
+        "values of the first packet",
+        "any order of calls",
+        _BLOCK,
+        "        self._first = getattr(self, '_first', volts[0])\n        volts[:] = self._first\n"
+        + _BLOCK,
+    ),
+    Mutant(
+        "times run backwards in a block",
+        "any order of calls",
+        _BLOCK,
+        "        return Block(times_ns[::-1], volts[:, np.newaxis])\n",
+    ),
+    Mutant("socket dropped", "opens and starts", _CLOSE, "            pass\n"),
+    Mutant(
+        "socket left after a wrong greeting",
+        "garbled at open",
+        "        except BaseException:\n            self.close()\n            raise\n",
+        "        except BaseException:\n            self._kept, self._socket = self._socket, None\n"
+        "            raise\n",
+    ),
+    Mutant(
+        "constructor connects",
+        "constructor opens nothing",
+        "        self._start_ns = 0  #",
+        "        socket.create_connection((config.host, config.port), 1.0).close()\n"
+        "        self._start_ns = 0  #",
+    ),
+    Mutant(
+        "opens once",
+        "any order of calls",
+        _CLOSE,
+        _CLOSE + "            self._socket = link\n",
     ),
 )

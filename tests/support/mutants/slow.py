@@ -57,14 +57,14 @@ MUTANTS = (
     Mutant("unit forgotten", "rows", " + ICE_POINT_K\n", "\n", "protocol"),
     Mutant(
         "factor of ten",
-        "rows are true",
+        "any order of calls",
         'float(match["celsius"])',
         '0.1 * float(match["celsius"])',
         "protocol",
     ),
     Mutant(
         "sign lost",
-        "rows are true",
+        "any order of calls",
         'float(match["celsius"])',
         'abs(float(match["celsius"]))',
         "protocol",
@@ -101,7 +101,7 @@ MUTANTS = (
     ),
     Mutant(
         "each reading twice",
-        "no row twice",
+        "any order of calls",
         _SLEEP,
         "            emit(self.declaration.row.of(temperature=kelvin))\n" + _SLEEP,
     ),
@@ -142,15 +142,18 @@ MUTANTS = (
         "protocol",
     ),
     # actions
-    Mutant("action does nothing", "actions are done", _ZERO, '        answer = b"OK"\n'),
+    Mutant("action does nothing", "any order of calls", _ZERO, '        answer = b"OK"\n'),
     Mutant(
         "action asks for a reading",
-        "actions are done",
+        "any order of calls",
         _ZERO,
         '        await self._ask(protocol.ASK)\n        answer = b"OK"\n',
     ),
     Mutant(
-        "any action zeroes", "actions", '        if action != "zero":\n', "        if not action:\n"
+        "any action zeroes",
+        "any order of calls",
+        '        if action != "zero":\n',
+        "        if not action:\n",
     ),
     # close
     Mutant(
@@ -161,15 +164,86 @@ MUTANTS = (
     ),
     Mutant(
         "rows from a timer",
-        "quiet after close",
+        "any order of calls",
         _SLEEP,
         "            asyncio.get_running_loop().call_later(0.2, emit, "
         "self.declaration.row.of(temperature=kelvin))\n" + _SLEEP,
     ),
     Mutant(
         "second close raises",
-        "closed twice",
+        "safe and closed before open",
         "        if writer is not None:\n",
         "        if True:\n",
+    ),
+    # in some orders of calls alone
+    Mutant(
+        "reading kept back",
+        "any order of calls",
+        _EMIT,
+        "            kelvin, self._kelvin = getattr(self, '_kelvin', kelvin), kelvin\n" + _EMIT,
+    ),
+    Mutant(
+        "first reading again and again",
+        "any order of calls",
+        _EMIT,
+        "            kelvin = self._kelvin = getattr(self, '_kelvin', kelvin)\n" + _EMIT,
+    ),
+    Mutant(
+        "small changes left out",
+        "any order of calls",
+        _EMIT,
+        "            self._kelvin = kelvin = (\n"
+        "                self._kelvin\n"
+        "                if abs(kelvin - getattr(self, '_kelvin', 0)) < 20\n"
+        "                else kelvin\n"
+        "            )\n" + _EMIT,
+    ),
+    Mutant(
+        "cold is not shown",
+        "any order of calls",
+        _EMIT,
+        "            kelvin = max(kelvin, 273.15)\n" + _EMIT,
+    ),
+    Mutant(
+        "runs once",
+        "any order of calls",
+        "        while True:\n",
+        "        if getattr(self, '_ran', False):\n            return\n        self._ran = True\n"
+        "        while True:\n",
+    ),
+    Mutant(
+        "unknown action is done in silence",
+        "any order of calls",
+        '            raise ValueError(f"unknown action {action!r}: the only action is zero")\n',
+        "            return 'done'\n",
+    ),
+    Mutant(
+        "socket dropped",
+        "opens",
+        "            writer.close()\n            with contextlib.suppress(OSError):"
+        "  # the connection is lost already\n                await writer.wait_closed()\n",
+        "            pass\n",
+    ),
+    Mutant(
+        "socket left after a wrong device",
+        "garbled at open",
+        "            await self.close()\n            raise\n",
+        "            self._kept, self._writer = self._writer, None\n            raise\n",
+    ),
+    Mutant(
+        "thread left",
+        "opens",
+        _IDENTIFY,
+        "            import threading\n"
+        "            threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
+        + _IDENTIFY,
+    ),
+    Mutant(
+        "constructor connects",
+        "constructor opens nothing",
+        "        self._exchange = asyncio.Lock()",
+        "        import socket\n"
+        "        socket.create_connection((config.host, config.port), 1.0).close()\n"
+        "        self._exchange = asyncio.Lock()",
     ),
 )
