@@ -32,7 +32,7 @@ class VelocityConfig(ServoConfig):
     """Largest setpoint of either sign."""
     velocity_unit: Annotated[float, In("rad/s"), Gt(0)] | None = None
     """Unit of the drive's velocities (objects 606C, 60FF); checked against object 60A9. None: as
-    `profile` has it, 0.001 rpm without one."""
+    `profile` has it, else 0.001 rpm, which object 60A9 must confirm."""
 
     @property
     @abstractmethod
@@ -65,9 +65,14 @@ class VelocityConfig(ServoConfig):
         return None if mode is None else mode.unit(self.counts_per_revolution)
 
     @property
+    def given_unit(self) -> float | None:
+        """Unit of the drive's velocities in rad/s, as far as rig file or profile know it."""
+        return self.velocity_unit or self._profiled_unit()
+
+    @property
     def unit(self) -> float:
-        """Unit of the drive's velocities in rad/s."""
-        return self.velocity_unit or self._profiled_unit() or MILLI_RPM
+        """The same; 0.001 rpm if they do not."""
+        return self.given_unit or MILLI_RPM
 
     def choice(self) -> Choice:
         """Return the mode of operation and its objects."""
@@ -144,6 +149,12 @@ class VelocityServo(Servo[VelocityConfigT]):
 
     def _check_velocity_unit(self, node: Node) -> None:
         code = node.read_optional(objects.VELOCITY_UNIT)
+        if not code and self.config.given_unit is None:
+            raise ProtocolError(
+                f"{node} does not report the unit of its velocities (object 60A9), and it differs "
+                "between makers",
+                hint="give `velocity_unit`, from the drive's manual, such as '1 rpm'",
+            )
         if not code:
             return  # older drives have one unit only, that of their manual
         unit = velocity_unit(code)

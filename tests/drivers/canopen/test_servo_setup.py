@@ -190,6 +190,21 @@ def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None
     belt(bus, velocity_unit="1 rpm").open()
 
 
+@pytest.mark.parametrize("reported", [None, 0])
+def test_unknown_unit_of_velocity_is_refused(connect: Connect, reported: int | None) -> None:
+    drive = servo(2, mode=9)
+    del drive.objects[0x60A9, 0]
+    if reported is not None:
+        drive.objects[0x60A9, 0] = number(reported, 4)
+    bus, _ = connect(drive)
+    driver = belt(bus)
+    with pytest.raises(ProtocolError, match=r"node 2 .*unit of its velocities") as caught:
+        driver.open()
+    assert "velocity_unit" in (caught.value.hint or "")
+    driver.close()
+    belt(bus, velocity_unit="1 rpm").open()
+
+
 def test_silent_node_is_named_with_those_that_answer(connect: Connect) -> None:
     bus, port = connect(servo(3), scripted_encoder())
     port.say(0x702, "05")
