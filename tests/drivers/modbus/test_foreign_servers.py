@@ -10,16 +10,15 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import os
-import select
 import threading
 import tty
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from modbus_tk import defines, modbus_rtu
 from pyModbusTCP.server import DataBank, ModbusServer
+from support.pty_port import PtyPort
 from support.wire import free_ports
 
 from rigd.config.loader import parse_rig
@@ -35,38 +34,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:isSet:DeprecationWarning")
 HOLDING, INPUTS = [555, 0, 100], [10, 0xFFFF]
 #: Registers 0 to 99 exist.
 REGISTERS = 100
-
-
-@dataclass
-class PtyPort:
-    """As much of pyserial's port as modbus-tk uses, on the far end of a pty."""
-
-    fd: int
-    name: str
-    baudrate: int = 115200
-    is_open: bool = True
-    timeout: float | None = None
-    inter_byte_timeout: float = 0.0
-
-    @property
-    def in_waiting(self) -> int:
-        return len(select.select([self.fd], [], [], 0)[0])
-
-    def read(self, size: int) -> bytes:
-        wait_s = 0.02 if self.timeout is None else self.timeout
-        return os.read(self.fd, size) if select.select([self.fd], [], [], wait_s)[0] else b""
-
-    def write(self, data: bytes) -> None:
-        os.write(self.fd, data)
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def cancel_read(self) -> None:
-        """A read ends by itself."""
-
-    def close(self) -> None:
-        self.is_open = False
 
 
 def serve_tcp() -> tuple[ModbusServer, int]:
