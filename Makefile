@@ -15,14 +15,20 @@ SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo precompile test test-long quick test-days fmt check check-page docs bench clean
+.PHONY: setup demo precompile test test-long quick test-days fmt check check-page docs bench bare lock clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
-$(VENV)/.ready: pyproject.toml scripts/setup
-	scripts/setup $(VENV)
+# Two stages: who only looks at the demo is spared the tools of the tests, half of it all.
+$(VENV)/.demo: pyproject.toml scripts/setup scripts/constraints.txt
+	scripts/setup $(VENV) analysis,panel
+	touch $@
 
-demo: setup ## the campaigns of three published rigs, simulated: run, record, identify, report
+$(VENV)/.ready: $(VENV)/.demo
+	scripts/setup $(VENV) dev
+	touch $@
+
+demo: $(VENV)/.demo ## the campaigns of three published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
 precompile: setup ## compile what tests import once: each of the processes of `make test` would do it
@@ -30,7 +36,7 @@ precompile: setup ## compile what tests import once: each of the processes of `m
 
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
 define play
-	scripts/need node npm chromium
+	scripts/need node npm chromium libatomic.so.1
 	$(BIN)/pytest -m "side_by_side$(1)" -n $$((3 * $$(nproc))) --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m "not side_by_side$(1)" -n 2 --dist loadfile --no-loadscope-reorder
 endef
@@ -85,8 +91,15 @@ docs: setup ## the documentation as a site, with search: build/site/index.html
 	@echo "open build/site/index.html"
 
 bench: setup ## every figure, as ratios from interleaved runs
-	scripts/need cc cyclictest node npm chromium
+	scripts/need cc cyclictest node npm chromium libatomic.so.1
 	$(BIN)/python benchmarks/all.py
+
+bare: ## the README's two commands on a Debian that has nothing else, in a folder (as root)
+	scripts/bare "make demo" "make test"
+
+lock: setup ## the newest versions of all libraries into scripts/constraints.txt, for .ci/run to try
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra dev --universal --python-version 3.11 \
+	    --upgrade --no-header --no-annotate --output-file scripts/constraints.txt
 
 clean: ## remove what the other targets made
 	rm -rf $(VENV) build docs/reference .mypy_cache .ruff_cache .import_linter_cache .pytest_cache .hypothesis node_modules

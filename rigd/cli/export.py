@@ -121,7 +121,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.extras import require
 
     require("analysis", "rigd export")
-    if args.to in ("hdf5", "mdf4"):
+    if args.to != "mat":
         require("export", f"rigd export --to {args.to}")
     from rigd.analysis.run_page import Selection, parse_selection
     from rigd.model.errors import ConfigError

@@ -44,7 +44,7 @@ def execute(args: argparse.Namespace) -> int:
     """Write the recordings and print what each holds."""
     from rigd.model.extras import require
 
-    require("analysis", "rigd import")
+    require("import", "rigd import")
     from rigd.importing import import_files, load_map
 
     about = read_about(args.operator, args.note, args.meta, args.specimen)

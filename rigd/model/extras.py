@@ -13,8 +13,8 @@ from rigd.model.errors import Exit, RigdError
 
 #: The modules of each extra; ``pyproject.toml`` has their versions.
 MODULES: Final[Mapping[str, tuple[str, ...]]] = {
-    "analysis": ("scipy", "pyarrow", "matplotlib", "jinja2", "markupsafe"),
-    "export": ("h5py", "asammdf"),
+    "analysis": ("scipy", "matplotlib", "jinja2", "markupsafe"),
+    "export": ("pyarrow", "h5py", "asammdf"),
     "posterior": ("emcee", "arviz_stats"),
     "panel": ("starlette", "uvicorn", "h11", "websockets"),
     "ni": ("nidaqmx", "grpc"),

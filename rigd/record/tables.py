@@ -97,7 +97,7 @@ class Table:
         except ImportError as error:
             raise RecordingError(
                 "pyarrow is not installed",
-                hint="`pip install 'rigd[analysis]'`, or use to_numpy().",
+                hint="`pip install 'rigd[export]'`, or use to_numpy().",
             ) from error
         arrays = [pa.array(column) for column in self.columns.values()]
         fields = [

@@ -316,6 +316,8 @@ NEVER: dict[str, str] = {
     "make test-long": "`.ci/run` plays a part of them",
     "make check": "`.ci/run` does",
     "make docs": "`.ci/run` does",
+    "make bare": "`.ci/run` plays the same",
+    "make lock": "changes the versions of libraries",
     "make bench": "takes an hour; each of its parts has a test of its own",
     "rigd identify before.mcap after.mcap --group-by recording": (
         "15 s of CPU; tests/analysis/test_several_recordings.py evaluates so, without the command"

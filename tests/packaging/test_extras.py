@@ -128,7 +128,7 @@ def test_daemon_without_extras_serves_without_a_panel(
     [
         ("identify quick.mcap", "analysis"),
         ("report quick.mcap", "analysis"),
-        ("export quick.mcap --to csv", "analysis"),
+        ("export quick.mcap --to mat", "analysis"),
         ("calibrate calibrate_torque --rig angle-1 --operator me", "analysis"),
         ("panel", "panel"),
         (f"serve --rig {RIG} --panel", "panel"),
