@@ -126,7 +126,7 @@ class Hit(Victim):
         if safe_s is None:
             wrong.append("a drive has torque")
         wrong += self._recorded()
-        return {"safe_after_s": safe_s, "wrong": wrong, "exit": self.process.returncode,
+        return {"safe_after_s": safe_s, "wrong": wrong, "exit": self.process.poll(),
                 "goes_on": goes_on, "told": self.told()[-600:]}  # fmt: skip
 
     def _ends_soon(self) -> bool:

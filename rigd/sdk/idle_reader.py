@@ -8,6 +8,8 @@ from typing import Final
 
 #: Room for the calls of a reader, in bytes: the cycle locks all memory, so also unused stack.
 _STACK_BYTES: Final = 1 << 19
+#: A reader ends within this, in s; one that hangs in a library is left behind.
+_ENDS_S: Final = 1.0
 
 
 class IdleReader:
@@ -47,7 +49,7 @@ class IdleReader:
         if thread is not None:
             with self.lock:
                 self._changed.notify()
-            thread.join()
+            thread.join(_ENDS_S)
 
     def pause(self) -> None:
         """Leave the reading to the caller from now on; see :meth:`check` for what it raises."""
