@@ -11,7 +11,16 @@ from typing import Annotated, ClassVar, Final, Literal, TypeVar
 
 from annotated_types import Ge, Le
 
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In, LinkError
+from rigd.sdk import (
+    Channel,
+    DeviceError,
+    Driver,
+    DriverConfig,
+    In,
+    LinkError,
+    about_entry,
+    wrong_entry,
+)
 from rigd_drivers.card import Card
 
 Level = Literal["high", "low"]
@@ -110,21 +119,29 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the outputs and the monitor are this drive's alone."""
         config, card = self.config, self.link
-        if card.rests_high(config.enable_output) == (config.enable_active == "high"):
-            raise LinkError(
-                f"digital output {config.enable_output} stands {config.enable_active} at rest, "
-                "which enables the drive",
-                hint="correct 'high_at_rest' of the link, or 'enable_active' here",
-            )
-        if config.behind_one_shot and card.one_shot_s is None:
-            raise LinkError(
-                "'behind_one_shot' is set, but the card has no 'one_shot'",
-                hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
-            )
-        card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
+        with about_entry("enable_output"):
+            if card.rests_high(config.enable_output) == (config.enable_active == "high"):
+                raise LinkError(
+                    f"digital output {config.enable_output} stands {config.enable_active} at "
+                    "rest, which enables the drive",
+                    hint="correct 'high_at_rest' of the link, or 'enable_active' here",
+                )
+        with about_entry("behind_one_shot"):
+            if config.behind_one_shot and card.one_shot_s is None:
+                raise LinkError(
+                    "'behind_one_shot' is set, but the card has no 'one_shot'",
+                    hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
+                )
+        with about_entry("set_output"):
+            card.take_outputs(analog=(config.set_output,))
+        with about_entry("enable_output"):
+            card.take_outputs(lines=(config.enable_output,))
         self._check_span()
-        lines = () if config.ready_input is None else (config.ready_input,)
-        card.use_inputs(analog=(config.monitor_input,), lines=lines)
+        with about_entry("monitor_input"):
+            card.use_inputs(analog=(config.monitor_input,))
+        if config.ready_input is not None:
+            with about_entry("ready_input"):
+                card.use_inputs(lines=(config.ready_input,))
 
     def preflight(self) -> Sequence[str]:
         """Return what is wrong with the drive at rest: it reports a fault, or its monitor does."""
@@ -281,11 +298,11 @@ def check_reach(name: str, largest: float, set_scale: float) -> None:
     """Check that ``largest`` can be asked for within +-10 V.
 
     Raises:
-        ValueError: it cannot.
+        WrongEntries: it cannot.
 
     """
     volts = largest / set_scale
     if volts > 10.0:
-        raise ValueError(
-            f"'{name}' needs {volts:g} V at the set value input; a card gives at most 10 V"
+        raise wrong_entry(
+            f"'{name}' needs {volts:g} V at the set value input; a card gives at most 10 V", name
         )

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DriverConfig, In, Row
+from rigd.sdk import Channel, Declaration, DriverConfig, In, Row, about_entry
 from rigd_drivers.analog_drive import AnalogDrive, AnalogDriveConfig, accepted, check_reach
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
@@ -96,8 +96,10 @@ class AnalogSpeedServo(AnalogDrive[AnalogSpeedServoConfig]):
         """See :class:`AnyDriver`: also the output of the clutch, and the encoder."""
         super().reserve()
         if self.config.clutch_output is not None:
-            self.link.take_outputs(lines=(self.config.clutch_output,))
-        self.link.use_inputs(encoders=(self.config.encoder,))
+            with about_entry("clutch_output"):
+                self.link.take_outputs(lines=(self.config.clutch_output,))
+        with about_entry("encoder"):
+            self.link.use_inputs(encoders=(self.config.encoder,))
 
     def read(self, t_ns: int) -> AxisRow:
         """Return position, counts, speed, monitor volts and status.

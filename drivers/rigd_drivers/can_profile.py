@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Le
 from pydantic import StringConstraints, model_validator
 
-from rigd.sdk import Documented, ProtocolError
+from rigd.sdk import Documented, ProtocolError, wrong_entry
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.device_file import DeviceFile
@@ -46,7 +46,10 @@ class Fixed(ObjectChoice):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        self.entry(self.name).pack(self.value)
+        try:
+            self.entry(self.name).pack(self.value)
+        except ValueError as error:
+            raise wrong_entry(str(error), "value") from error
         return self
 
     def pair(self) -> tuple[Entry, int]:
@@ -160,11 +163,17 @@ class TransmitterProfile(NodeProfile):
     """The TPDO that carries the value at every SYNC."""
 
 
-def distinct(pdos: Sequence[PdoChoice], what: str) -> None:
-    """Raise ValueError if two of ``pdos`` have the same number."""
+def distinct(pdos: Sequence[PdoChoice], what: str, paths: Sequence[tuple[str | int, ...]]) -> None:
+    """Refuse two of ``pdos`` that have the same number; ``paths`` are their keys in the file.
+
+    Raises:
+        WrongEntries: there are two.
+    """
     numbers = [each.number for each in pdos]
-    if len(set(numbers)) < len(numbers):
-        raise ValueError(f"two {what} have the same number: {', '.join(map(str, numbers))}")
+    for place, number in enumerate(numbers):
+        if number in numbers[:place]:
+            known = ", ".join(map(str, numbers))
+            raise wrong_entry(f"two {what} have the same number: {known}", *paths[place], "number")
 
 
 def _hex(value: int | None) -> str:

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, TypeVar
 
-from rigd.sdk import DeviceError, Driver, LinkConfig, LinkError
+from rigd.sdk import DeviceError, Driver, LinkConfig, LinkError, about_entry
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_errand import Errand, Script
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
@@ -82,7 +82,8 @@ class CanSensor(Driver[SensorConfigT, CanBus]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the node id is this device's alone."""
-        self.link.claim(self.config.node, self.title)
+        with about_entry("node"):
+            self.link.claim(self.config.node, self.title)
 
     def open(self) -> None:
         """Set the device up by SDO, reading everything back.

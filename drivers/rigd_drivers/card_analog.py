@@ -9,7 +9,16 @@ from annotated_types import Ge, MinLen
 from pydantic import StringConstraints, field_validator, model_validator
 
 from rigd.model.units import correct_scale, parse_quantity, parse_unit
-from rigd.sdk import Channel, Declaration, Documented, Driver, DriverConfig, In
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    Documented,
+    Driver,
+    DriverConfig,
+    In,
+    about_entry,
+    wrong_entry,
+)
 from rigd_drivers.card import Card
 
 
@@ -34,12 +43,13 @@ class AnalogInput(Documented):
         wanted = f"{parse_unit(self.unit).difference()}/V"
         given = parse_quantity(self.scale)
         if not given.unit.same_kind(parse_unit(wanted)):
-            raise ValueError(
+            raise wrong_entry(
                 f"scale '{self.scale}' of {self.name} is not in {wanted}: "
-                f"{correct_scale(given, wanted)}"
+                f"{correct_scale(given, wanted)}",
+                "scale",
             )
         if given.value == 0.0:
-            raise ValueError(f"scale '{self.scale}' of {self.name} must not be 0")
+            raise wrong_entry(f"scale '{self.scale}' of {self.name} must not be 0", "scale")
         return self
 
     @property
@@ -107,8 +117,9 @@ class CardAnalog(Driver[CardAnalogConfig, Card]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the inputs are this device's alone."""
-        for item in self.config.inputs:
-            self.link.use_inputs(analog=(item.input,))
+        for place, item in enumerate(self.config.inputs):
+            with about_entry("inputs", place, "input"):
+                self.link.use_inputs(analog=(item.input,))
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, Row
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, Row, about_entry, wrong_entry
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
 from rigd_drivers.encoder_rows import AngleRow, PositionRow
@@ -49,9 +49,14 @@ class CardEncoderConfig(DriverConfig):
         other = "position" if self.quantity == "angle" else "angle"
         misplaced = self.model_fields_set.intersection(_OPTIONS[other])
         if misplaced:
-            raise ValueError(f"'{min(misplaced)}' belongs to 'quantity: {other}'; remove it here")
+            raise wrong_entry(
+                f"'{min(misplaced)}' belongs to 'quantity: {other}'; remove it here", min(misplaced)
+            )
         if self.quantity == "position" and self.distance_per_count is None:
-            raise ValueError("'quantity: position' needs 'distance_per_count', such as 10 um/count")
+            raise wrong_entry(
+                "'quantity: position' needs 'distance_per_count', such as 10 um/count",
+                "distance_per_count",
+            )
         return self
 
 
@@ -91,7 +96,8 @@ class CardEncoder(Driver[CardEncoderConfig, Card]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`; an encoder may serve two devices."""
-        self.link.use_inputs(encoders=(self.config.encoder,))
+        with about_entry("encoder"):
+            self.link.use_inputs(encoders=(self.config.encoder,))
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 from pydantic import StringConstraints, model_validator
 
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, about_entry, wrong_entry
 from rigd_drivers.card import Card, Train
 
 #: Status: no pulse has come within the longest period, or only the first one since then.
@@ -52,15 +52,16 @@ class CardFrequencyConfig(DriverConfig):
         wanted = f"{self.unit} s/count"
         if self.scale is None:
             if not parse_unit(self.unit).same_kind(parse_unit("Hz")):
-                raise ValueError(
-                    f"a channel in {self.unit} needs `scale`: the quantity per pulse, in {wanted}"
+                raise wrong_entry(
+                    f"a channel in {self.unit} needs `scale`: the quantity per pulse, in {wanted}",
+                    "unit",
                 )
             return self
         scale = parse_quantity(self.scale)
         if not scale.unit.same_kind(parse_unit(wanted)):
-            raise ValueError(f"scale '{self.scale}' is not in {wanted}")
+            raise wrong_entry(f"scale '{self.scale}' is not in {wanted}", "scale")
         if scale.value == 0.0:
-            raise ValueError("scale must not be 0: every frequency would mean the same")
+            raise wrong_entry("scale must not be 0: every frequency would mean the same", "scale")
         return self
 
 
@@ -130,9 +131,10 @@ class CardFrequency(Driver[CardFrequencyConfig, Card]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the counter is this device's alone."""
-        self.link.use_pulses(
-            self.config.counter, longest_s=self._longest_s, width=self.config.width
-        )
+        with about_entry("counter"):
+            self.link.use_pulses(
+                self.config.counter, longest_s=self._longest_s, width=self.config.width
+            )
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

@@ -8,7 +8,7 @@ from annotated_types import Ge, Gt
 from pydantic import StringConstraints, model_validator
 
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, about_entry, wrong_entry
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
 
@@ -38,12 +38,16 @@ class CardPulsesConfig(DriverConfig):
     def _scale_has_the_unit(self) -> Self:
         unit, scale = parse_unit(self.unit), parse_quantity(self.scale)
         if unit.factor != 1.0:
-            raise ValueError(f"{self.unit} is not an SI unit; give the scale in any unit instead")
+            raise wrong_entry(
+                f"{self.unit} is not an SI unit; give the scale in any unit instead", "unit"
+            )
         expected = f"{self.unit}/count"
         if not scale.unit.same_kind(parse_unit(expected)):
-            raise ValueError(f"scale '{self.scale}' is not in {expected}")
+            raise wrong_entry(f"scale '{self.scale}' is not in {expected}", "scale")
         if scale.value == 0.0:
-            raise ValueError("scale must not be 0: every number of pulses would mean the same")
+            raise wrong_entry(
+                "scale must not be 0: every number of pulses would mean the same", "scale"
+            )
         return self
 
 
@@ -82,7 +86,8 @@ class CardPulses(Driver[CardPulsesConfig, Card]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: several devices may read one counter."""
-        self.link.use_inputs(encoders=(self._counter.encoder,))
+        with about_entry("counter"):
+            self.link.use_inputs(encoders=(self._counter.encoder,))
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

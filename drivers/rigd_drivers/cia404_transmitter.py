@@ -14,7 +14,16 @@ from typing import Annotated, ClassVar, Final, Self
 from annotated_types import Ge, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, ProtocolError, Row
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    In,
+    ProtocolError,
+    Row,
+    wrong_entry,
+)
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_errand import Read, Script, Write, nearer
 from rigd_drivers.can_node import Node
@@ -67,9 +76,11 @@ class TransmitterConfig(SensorConfig):
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
         if not self.unit or not math.isfinite(self.unit):
-            raise ValueError("'unit' must not be 0")
+            raise wrong_entry("'unit' must not be 0", "unit")
         if self.low >= self.high:
-            raise ValueError(f"'low' ({self.low:g} N) must be below 'high' ({self.high:g} N)")
+            raise wrong_entry(
+                f"'low' ({self.low:g} N) must be below 'high' ({self.high:g} N)", "low"
+            )
         return self
 
 

@@ -8,7 +8,16 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, ProtocolError, Row
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    In,
+    ProtocolError,
+    Row,
+    wrong_entry,
+)
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_errand import Read, Script, Write, nearer
 from rigd_drivers.can_node import Node
@@ -73,9 +82,11 @@ class EncoderConfig(SensorConfig):
         other = "linear" if self.kind == "rotary" else "rotary"
         misplaced = self.model_fields_set.intersection(_OPTIONS[other])
         if misplaced:
-            raise ValueError(f"'{min(misplaced)}' belongs to 'kind: {other}'; remove it here")
+            raise wrong_entry(
+                f"'{min(misplaced)}' belongs to 'kind: {other}'; remove it here", min(misplaced)
+            )
         if self.kind == "linear" and self.distance_per_count is None:
-            raise ValueError("'kind: linear' needs 'distance_per_count'")
+            raise wrong_entry("'kind: linear' needs 'distance_per_count'", "distance_per_count")
         return self
 
 

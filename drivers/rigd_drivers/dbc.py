@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from rigd.model.extras import is_installed, missing
 from rigd.model.units import Unit, parse_unit
-from rigd.sdk import Channel
+from rigd.sdk import Channel, wrong_entry
 
 #: How DBC files write units that rigd spells otherwise; "Â°" is a degree sign of UTF-8, read in the
 #: code page of DBC files (cp1252).
@@ -78,7 +78,9 @@ def read_message(
     known = _message(path, name)
     multiplexers = [signal.name for signal in known.signals if signal.is_multiplexer]
     if len(multiplexers) > 1:
-        raise ValueError(f"message {name} of {path.name} has nested multiplexers: not supported")
+        raise wrong_entry(
+            f"message {name} of {path.name} has nested multiplexers: not supported", "message"
+        )
     multiplexer = multiplexers[0] if multiplexers else None
     _check_page(path, known, multiplexer, page)
     carried = {
@@ -87,11 +89,17 @@ def read_message(
         if signal.name != multiplexer
         and (signal.multiplexer_ids is None or page in signal.multiplexer_ids)
     }
-    for given in (*wanted, *units):
+    named: list[tuple[str, str, str | int]] = [
+        *((given, "signals", place) for place, given in enumerate(wanted)),
+        *((given, "units", given) for given in units),
+    ]
+    for given, key, below in named:
         if given not in carried:
-            raise ValueError(
+            raise wrong_entry(
                 f"message {name} of {path.name} carries no signal {given!r}; it carries "
-                f"{', '.join(carried)}"
+                f"{', '.join(carried)}",
+                key,
+                below,
             )
     signals = tuple(
         _signal(path, name, signal, units.get(signal.name))
@@ -101,17 +109,21 @@ def read_message(
     names = [signal.channel.name for signal in signals]
     for item in names:
         if names.count(item) > 1:
-            raise ValueError(f"two signals of message {name} become the channel {item!r}")
+            raise wrong_entry(
+                f"two signals of message {name} become the channel {item!r}", "message"
+            )
     return Message(known, signals, multiplexer, page)
 
 
 def _message(path: Path, name: str) -> Any:
     if not is_installed("dbc"):
-        raise ValueError(missing("a message of a DBC", "dbc"))
+        raise wrong_entry(missing("a message of a DBC", "dbc"), "message")
     database = _database(path, path.stat().st_mtime_ns)
     found = {message.name: message for message in database.messages}
     if name not in found:
-        raise ValueError(f"{path.name} has no message {name!r}; it has {', '.join(found)}")
+        raise wrong_entry(
+            f"{path.name} has no message {name!r}; it has {', '.join(found)}", "message"
+        )
     return found[name]
 
 
@@ -123,20 +135,23 @@ def _database(path: Path, _changed_ns: int) -> Any:
     try:
         return cantools.database.load_file(path, database_format="dbc")
     except (Error, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no DBC that can be read: {error}") from error
+        raise wrong_entry(f"{path} is no DBC that can be read: {error}", "dbc") from error
 
 
 def _check_page(path: Path, known: Any, multiplexer: str | None, page: int | None) -> None:
     if multiplexer is None:
         if page is not None:
-            raise ValueError(f"message {known.name} of {path.name} has no multiplexer: no `page`")
+            raise wrong_entry(
+                f"message {known.name} of {path.name} has no multiplexer: no `page`", "page"
+            )
         return
     pages = sorted({each for signal in known.signals for each in signal.multiplexer_ids or ()})
     if page not in pages:
         given = "none" if page is None else f"{page}"
-        raise ValueError(
+        raise wrong_entry(
             f"message {known.name} of {path.name} is multiplexed by {multiplexer}: `page` is one "
-            f"of {', '.join(map(str, pages))}, not {given}"
+            f"of {', '.join(map(str, pages))}, not {given}",
+            "page",
         )
 
 
@@ -145,7 +160,9 @@ def _signal(path: Path, message: str, signal: Any, given: str | None) -> Signal:
     unit = _unit(where, signal.name, signal.unit or "", given)
     name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", signal.name).lower()
     if not _NAME.fullmatch(name):
-        raise ValueError(f"{where} cannot be a channel: names are lower-case letters, digits, _")
+        raise wrong_entry(
+            f"{where} cannot be a channel: names are lower-case letters, digits, _", "message"
+        )
     lows_highs = (signal.minimum, signal.maximum)
     stated = None not in lows_highs and lows_highs[0] != lows_highs[1]
     low, high = map(unit.to_si, map(float, lows_highs)) if stated else (-math.inf, math.inf)
@@ -159,14 +176,22 @@ def _unit(where: str, name: str, text: str, given: str | None) -> Unit:
         stated = parse_unit(_SPELT.get(text, text))
     except ValueError as error:
         if given is None:
-            raise ValueError(
+            raise wrong_entry(
                 f"{where} has the unit {text!r}, which rigd does not know; give it in "
-                f"`units: {{{name}: ...}}`"
+                f"`units: {{{name}: ...}}`",
+                "units",
             ) from error
-        return parse_unit(given)
+        return _given(given, name)
     if given is None:
         return stated
-    own = parse_unit(given)
+    own = _given(given, name)
     if text and not own.same_kind(stated):
-        raise ValueError(f"{where} is in {text}; `units` gives it in {given}")
+        raise wrong_entry(f"{where} is in {text}; `units` gives it in {given}", "units", name)
     return own
+
+
+def _given(unit: str, name: str) -> Unit:
+    try:
+        return parse_unit(unit)
+    except ValueError as error:
+        raise wrong_entry(str(error), "units", name) from error

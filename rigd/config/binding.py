@@ -102,7 +102,7 @@ def _note(
         return
     if kind == "value_error":
         message = str(context["error"])
-        named = (*where, _named_key(message))  # a check of several keys names the wrong one first
+        named = (*where, named_key(message))  # a check of several keys names the wrong one first
         where = named if named in document.values else where
     elif kind in _EXPECTED:
         message = f"expected {_EXPECTED[kind]}, found {written}"
@@ -240,9 +240,10 @@ def _missing_space(document: Document, where: KeyPath) -> str:
     return f"write '{name}: {value}', with a space after the colon"
 
 
-def _named_key(message: str) -> str:
+def named_key(message: str) -> str:
     """Return ``watchdog`` for ``'watchdog' must be ...``, and "" for other messages."""
-    return message.partition("'")[2].partition("'")[0] if message.startswith("'") else ""
+    quote = message[:1]
+    return message[1:].partition(quote)[0] if quote in ("'", "`") else ""
 
 
 def _written(value: Data) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.config.binding import bind
+from rigd.config.binding import bind, named_key
 from rigd.config.calibration import read_setup
 from rigd.config.controllers import add_controllers
 from rigd.config.derived import add_derived
@@ -48,7 +48,7 @@ from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Interlock, Priority, SetpointLimit
 from rigd.model.severity import Severity
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import BlockDriver, SlowDriver
+from rigd.sdk import BlockDriver, SlowDriver, WrongEntries
 
 #: Number of silent cycles that is still normal.
 _CYCLES_OF_SILENCE: Final = 3
@@ -219,13 +219,19 @@ def _device(
         return None
     try:
         declaration = driver_class.declare(config)
+    except WrongEntries as error:
+        for below, text in error.problems:
+            problems.add(document.place((*path, "options", *below)), f"{source.driver}: {text}")
+        return None
     except (ValueError, RigdError) as error:
-        problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
+        where = (*path, "options", named_key(str(error)))
+        problems.add(document.place(where), f"{source.driver}: {error}")
         return None
     declaration = displayed(document, path, source.display, declaration, problems)
     link = links.get(source.link or "")
     for text in driver_class.contradictions(config, None if link is None else link.config):
-        problems.add(document.place((*path, "options")), f"{source.driver}: {text}")
+        where = (*path, "options", named_key(text))
+        problems.add(document.place(where), f"{source.driver}: {text}")
     waiver = source.waiver
     return DeviceConfig(
         name=name,

@@ -41,4 +41,4 @@ def check_shared(
             device.driver_class(device.config, link).reserve()
         except (LinkError, ProtocolError) as error:
             message = f"{device.driver}: {error.message}"
-            problems.add(document.place(path), message, error.hint)
+            problems.add(document.place((*path, *error.entry)), message, error.hint)

@@ -50,10 +50,12 @@ class Place:
 class RigdError(Exception):
     """Root of every error that rigd raises on purpose; raise a subclass, never the root.
 
-    ``hint`` is the remedy, and is printed below the message.
+    ``hint`` is the remedy, and is printed below the message. ``entry`` are the keys and list
+    indices of the option of a device that is wrong, if the error is about one.
     """
 
     exit_code = Exit.INTERNAL
+    entry: tuple[str | int, ...] = ()
 
     def __init__(self, message: str, *, hint: str | None = None) -> None:
         super().__init__(message)

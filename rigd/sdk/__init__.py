@@ -4,7 +4,7 @@ from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.system import dropped, readable
 from rigd.sdk.declaration import Declaration, Input
-from rigd.sdk.documented import Documented, WrongEntries
+from rigd.sdk.documented import Documented, WrongEntries, about_entry, wrong_entry
 from rigd.sdk.driver import (
     AnyDriver,
     Block,
@@ -58,8 +58,10 @@ __all__ = [
     "SlowDriver",
     "Stream",
     "WrongEntries",
+    "about_entry",
     "accepted",
     "dropped",
     "readable",
     "shipped_configs",
+    "wrong_entry",
 ]

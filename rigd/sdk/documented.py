@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
+from rigd.model.errors import RigdError
 from rigd.sdk.written import accept_text
 
 
@@ -30,6 +32,24 @@ class WrongEntries(ValueError):
     def __init__(self, problems: Sequence[tuple[tuple[str | int, ...], str]]) -> None:
         super().__init__("; ".join(text for _, text in problems))
         self.problems = tuple(problems)
+
+
+def wrong_entry(text: str, *path: str | int) -> WrongEntries:
+    """Return the error of a validator of a whole part about its entry at ``path``.
+
+    If the entry is not there, the message shows the line of the part around it.
+    """
+    return WrongEntries([(path, text)])
+
+
+@contextmanager
+def about_entry(*path: str | int) -> Iterator[None]:
+    """Let an error that is raised inside of the block be about the option at ``path``."""
+    try:
+        yield
+    except RigdError as error:
+        error.entry = path
+        raise
 
 
 class Documented(BaseModel):

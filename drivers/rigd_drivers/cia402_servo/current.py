@@ -8,7 +8,16 @@ from typing import Annotated, ClassVar, Literal, Self
 from annotated_types import Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DriverConfig, In, LinkConfig, ProtocolError, Row
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DriverConfig,
+    In,
+    LinkConfig,
+    ProtocolError,
+    Row,
+    wrong_entry,
+)
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
@@ -48,9 +57,10 @@ class CurrentServoConfig(ServoConfig):
     @model_validator(mode="after")
     def _has_the_mode(self) -> Self:
         if self.profile is not None and self.profile.torque is None:
-            raise ValueError(
+            raise wrong_entry(
                 f"the profile of the {self.profile.title} has no torque mode: use the driver "
-                "cia402-speed, or another profile"
+                "cia402-speed, or another profile",
+                "profile",
             )
         return self
 

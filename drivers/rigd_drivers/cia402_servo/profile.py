@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Gt, MaxLen, MinLen
 from pydantic import model_validator
 
-from rigd.sdk import Documented, In
+from rigd.sdk import Documented, In, wrong_entry
 from rigd_drivers.can_profile import NodeProfile, ObjectChoice, PdoChoice, distinct
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.cia402 import Mode
@@ -50,9 +50,11 @@ class ModeProfile(Documented):
     def _has_a_sign(self) -> Self:
         for key, found in (("target", self.target), ("actual", self.actual)):
             if found is not None and found.type.startswith("u"):
-                raise ValueError(
+                raise wrong_entry(
                     f"'{key}' {found.object} is of type {found.type}, which has no sign: a drive "
-                    "goes both ways"
+                    "goes both ways",
+                    key,
+                    "type",
                 )
         return self
 
@@ -77,9 +79,11 @@ class TorqueMode(ModeProfile):
     @model_validator(mode="after")
     def _fits_a_frame(self) -> Self:
         if self.actual is not None and self.actual.entry("").size > _MEASURED_BYTES:
-            raise ValueError(
+            raise wrong_entry(
                 f"object {self.actual.object} of type {self.actual.type} does not fit a PDO beside "
-                "statusword and position: it may have 16 bits"
+                "statusword and position: it may have 16 bits",
+                "actual",
+                "type",
             )
         return self
 
@@ -95,7 +99,9 @@ class SpeedMode(ModeProfile):
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
         if self.velocity_unit is not None and self.velocity_counts is not None:
-            raise ValueError("give 'velocity_unit' or 'velocity_counts', not both")
+            raise wrong_entry(
+                "give 'velocity_unit' or 'velocity_counts', not both", "velocity_counts"
+            )
         return self
 
     def unit(self, counts_per_radian: float) -> float | None:
@@ -127,11 +133,19 @@ class DrivePdos(Documented):
 
     @model_validator(mode="after")
     def _differ(self) -> Self:
-        distinct([self.command, self.outputs], "RPDOs")
-        distinct(self.feedback, "TPDOs")
+        distinct([self.command, self.outputs], "RPDOs", [("command",), ("outputs",)])
+        feedback: list[tuple[str | int, ...]] = [
+            ("feedback", place) for place in range(len(self.feedback))
+        ]
+        distinct(self.feedback, "TPDOs", feedback)
         ids = [each.cob_id for each in (self.command, self.outputs, *self.feedback)]
-        if len(set(ids)) < len(ids):
-            raise ValueError(f"two PDOs have the same cob_id: {', '.join(map(hex, ids))}")
+        paths: list[tuple[str | int, ...]] = [("command",), ("outputs",), *feedback]
+        for place, each in enumerate(ids):
+            if each in ids[:place]:
+                known = ", ".join(map(hex, ids))
+                raise wrong_entry(
+                    f"two PDOs have the same cob_id: {known}", *paths[place], "cob_id"
+                )
         return self
 
 

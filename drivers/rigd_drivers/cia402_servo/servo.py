@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import ClassVar, Final
 
-from rigd.sdk import Channel, DeviceError, Driver, LinkConfig, LinkError, Row
+from rigd.sdk import Channel, DeviceError, Driver, LinkConfig, LinkError, Row, about_entry
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.can_pdo import configure, switch_off_rest
@@ -87,7 +87,8 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     def reserve(self) -> None:
         """See :class:`AnyDriver`: the node id is this device's alone."""
-        self.link.claim(self.config.node, self.title)
+        with about_entry("node"):
+            self.link.claim(self.config.node, self.title)
 
     def open(self) -> None:
         """Set the drive up by SDO, reading everything back, and leave it switched off.

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Self, TypeVar
 from annotated_types import Gt
 from pydantic import model_validator
 
-from rigd.sdk import In, ProtocolError
+from rigd.sdk import In, ProtocolError, wrong_entry
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
@@ -49,14 +49,16 @@ class VelocityConfig(ServoConfig):
         if self.profile is None:
             return self
         if self.profile.speed is None:
-            raise ValueError(
+            raise wrong_entry(
                 f"the profile of the {self.profile.title} has no velocity mode: use the driver "
-                "cia402-current, or another profile"
+                "cia402-current, or another profile",
+                "profile",
             )
         if self.velocity_unit is None and self._profiled_unit() is None:
-            raise ValueError(
+            raise wrong_entry(
                 f"the profile of the {self.profile.title} does not state the unit of velocities: "
-                "give 'velocity_unit', from the drive's manual, such as '1 rpm'"
+                "give 'velocity_unit', from the drive's manual, such as '1 rpm'",
+                "profile",
             )
         return self
 

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from rigd.sdk import Documented, In, LinkConfig
+from rigd.sdk import Documented, In, LinkConfig, wrong_entry
 from rigd_drivers.card_watchdog import OneShotOptions
 
 Line = Annotated[int, Ge(0), Le(22)]
@@ -78,9 +78,10 @@ class LabjackWatchdogOptions(Documented):
     @model_validator(mode="after")
     def _time_fits(self) -> Self:
         if not self.timeout <= self.bound_s <= 3 * self.timeout:
-            raise ValueError(
+            raise wrong_entry(
                 f"`time` of {self.bound_s:g} s must be between {self.timeout:g} s, the `timeout` "
-                f"of the device, and {3 * self.timeout:g} s"
+                f"of the device, and {3 * self.timeout:g} s",
+                "time",
             )
         return self
 
@@ -150,54 +151,71 @@ class LabjackConfig(LinkConfig):
         return None if self.one_shot is None else self.one_shot.time
 
     @property
-    def tick_lines(self) -> set[int]:
-        """The lines that LJTick-DACs are plugged into."""
-        ticks = {number for item in self.analog_outputs if (number := tick_of(item)) is not None}
-        return {line for number in ticks for line in (number & ~1, number | 1)}
+    def tick_lines(self) -> dict[int, int]:
+        """The lines that LJTick-DACs are plugged into, each with its place in `analog_outputs`."""
+        ticks = {tick_of(item): place for place, item in enumerate(self.analog_outputs)}
+        return {
+            line: place
+            for number, place in ticks.items()
+            if number is not None
+            for line in (number & ~1, number | 1)
+        }
 
     @model_validator(mode="after")
     def _lines_exist_once(self) -> Self:
         facts = self.facts
         uses = {
-            "outputs": self.outputs, "inputs": self.inputs, "edge_counters": self.edge_counters,
-            "analog_outputs": tuple(self.tick_lines),
+            "outputs": [*enumerate(self.outputs)], "inputs": [*enumerate(self.inputs)],
+            "edge_counters": [*enumerate(self.edge_counters)],
+            "analog_outputs": [(place, line) for line, place in self.tick_lines.items()],
         }  # fmt: skip
         used: dict[int, str] = {}
         for key, lines in uses.items():
             known = facts.edges if key == "edge_counters" else facts.lines
-            for line in lines:
+            for place, line in lines:
                 if line not in known:
-                    raise ValueError(
+                    raise wrong_entry(
                         f"`{key}`: line {line} of a {self.product} cannot be that; "
-                        f"{_listed(known)} can"
+                        f"{_listed(known)} can",
+                        key,
+                        place,
                     )
                 if line in used:
-                    raise ValueError(
-                        f"line {line} is in `{used[line]}` and in `{key}`: correct one"
+                    raise wrong_entry(
+                        f"line {line} is in `{used[line]}` and in `{key}`: correct one", key, place
                     )
                 used[line] = key
-        for line in self.high_at_rest:
+        for place, line in enumerate(self.high_at_rest):
             if line not in self.outputs:
-                raise ValueError(f"`high_at_rest` has line {line}, which is not in `outputs`")
-        if len(set(self.analog_outputs)) != len(self.analog_outputs):
-            raise ValueError("`analog_outputs` names an output twice")
+                raise wrong_entry(
+                    f"`high_at_rest` has line {line}, which is not in `outputs`",
+                    "high_at_rest",
+                    place,
+                )
+        for place, item in enumerate(self.analog_outputs):
+            if item in self.analog_outputs[:place]:
+                raise wrong_entry("`analog_outputs` names an output twice", "analog_outputs", place)
         return self
 
     @model_validator(mode="after")
     def _one_guard(self) -> Self:
         if self.one_shot is not None and self.watchdog is not None:
-            raise ValueError("give `one_shot` or `watchdog`, not both: one of them feeds the rig")
+            raise wrong_entry(
+                "give `one_shot` or `watchdog`, not both: one of them feeds the rig", "watchdog"
+            )
         if self.guard is None:
             return self
         name = "watchdog" if self.one_shot is None else "one_shot"
         for key, lines in (("output", self.outputs), ("input", self.inputs)):
             line = getattr(self.guard, key)
             if line not in lines:
-                raise ValueError(f"`{name}` uses line {line}, which is not in `{key}s`")
+                raise wrong_entry(f"`{name}` uses line {line}, which is not in `{key}s`", name, key)
         if self.watchdog is not None and self.watchdog.output in self.high_at_rest:
-            raise ValueError(
+            raise wrong_entry(
                 f"line {self.watchdog.output} of `watchdog` stands low at rest; remove it from "
-                "`high_at_rest`"
+                "`high_at_rest`",
+                "high_at_rest",
+                self.high_at_rest.index(self.watchdog.output),
             )
         return self
 
@@ -205,18 +223,24 @@ class LabjackConfig(LinkConfig):
     def _inputs_are_possible(self) -> Self:
         facts = self.facts
         if self.resolution > facts.best_resolution:
-            raise ValueError(f"`resolution` of a {self.product} is at most {facts.best_resolution}")
-        for number in self.differential:
+            raise wrong_entry(
+                f"`resolution` of a {self.product} is at most {facts.best_resolution}", "resolution"
+            )
+        for place, number in enumerate(self.differential):
             if self.product != "T7" or number % 2:
-                raise ValueError(
+                raise wrong_entry(
                     f"input {number} of a {self.product} cannot be differential; those of even "
-                    "number of a T7 can"
+                    "number of a T7 can",
+                    "differential",
+                    place,
                 )
         for encoder, counter in self.index_counters.items():
             if counter not in self.edge_counters:
-                raise ValueError(
+                raise wrong_entry(
                     f"line {counter} counts the index of encoder {encoder}; name it in "
-                    "`edge_counters`"
+                    "`edge_counters`",
+                    "index_counters",
+                    encoder,
                 )
         return self
 

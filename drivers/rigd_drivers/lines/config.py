@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from rigd.model.units import Quantity, parse_quantity
-from rigd.sdk import Channel, DriverConfig, In
+from rigd.sdk import Channel, DriverConfig, In, wrong_entry
 from rigd.sdk.port import MAX_LINE, PortConfig
 from rigd_drivers.lines.text import commands, encoded
 
@@ -196,7 +196,9 @@ class LinesConfig(PortConfig):
     @model_validator(mode="after")
     def _described_once(self) -> Self:
         if (self.pattern is None) == (self.columns is None):
-            raise ValueError("a line is described by either 'pattern' or 'columns': give one")
+            raise wrong_entry(
+                "a line is described by either 'pattern' or 'columns': give one", "columns"
+            )
         return self
 
 

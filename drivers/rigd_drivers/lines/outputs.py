@@ -11,7 +11,7 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import field_validator, model_validator
 
 from rigd.model.units import parse_quantity
-from rigd.sdk import Channel, DriverConfig, In
+from rigd.sdk import Channel, DriverConfig, In, wrong_entry
 from rigd_drivers.lines.config import (
     ChannelName,
     Command,
@@ -76,29 +76,38 @@ def check_writes(outputs: Mapping[str, LineOutput]) -> None:
     """Check that the line of each setpoint can be filled in with it.
 
     Raises:
-        ValueError: it cannot.
+        WrongEntries: it cannot.
     """
     for name, item in outputs.items():
         names = {found for _, found, _, _ in Formatter().parse(item.write) if found is not None}
         if names != {name}:
-            raise ValueError(
-                f"'write' of {name} must have {{{name}}} in braces and nothing else: {item.write!r}"
+            raise wrong_entry(
+                f"'write' of {name} must have {{{name}}} in braces and nothing else: "
+                f"{item.write!r}",
+                name,
+                "write",
             )
         try:
             item.line(name, item.bound(item.low))
         except (ValueError, KeyError, IndexError) as error:
-            raise ValueError(f"{item.write!r} cannot be filled in: {error}") from error
+            raise wrong_entry(
+                f"{item.write!r} cannot be filled in: {error}", name, "write"
+            ) from error
 
 
 def check_read_back(setpoints: Mapping[str, ReadBack]) -> None:
     """Check how far the answers may be from the setpoints.
 
     Raises:
-        ValueError: `within` of one is no difference of its kind, or not above 0.
+        WrongEntries: `within` of one is no difference of its kind, or not above 0.
     """
     for name, item in setpoints.items():
-        if not item.tolerance > 0:
-            raise ValueError(f"within {item.within} of {name} must be above 0")
+        try:
+            tolerance = item.tolerance
+        except ValueError as error:
+            raise wrong_entry(str(error), name, "within") from error
+        if not tolerance > 0:
+            raise wrong_entry(f"within {item.within} of {name} must be above 0", name, "within")
 
 
 def check_acting(setpoints: Mapping[str, object], acting: Mapping[str, object]) -> None:
@@ -109,18 +118,21 @@ def check_acting(setpoints: Mapping[str, object], acting: Mapping[str, object]) 
         acting: its options `arm`, `safe` and `state`, by name.
 
     Raises:
-        ValueError: `safe` or `state` is missing; or it has no setpoints, and one of them is given.
+        WrongEntries: `safe` or `state` is missing; or there are no setpoints, and one is given.
     """
     if not setpoints:
         given = [key for key, value in acting.items() if value]
         if given:
-            raise ValueError(f"'{given[0]}' is for an instrument with setpoints: give some")
+            raise wrong_entry(
+                f"'{given[0]}' is for an instrument with setpoints: give some", given[0]
+            )
         return
     for key in ("safe", "state"):
         if not acting[key]:
-            raise ValueError(
+            raise wrong_entry(
                 f"with setpoints, '{key}' is needed: how the instrument is made safe, and how it "
-                "shows that"
+                "shows that",
+                "setpoints",
             )
 
 
@@ -137,7 +149,7 @@ class LineState(DriverConfig):
     @model_validator(mode="after")
     def _answers_differ(self) -> Self:
         if self.safe.strip() == self.ready.strip():
-            raise ValueError(f"'safe' and 'ready' are the same answer {self.safe!r}")
+            raise wrong_entry(f"'safe' and 'ready' are the same answer {self.safe!r}", "ready")
         return self
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import DriverConfig, In
+from rigd.sdk import DriverConfig, In, wrong_entry
 from rigd_drivers.device_file import own_files
 from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.exchange import Exchange, Timing
@@ -51,16 +51,25 @@ class ConnectionConfig(DriverConfig):
     def _one_connection(self) -> Self:
         given = self.model_fields_set
         if (self.host is None) == (self.serial_port is None):
-            raise ValueError("give either 'host' (Modbus TCP) or 'serial_port' (Modbus RTU)")
+            raise wrong_entry(
+                "give either 'host' (Modbus TCP) or 'serial_port' (Modbus RTU)", "serial_port"
+            )
         serial_only = {"baud", "parity", "stop_bits", "longest_reply"}
         misplaced = given & (serial_only if self.host is not None else {"port"})
         if misplaced:
             other = "serial_port" if self.host is not None else "host"
-            raise ValueError(f"'{min(misplaced)}' belongs to '{other}'; remove it here")
+            raise wrong_entry(
+                f"'{min(misplaced)}' belongs to '{other}'; remove it here", min(misplaced)
+            )
         if self.serial_port is not None and self.longest_reply < self.timeout:
-            raise ValueError("'longest_reply' must be at least 'timeout'")
+            raise wrong_entry(
+                "'longest_reply' must be at least 'timeout'",
+                "longest_reply" if "longest_reply" in given else "timeout",
+            )
         if self.serial_port is not None and self.unit == 0:
-            raise ValueError("unit 0 is the broadcast address: no device on a serial line answers")
+            raise wrong_entry(
+                "unit 0 is the broadcast address: no device on a serial line answers", "unit"
+            )
         return self
 
     def files(self) -> Mapping[Path, str]:

@@ -21,6 +21,7 @@ from rigd.sdk import (
     ProtocolError,
     Row,
     accepted,
+    wrong_entry,
 )
 from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.client import Client
@@ -72,20 +73,25 @@ class ServoConfig(ConnectionConfig):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         if self.travel == 0:
-            raise ValueError("'travel' must not be zero")
-        self.map.setpoint.encode(self.max_speed / self.map.scale, self.map.word_order)
+            raise wrong_entry("'travel' must not be zero", "travel")
+        try:
+            self.map.setpoint.encode(self.max_speed / self.map.scale, self.map.word_order)
+        except ValueError as error:
+            raise wrong_entry(str(error), "max_speed") from error
         counts = self.watchdog / self.map.watchdog.scale
         if round(counts) < 1 or abs(counts - round(counts)) > 1e-6:
-            raise ValueError(
+            raise wrong_entry(
                 f"'watchdog' of {self.watchdog:g} s must be a multiple of "
-                f"{self.map.watchdog.scale:g} s, as the drive counts it"
+                f"{self.map.watchdog.scale:g} s, as the drive counts it",
+                "watchdog",
             )
         self.map.watchdog.time.encode(counts, self.map.word_order)
         least = 1 / self.rate + _LOST_REPLIES * self.lost_reply_s()
         if self.watchdog < least:
-            raise ValueError(
+            raise wrong_entry(
                 f"'watchdog' of {self.watchdog:g} s is too short for this line: two lost replies "
-                f"in a row take {least:g} s; shorten 'timeout' and 'longest_reply', or raise it"
+                f"in a row take {least:g} s; shorten 'timeout' and 'longest_reply', or raise it",
+                "watchdog",
             )
         return self
 

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import field_validator, model_validator
 
-from rigd.sdk import In
+from rigd.sdk import In, wrong_entry
 from rigd_drivers.modbus.registers import (
     Access,
     Condition,
@@ -89,11 +89,15 @@ class ServoMap(Access):
     @model_validator(mode="after")
     def _steps_are_seen(self) -> Self:
         polled = {address for span in self.polled() for address in span}
-        for step in self.enable:
+        for place, step in enumerate(self.enable):
             if step.until is not None and step.until.address not in polled:
-                raise ValueError(
+                raise wrong_entry(
                     f"'until' looks at register {step.until.address}, which is not read in every "
-                    "row: use one of 'enabled' or 'fault'"
+                    "row: use one of 'enabled' or 'fault'",
+                    "enable",
+                    place,
+                    "until",
+                    "address",
                 )
         return self
 

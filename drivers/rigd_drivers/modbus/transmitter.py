@@ -10,7 +10,16 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Gt, Le, MinLen
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, ProtocolError, Row
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    In,
+    ProtocolError,
+    Row,
+    wrong_entry,
+)
 from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
@@ -73,9 +82,10 @@ class TransmitterMap(Access):
         if self.negative is not None:
             sign = range(self.negative.address, self.negative.address + 1)
             if len(self.reads([sign, self.force.addresses])) > 1:
-                raise ValueError(
+                raise wrong_entry(
                     "'negative' and 'force' must be read in one request, to be of one reading: "
-                    "raise 'bridge'"
+                    "raise 'bridge'",
+                    "negative",
                 )
         return self
 
@@ -105,14 +115,17 @@ class TransmitterConfig(ConnectionConfig):
     @model_validator(mode="after")
     def _scaled(self) -> Self:
         if self.low >= self.high:
-            raise ValueError(f"'low' ({self.low:g} N) must be below 'high' ({self.high:g} N)")
+            raise wrong_entry(
+                f"'low' ({self.low:g} N) must be below 'high' ({self.high:g} N)", "low"
+            )
         if self.force_per_count() is None:
-            raise ValueError(
+            raise wrong_entry(
                 f"the map of the {self.map.title} has no scale: give 'scale', such as "
-                "'0.0980665 N/count' for an instrument that shows kg with two decimals"
+                "'0.0980665 N/count' for an instrument that shows kg with two decimals",
+                "scale",
             )
         if self.force_per_count() == 0:
-            raise ValueError("'scale' must not be zero")
+            raise wrong_entry("'scale' must not be zero", "scale")
         return self
 
     def force_per_count(self) -> float | None:

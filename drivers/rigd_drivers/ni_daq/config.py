@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from rigd.model.channels import Channel
 from rigd.model.units import correct_scale, format_quantity, parse_quantity, parse_unit
-from rigd.sdk import DriverConfig, In
+from rigd.sdk import DriverConfig, In, wrong_entry
 from rigd_drivers.ni_card import NiCardConfig
 
 #: The status word has a bit for each input, and bit 31 is not the driver's.
@@ -88,16 +88,20 @@ class Input(DriverConfig):
         unit, scale = parse_unit(self.unit), parse_quantity(self.scale)
         expected = f"{unit.difference()}/V"
         if not scale.unit.same_kind(parse_unit(expected)):
-            raise ValueError(
+            raise wrong_entry(
                 f"scale '{scale}' of input {self.name} is in {scale.unit}, expected {expected}: "
-                f"{correct_scale(scale, expected)}"
+                f"{correct_scale(scale, expected)}",
+                "scale",
             )
         if scale.value == 0.0:
-            raise ValueError(f"scale of input {self.name} is 0: every voltage would mean the same")
+            raise wrong_entry(
+                f"scale of input {self.name} is 0: every voltage would mean the same", "scale"
+            )
         low, high = self._ends()
         if low >= high:
             shown = " to ".join(format_quantity(end, self.unit) for end in (low, high))
-            raise ValueError(f"input {self.name} can measure nothing: {shown}")
+            key = next((key for key in ("low", "high") if key in self.model_fields_set), "range")
+            raise wrong_entry(f"input {self.name} can measure nothing: {shown}", key)
         return self
 
 
@@ -125,9 +129,10 @@ class NiDaqConfig(NiCardConfig):
     @model_validator(mode="after")
     def _median_within_a_block(self) -> Self:
         if self.median > self.block:
-            raise ValueError(
+            raise wrong_entry(
                 f"a median of {self.median} samples needs more than a block of {self.block}: "
-                "give a shorter median or a longer block"
+                "give a shorter median or a longer block",
+                "median",
             )
         return self
 
@@ -137,10 +142,20 @@ class NiDaqConfig(NiCardConfig):
             given = [getattr(item, key) for item in self.inputs]
             twice = next((item for item in given if given.count(item) > 1), None)
             if twice is not None:
-                raise ValueError(f"two inputs have the {key} {twice!r}; give each its own")
+                raise wrong_entry(
+                    f"two inputs have the {key} {twice!r}; give each its own",
+                    "inputs",
+                    len(given) - 1 - given[::-1].index(twice),
+                    key,
+                )
         names = {item.name for item in self.inputs}
         raws = {f"{name}_raw" for name in names}
         taken = names & (raws | {"device_time", "clock_rate", "status", "t_ns"})
         if taken:
-            raise ValueError(f"an input cannot be named {min(taken)!r}: rigd records that itself")
+            raise wrong_entry(
+                f"an input cannot be named {min(taken)!r}: rigd records that itself",
+                "inputs",
+                [item.name for item in self.inputs].index(min(taken)),
+                "name",
+            )
         return self

@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, model_validator
 
-from rigd.sdk import Documented, In, LinkConfig
+from rigd.sdk import Documented, In, LinkConfig, wrong_entry
 from rigd_drivers.card_watchdog import OneShotOptions
 from rigd_drivers.ni_card import NiCardConfig
 from rigd_drivers.ni_daq.config import Terminal
@@ -104,23 +104,31 @@ class NiIoConfig(NiCardConfig, LinkConfig):
     def _lines_are_apart(self) -> Self:
         both = sorted(set(self.outputs) & set(self.inputs))
         if both:
-            raise ValueError(f"{both[0]} is a digital output and an input: correct one")
-        for line in self.high_at_rest:
-            _check_line("output", line, self.outputs, "high_at_rest")
+            raise wrong_entry(
+                f"{both[0]} is a digital output and an input: correct one",
+                "inputs",
+                self.inputs.index(both[0]),
+            )
+        for place, line in enumerate(self.high_at_rest):
+            _check_line("output", line, self.outputs, "high_at_rest", place)
         return self
 
     @model_validator(mode="after")
     def _one_guard(self) -> Self:
         if self.one_shot is not None and self.watchdog is not None:
-            raise ValueError("give `one_shot` or `watchdog`, not both: one of them feeds the rig")
+            raise wrong_entry(
+                "give `one_shot` or `watchdog`, not both: one of them feeds the rig", "watchdog"
+            )
         if self.guard is not None:
             name = "watchdog" if self.one_shot is None else "one_shot"
-            _check_line("output", self.guard.output, self.outputs, name)
-            _check_line("input", self.guard.input, self.inputs, name)
+            _check_line("output", self.guard.output, self.outputs, name, "output")
+            _check_line("input", self.guard.input, self.inputs, name, "input")
         if self.watchdog is not None and self.watchdog.output in self.high_at_rest:
-            raise ValueError(
+            raise wrong_entry(
                 f"digital output {self.watchdog.output} of `watchdog` stands low at rest; remove "
-                "it from `high_at_rest`"
+                "it from `high_at_rest`",
+                "high_at_rest",
+                self.high_at_rest.index(self.watchdog.output),
             )
         return self
 
@@ -128,14 +136,16 @@ class NiIoConfig(NiCardConfig, LinkConfig):
     def _indexes_are_edges(self) -> Self:
         for encoder, counter in self.index_counters.items():
             if counter not in self.edge_counters:
-                raise ValueError(
+                raise wrong_entry(
                     f"counter {counter} counts the index of encoder {encoder}; name it in "
-                    "`edge_counters`"
+                    "`edge_counters`",
+                    "index_counters",
+                    encoder,
                 )
         return self
 
 
-def _check_line(kind: str, line: int, known: list[str], key: str) -> None:
+def _check_line(kind: str, line: int, known: list[str], key: str, below: str | int) -> None:
     if line >= len(known):
         have = f"there are 0 to {len(known) - 1}" if known else f"`{kind}_lines` names none"
-        raise ValueError(f"`{key}` uses digital {kind} {line}; {have}")
+        raise wrong_entry(f"`{key}` uses digital {kind} {line}; {have}", key, below)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from rigd.sdk import DriverConfig, In
+from rigd.sdk import DriverConfig, In, wrong_entry
 from rigd_drivers.ni_card import NiCardConfig
 
 LineName = Annotated[str, Field(pattern=r"^port\d+/line\d+$")]
@@ -45,7 +45,10 @@ class NiRelayConfig(NiCardConfig):
         if self.watchdog is None:
             return self
         lines = (self.line, self.watchdog.line, self.watchdog.feedback)
-        twice = next((line for line in lines if lines.count(line) > 1), None)
-        if twice is not None:
-            raise ValueError(f"{twice} is named twice; relay, `line` and `feedback` have one each")
+        for place, key in ((1, "line"), (2, "feedback")):
+            if lines[place] in lines[:place]:
+                text = f"{lines[place]} is named twice"
+                raise wrong_entry(
+                    f"{text}; relay, `line` and `feedback` have one each", "watchdog", key
+                )
         return self

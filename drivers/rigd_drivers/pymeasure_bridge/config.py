@@ -11,7 +11,7 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from rigd.model.extras import is_installed
-from rigd.sdk import Channel, DriverConfig, In, WrongEntries
+from rigd.sdk import Channel, DriverConfig, In, WrongEntries, wrong_entry
 from rigd_drivers.lines.config import ChannelName, LineChannel
 from rigd_drivers.lines.outputs import ReadBack, check_acting, check_read_back
 from rigd_drivers.polling import silence_of
@@ -77,7 +77,7 @@ class AttributeState(DriverConfig):
     @model_validator(mode="after")
     def _values_differ(self) -> Self:
         if value_of(self.safe) == value_of(self.ready):
-            raise ValueError(f"'safe' and 'ready' are the same value {self.safe}")
+            raise wrong_entry(f"'safe' and 'ready' are the same value {self.safe}", "ready")
         return self
 
 
@@ -154,12 +154,15 @@ class PymeasureConfig(DriverConfig):
         acting = {"arm": self.arm, "safe": self.safe, "state": self.state}
         check_acting(self.setpoints, acting)
         if self.setpoints and self.timeout > _MOST_IF_SET_S:
-            raise ValueError(
+            raise wrong_entry(
                 f"timeout {self.timeout:g} s: an instrument with setpoints must be safe within "
-                f"3 s, so at most {_MOST_IF_SET_S:g} s"
+                f"3 s, so at most {_MOST_IF_SET_S:g} s",
+                "timeout",
             )
         if self.model and self.identify is None:
-            raise ValueError("'model' is compared with 'identify': give that too, such as id")
+            raise wrong_entry(
+                "'model' is compared with 'identify': give that too, such as id", "model"
+            )
         return self
 
     @model_validator(mode="after")

@@ -23,6 +23,7 @@ from rigd.sdk import (
     ProtocolError,
     Row,
     SlowDriver,
+    wrong_entry,
 )
 from rigd.sdk.port import LinePort, Parity, PortConfig
 from rigd_drivers.scale import and_d, identity
@@ -89,8 +90,9 @@ class ScaleConfig(PortConfig):
     def _interval_is_allowed(self) -> ScaleConfig:
         least = DIALECTS[self.dialect].min_interval_s
         if self.interval <= least > 0:
-            raise ValueError(
-                f"interval {self.interval:g} s: {self.dialect} needs more than {least:g} s"
+            raise wrong_entry(
+                f"interval {self.interval:g} s: {self.dialect} needs more than {least:g} s",
+                "interval",
             )
         return self
 

@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Le
 from pydantic import model_validator
 
+from rigd.sdk.documented import wrong_entry
 from rigd.sdk.driver import DriverConfig
 
 #: How a TCP port is named: that of the device, or of a device server that it is plugged into.
@@ -36,7 +37,7 @@ class PortConfig(DriverConfig):
         if self.port.startswith(TCP):
             host, port = self.address
             if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-                raise ValueError(f"port '{self.port}' is not of the form tcp://HOST:PORT")
+                raise wrong_entry(f"port '{self.port}' is not of the form tcp://HOST:PORT", "port")
         return self
 
     @property

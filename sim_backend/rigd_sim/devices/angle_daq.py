@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from annotated_types import Ge, Le
 from pydantic import model_validator
 
-from rigd.sdk import Block, BlockDriver, Channel, Declaration, DeviceError, DriverConfig, In
+from rigd.sdk import (
+    Block,
+    BlockDriver,
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    In,
+    wrong_entry,
+)
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.layout import LATEST_JITTER
 from rigd_sim.plants.angle.plant import AnglePlant
@@ -57,13 +66,15 @@ class DaqConfig(DriverConfig):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if self.median > self.block:
-            raise ValueError(
-                f"a median of {self.median} samples needs more than a block of {self.block}"
+            raise wrong_entry(
+                f"a median of {self.median} samples needs more than a block of {self.block}",
+                "median",
             )
         if self.jitter > self.latency:
-            raise ValueError(
+            raise wrong_entry(
                 f"jitter {self.jitter:g} s is a part of latency {self.latency:g} s; "
-                "it cannot be more"
+                "it cannot be more",
+                "jitter",
             )
         return self
 

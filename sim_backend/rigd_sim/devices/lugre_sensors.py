@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Declaration, DriverConfig, In, PlantSensor, Row
+from rigd.sdk import Channel, Declaration, DriverConfig, In, PlantSensor, Row, wrong_entry
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
 
@@ -37,7 +37,9 @@ class EncoderConfig(DriverConfig):
         other = "carriage" if self.axis == "wheel" else "wheel"
         misplaced = self.model_fields_set.intersection(_OPTIONS[other])
         if misplaced:
-            raise ValueError(f"'{min(misplaced)}' belongs to 'axis: {other}'; remove it here")
+            raise wrong_entry(
+                f"'{min(misplaced)}' belongs to 'axis: {other}'; remove it here", min(misplaced)
+            )
         return self
 
 

@@ -11,7 +11,7 @@ from annotated_types import Gt, Le
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from rigd.sdk import In, SimulationConfig
+from rigd.sdk import In, SimulationConfig, wrong_entry
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
@@ -70,7 +70,9 @@ class CardOptions(SimulationConfig):
     @model_validator(mode="after")
     def _inputs_are_distinct(self) -> Self:
         if len(self.inputs) < len(layout.SIGNALS):
-            raise ValueError("two sensors are wired to the same input; give each its own")
+            raise wrong_entry(
+                "two sensors are wired to the same input; give each its own", "inputs"
+            )
         return self
 
 

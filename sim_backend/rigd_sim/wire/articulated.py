@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field, model_validator
 
 from rigd.model.errors import ConfigError
-from rigd.sdk import In, SimulationConfig
+from rigd.sdk import In, SimulationConfig, wrong_entry
 from rigd_sim.plants.articulated import layout
 from rigd_sim.plants.articulated.camera import Camera
 from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
@@ -73,8 +73,11 @@ class WireArticulatedConfig(WirePlantConfig):
     def _buses_exist(self) -> Self:
         for name, motor in self.motors.items():
             if motor.bus not in self.buses:
-                raise ValueError(
-                    f"{name} is on bus {motor.bus!r}; `buses` has {', '.join(self.buses)}"
+                raise wrong_entry(
+                    f"{name} is on bus {motor.bus!r}; `buses` has {', '.join(self.buses)}",
+                    "motors",
+                    name,
+                    "bus",
                 )
         return self
 

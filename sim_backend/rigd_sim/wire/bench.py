@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from rigd.sdk import SimulationConfig
+from rigd.sdk import SimulationConfig, wrong_entry
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
@@ -32,13 +32,24 @@ class WireLugreConfig(WirePlantConfig, DeviceOptions):
         for name in DeviceOptions.model_fields:
             bus = getattr(getattr(self, name), "bus", None)
             if bus is not None and bus not in self.buses:
-                raise ValueError(f"{name} is on bus {bus!r}; `buses` has {', '.join(self.buses)}")
+                raise wrong_entry(
+                    f"{name} is on bus {bus!r}; `buses` has {', '.join(self.buses)}", name, "bus"
+                )
         for name, sensor in self.can_sensors.items():
             if sensor.bus not in self.buses:
                 known = ", ".join(self.buses) or "none"
-                raise ValueError(f"{name} is on bus {sensor.bus!r}; `buses` has {known}")
+                raise wrong_entry(
+                    f"{name} is on bus {sensor.bus!r}; `buses` has {known}",
+                    "can_sensors",
+                    name,
+                    "bus",
+                )
             if name in {*DeviceOptions.model_fields, *self.buses}:
-                raise ValueError(f"{name} of `can_sensors` is the name of another part: rename it")
+                raise wrong_entry(
+                    f"{name} of `can_sensors` is the name of another part: rename it",
+                    "can_sensors",
+                    name,
+                )
         return self
 
 

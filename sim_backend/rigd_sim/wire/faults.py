@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_quantity
-from rigd.sdk import Documented, In
+from rigd.sdk import Documented, In, wrong_entry
 from rigd.sdk.document import read_document
 from rigd_sim.wire.part import Part, State
 
@@ -64,10 +64,15 @@ class FaultEntry(Documented, BaseModel):  # both: ruff does not look into other 
     def _one_reason(self) -> Self:
         if self.when is not None:
             if self.probability is not None:
-                raise ValueError("give either `when` or `probability`")
-            Condition.read(self.when)
+                raise wrong_entry("give either `when` or `probability`", "probability")
+            try:
+                Condition.read(self.when)
+            except ValueError as error:
+                raise wrong_entry(str(error), "when") from error
         if self.probability is not None and self.for_ is None:
-            raise ValueError("a fault with a `probability` needs `for`: how long it lasts")
+            raise wrong_entry(
+                "a fault with a `probability` needs `for`: how long it lasts", "probability"
+            )
         return self
 
 

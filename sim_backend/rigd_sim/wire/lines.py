@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field, model_validator
 
-from rigd.sdk import In, SimulationConfig
+from rigd.sdk import In, SimulationConfig, wrong_entry
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.oven import SimOven
 from rigd_sim.wire.part import Part, State
@@ -138,11 +138,13 @@ class LineOptions(SimulationConfig):
     @model_validator(mode="after")
     def _answer_has_values(self) -> Self:
         if unknown := set(self.noise) - set(self.values):
-            raise ValueError(f"`noise` has {min(unknown)!r}, which `values` has not")
+            raise wrong_entry(
+                f"`noise` has {min(unknown)!r}, which `values` has not", "noise", min(unknown)
+            )
         try:
             self.answer.format_map(self.values)
         except (KeyError, ValueError, IndexError) as error:
-            raise ValueError(f"{self.answer!r} cannot be filled in: {error}") from error
+            raise wrong_entry(f"{self.answer!r} cannot be filled in: {error}", "answer") from error
         return self
 
 
@@ -199,9 +201,14 @@ class WireLinesConfig(WireConfig):
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
-        names = [*self.devices, *self.supplies, *self.ovens, *self.scales]
-        if twice := {name for name in names if names.count(name) > 1}:
-            raise ValueError(f"two devices have the port {min(twice)!r}; give each its own")
+        known: set[str] = set()
+        for group in ("devices", "supplies", "ovens", "scales"):
+            for name in getattr(self, group):
+                if name in known:
+                    raise wrong_entry(
+                        f"two devices have the port {name!r}; give each its own", group, name
+                    )
+                known.add(name)
         return self
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from rigd.sdk import In, SimulationConfig
+from rigd.sdk import In, SimulationConfig, wrong_entry
 from rigd_sim.cards.lugre import ONE_SHOT_S, LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.plants.lugre import layout
@@ -98,8 +98,9 @@ class ModbusDriveOptions(SimulationConfig):
     @model_validator(mode="after")
     def _host_has_port(self) -> Self:
         if self.port is None and "host" in self.model_fields_set:
-            raise ValueError(
-                "'host' needs a 'port' (Modbus TCP); without both the drive is on a serial line"
+            raise wrong_entry(
+                "'host' needs a 'port' (Modbus TCP); without both the drive is on a serial line",
+                "host",
             )
         return self
 
@@ -466,12 +467,16 @@ class DeviceOptions(SimulationConfig):
         given = [name for name, options in cards.items() if options is not None]
         card = cards[given[0]] if given else None
         if len(given) > 1:
-            raise ValueError(f"one card drives the rig: remove `{given[0]}` or `{given[1]}`")
+            raise wrong_entry(
+                f"one card drives the rig: remove `{given[0]}` or `{given[1]}`", given[1]
+            )
         for name in ("wheel_servo", "longitudinal_belt", "lateral_belt"):
             if card is not None and getattr(self, name) is not None:
-                raise ValueError(f"the card drives the rig already; write '{name}: null'")
+                raise wrong_entry(f"the card drives the rig already; write '{name}: null'", name)
         if self.lateral_drive is not None and (self.lateral_belt or card) is not None:
-            raise ValueError("`lateral_drive` drives the bridge; write 'lateral_belt: null'")
+            raise wrong_entry(
+                "`lateral_drive` drives the bridge; write 'lateral_belt: null'", "lateral_belt"
+            )
         return self
 
 

@@ -10,7 +10,7 @@ from annotated_types import Gt, Le
 from pydantic import ValidationInfo, field_validator, model_validator
 
 from rigd.observers.model import Known, ObserverModel, ObserverOptions, ObserverPlan, Wanted
-from rigd.sdk import Channel, Documented, In
+from rigd.sdk import Channel, Documented, In, wrong_entry
 from rigd_analyses.lugre.rig.constants import UNITS
 
 
@@ -35,7 +35,9 @@ class FrictionOptions(Documented):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.mu_s < self.mu_c:
-            raise ValueError(f"mu_s is {self.mu_s:g}, must not be below mu_c, {self.mu_c:g}")
+            raise wrong_entry(
+                f"mu_s is {self.mu_s:g}, must not be below mu_c, {self.mu_c:g}", "mu_s"
+            )
         return self
 
 
@@ -79,13 +81,15 @@ class SlipOptions(ObserverOptions):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if (self.model_file is None) == (self.friction is None):
-            raise ValueError("give 'friction', or a 'model_file' that has it; one of them")
+            raise wrong_entry(
+                "give 'friction', or a 'model_file' that has it; one of them", "friction"
+            )
         if self.model_file is None:
             if self.group is not None:
-                raise ValueError("'group' is of a 'model_file', and there is none")
+                raise wrong_entry("'group' is of a 'model_file', and there is none", "group")
             for name in ("current_noise", "acceleration_noise", "angle_count"):
                 if getattr(self, name) is None:
-                    raise ValueError(f"key '{name}' is missing: no 'model_file' states it")
+                    raise wrong_entry(f"key '{name}' is missing: no 'model_file' states it", name)
         return self
 
 

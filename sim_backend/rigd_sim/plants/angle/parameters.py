@@ -12,7 +12,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import model_validator
 
-from rigd.sdk import In, ParameterGroup
+from rigd.sdk import In, ParameterGroup, wrong_entry
 from rigd_sim.plants.angle.layout import SETS, STEPS_PER_S
 from rigd_sim.plants.angle.sensor_parameters import (
     Arm,
@@ -59,9 +59,10 @@ class Motor(ParameterGroup):
     def _can_be_integrated(self) -> Self:
         rate = (self.resistance + self.source_resistance) / self.inductance
         if rate > FASTEST_PER_S:
-            raise ValueError(
+            raise wrong_entry(
                 f"the winding's rate {rate:.3g} 1/s (resistance over inductance) is too fast for "
-                f"{STEPS_PER_S} steps a second; at most {FASTEST_PER_S:.3g} 1/s"
+                f"{STEPS_PER_S} steps a second; at most {FASTEST_PER_S:.3g} 1/s",
+                "resistance",
             )
         return self
 
@@ -160,9 +161,10 @@ class Platform(ParameterGroup):
     @model_validator(mode="after")
     def _bumper_beyond_the_stop(self) -> Self:
         if self.bumper <= self.stop:
-            raise ValueError(
+            raise wrong_entry(
                 f"bumper {self.bumper:g} m must lie beyond stop {self.stop:g} m: a run would never "
-                "reach its stop"
+                "reach its stop",
+                "bumper",
             )
         return self
 
@@ -282,8 +284,9 @@ class AngleParameters(ParameterGroup):
         ):
             if math.sqrt(stiffness / inertia) > 0.2 * STEPS_PER_S:
                 stiffest = inertia * (0.2 * STEPS_PER_S) ** 2
-                raise ValueError(
+                raise wrong_entry(
                     f"{name} {stiffness:g} is too stiff for {STEPS_PER_S} steps a second; "
-                    f"at most {stiffest:.3g}"
+                    f"at most {stiffest:.3g}",
+                    *name.split("."),
                 )
         return self

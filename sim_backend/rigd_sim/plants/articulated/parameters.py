@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
-from rigd.sdk import In, ParameterGroup
+from rigd.sdk import In, ParameterGroup, wrong_entry
 from rigd_sim.plants.articulated.layout import STEP_NS
 
 #: Fastest rate times step that is accepted; Runge-Kutta of order 4 is stable up to 2.785.
@@ -42,8 +42,10 @@ class Wheels(ParameterGroup):
     @model_validator(mode="after")
     def _a_pair_has_one_motor(self) -> Self:
         if self.pairing == "geared" and self.driven == "front":
-            raise ValueError(
-                "driven: front needs pairing: single; the motor of a geared pair drives both wheels"
+            raise wrong_entry(
+                "driven: front needs pairing: single; the motor of a geared pair drives both "
+                "wheels",
+                "driven",
             )
         return self
 
@@ -123,7 +125,7 @@ class Friction(ParameterGroup):
     @model_validator(mode="after")
     def _falls(self) -> Self:
         if self.kinetic > self.static:
-            raise ValueError(f"kinetic {self.kinetic:g} exceeds static {self.static:g}")
+            raise wrong_entry(f"kinetic {self.kinetic:g} exceeds static {self.static:g}", "kinetic")
         return self
 
 
@@ -244,10 +246,12 @@ class ArticulatedParameters(ParameterGroup):
             rate = self.fastest_rate(module)
             largest = LARGEST_STEP_RATE / (STEP_NS * 1e-9)
             if rate > largest:
-                raise ValueError(
+                raise wrong_entry(
                     f"the wheels of module {name} settle at {rate:.4g} 1/s, too fast for steps of "
                     f"{STEP_NS / 1e3:g} us; at most {largest:.4g} 1/s: lower contact.longitudinal "
-                    "or contact.rolling, or give heavier wheels"
+                    "or contact.rolling, or give heavier wheels",
+                    "modules",
+                    name,
                 )
         return self
 
@@ -264,9 +268,13 @@ class ArticulatedParameters(ParameterGroup):
             damping = max(4 * legs.damping * arm / inertia for arm, inertia in arms)
             rate = damping + square**0.5
             if rate > LARGEST_STEP_RATE / (STEP_NS * 1e-9):
-                raise ValueError(
+                raise wrong_entry(
                     f"module {name} swings on its suspension at {rate:.4g} 1/s, too fast for steps "
-                    f"of {STEP_NS / 1e3:g} us; lower its stiffness or damping"
+                    f"of {STEP_NS / 1e3:g} us; lower its stiffness or damping",
+                    "modules",
+                    name,
+                    "suspension",
+                    "stiffness",
                 )
         return self
 
@@ -275,8 +283,10 @@ class ArticulatedParameters(ParameterGroup):
         lightest = min(module.inertia for module in self.modules.values())
         rate = (2 * self.hinge.stiffness / lightest) ** 0.5
         if rate > LARGEST_STEP_RATE / (STEP_NS * 1e-9):
-            raise ValueError(
+            raise wrong_entry(
                 f"the hinge stop swings the lightest module at {rate:.4g} 1/s, too fast for steps "
-                f"of {STEP_NS / 1e3:g} us; lower hinge.stiffness"
+                f"of {STEP_NS / 1e3:g} us; lower hinge.stiffness",
+                "hinge",
+                "stiffness",
             )
         return self

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import model_validator
 
-from rigd.sdk import In, ParameterGroup
+from rigd.sdk import In, ParameterGroup, wrong_entry
 from rigd_sim.plants.lugre.layout import STEP_NS
 
 #: Gain 2 |s| c / j of the loop between lateral force and row loads at which it is refused; at 1
@@ -38,9 +38,10 @@ class EndStops(ParameterGroup):
     @model_validator(mode="after")
     def _around_the_start(self) -> Self:
         if not self.low < 0 < self.high:
-            raise ValueError(
+            raise wrong_entry(
                 f"low {self.low:g} m and high {self.high:g} m must lie on either side of the "
-                "start at 0 m"
+                "start at 0 m",
+                "low",
             )
         return self
 
@@ -90,9 +91,10 @@ class Rollers(ParameterGroup):
     @model_validator(mode="after")
     def _mass_between_rows(self) -> Self:
         if not -self.row_distance < self.mass_offset < 0:
-            raise ValueError(
+            raise wrong_entry(
                 f"mass_offset {self.mass_offset:g} m must lie between the rows, within "
-                f"({-self.row_distance:g}, 0) m; outside, one row is lifted at rest"
+                f"({-self.row_distance:g}, 0) m; outside, one row is lifted at rest",
+                "mass_offset",
             )
         return self
 
@@ -164,15 +166,17 @@ class Drive(ParameterGroup):
         largest = self.supply / (2 * self.rated_current)
         if self.resistance > largest:
             carried = self.supply / (2 * self.resistance)
-            raise ValueError(
+            raise wrong_entry(
                 f"resistance {self.resistance:g} ohm leaves {carried:.3g} A at half of the "
                 f"no-load speed, less than rated_current {self.rated_current:g} A; "
-                f"at most {largest:.3g} ohm can work on {self.supply:g} V"
+                f"at most {largest:.3g} ohm can work on {self.supply:g} V",
+                "resistance",
             )
         if self.rated_current > self.current_limit:
-            raise ValueError(
+            raise wrong_entry(
                 f"rated_current {self.rated_current:g} A exceeds current_limit "
-                f"{self.current_limit:g} A"
+                f"{self.current_limit:g} A",
+                "rated_current",
             )
         return self
 
@@ -233,8 +237,8 @@ class Floor(ParameterGroup):
     @model_validator(mode="after")
     def _static_not_below_kinetic(self) -> Self:
         if self.mu_static < self.mu_coulomb:
-            raise ValueError(
-                f"mu_static {self.mu_static:g} is below mu_coulomb {self.mu_coulomb:g}"
+            raise wrong_entry(
+                f"mu_static {self.mu_static:g} is below mu_coulomb {self.mu_coulomb:g}", "mu_static"
             )
         return self
 
@@ -323,10 +327,13 @@ class LugreParameters(ParameterGroup):
         friction = rollers.dry + rollers.viscous * speed
         gain = 2 * friction * self.carriage.guide.height / rollers.row_distance
         if rollers.coupling == "paper" and gain >= LARGEST_LOOP_GAIN:
-            raise ValueError(
+            raise wrong_entry(
                 f"loop gain 2 s c / j = {gain:.3g} of the lateral force reaches "
                 f"{LARGEST_LOOP_GAIN} at belts.lateral.speed_limit {speed:g} m/s, where the "
-                "rollers would lock; lower the speed limit or the friction of wheel.rollers"
+                "rollers would lock; lower the speed limit or the friction of wheel.rollers",
+                "belts",
+                "lateral",
+                "speed_limit",
             )
         return self
 
@@ -338,8 +345,11 @@ class LugreParameters(ParameterGroup):
         ):
             stiffest = mass * (0.5e9 / STEP_NS) ** 2
             if stops.stiffness > stiffest:
-                raise ValueError(
+                raise wrong_entry(
                     f"{name}.end_stops.stiffness {stops.stiffness:g} N/m on {mass:g} kg is too "
-                    f"fast for steps of {STEP_NS / 1e3:g} us; at most {stiffest:.3g} N/m"
+                    f"fast for steps of {STEP_NS / 1e3:g} us; at most {stiffest:.3g} N/m",
+                    name,
+                    "end_stops",
+                    "stiffness",
                 )
         return self

@@ -16,7 +16,7 @@ from pydantic import StringConstraints, model_validator
 
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_quantity
-from rigd.sdk import Documented, In
+from rigd.sdk import Documented, In, wrong_entry
 from rigd.sdk.parameters import load_parameters
 from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind
 
@@ -52,7 +52,10 @@ class OwnObject(Documented):
 
     @model_validator(mode="after")
     def _has_a_unit(self) -> Self:
-        parse_quantity(self.unit)
+        try:
+            parse_quantity(self.unit)
+        except ValueError as error:
+            raise wrong_entry(str(error), "unit") from error
         return self
 
     def entry(self, motor: Mapping[str, float]) -> Entry:
@@ -104,7 +107,9 @@ class DriveTraits(Documented):
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
         if (self.velocity_unit is None) is (self.velocity_counts is None):
-            raise ValueError("give one of 'velocity_unit' and 'velocity_counts'")
+            raise wrong_entry(
+                "give one of 'velocity_unit' and 'velocity_counts'", "velocity_counts"
+            )
         return self
 
     def velocity_per_rad_s(self, counts_per_turn: int) -> float:
