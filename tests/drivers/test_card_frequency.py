@@ -157,12 +157,12 @@ interlocks: []
     ("link", "counter", "driver", "options", "place", "words"),
     [
         ("{type: ni-card}", 1, "card-encoder", "encoder: 1, quantity: angle, "
-         "counts_per_revolution: 4096 count/rev", "16:14", "counter 1 is used twice"),
-        ("{type: ni-card}", 1, "card-frequency", "counter: 1", "16:14", "is used twice"),
+         "counts_per_revolution: 4096 count/rev", "16:24", "counter 1 is used twice"),
+        ("{type: ni-card}", 1, "card-frequency", "counter: 1", "16:24", "is used twice"),
         ("{type: ni-card, options: {edge_counters: [1]}}", 1, "card-frequency", "counter: 0",
-         "12:14", "counter 1 counts edges"),
-        ("{type: ni-card}", 9, "card-frequency", "counter: 0", "12:14", "it has 0 to 7"),
-        ("{type: mf624}", 1, "card-frequency", "counter: 0", "12:14", "cannot time pulses"),
+         "12:24", "counter 1 counts edges"),
+        ("{type: ni-card}", 9, "card-frequency", "counter: 0", "12:24", "it has 0 to 7"),
+        ("{type: mf624}", 1, "card-frequency", "counter: 0", "12:24", "cannot time pulses"),
     ],
 )  # fmt: skip
 def test_wrong_counter_is_named_with_its_line(
