@@ -25,6 +25,7 @@ Published = Mapping[str, Mapping[str, str]]
 #: Of the rig's constants, as its file has them: mass, wheel, and what slows the carriage down.
 MASS_KG, GRAVITY, RADIUS_M, GUIDE_N, ROLLING = 3.9593, 9.81, 0.05, 0.304, 0.022
 WINDOW_S: Final = 0.031  #: of the filter of speeds and acceleration, as in identification
+PUBLISHED: Final = (0, (4, 2))  #: how published curves are drawn: dashes
 DRAWS: Final = 200  #: of the parameters, for the band of the prediction
 
 
@@ -46,8 +47,10 @@ def drawn(result: rigd.Result, published: Published, folder: Path) -> plt.Figure
     figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 5.4), layout="constrained")
     for index, (floor, paper) in enumerate(published.items()):
         draw_curve(left, groups[floor]["friction_curve"], paper, floor, series(index))
-    left.set(xscale="log", xlabel="slip speed in mm/s", ylabel="friction g over normal force")
-    left.set_title("Stribeck curves: found with 95 % band, dashed as published", fontsize=11)
+    left.set(xscale="log", xlabel="slip speed in mm/s", ylabel="friction over normal force, g")
+    left.set_title("Stribeck curves of three floors", fontsize=11)
+    left.fill_between([], [], color=INK, alpha=0.3, linewidth=0, label="95 % band of each")
+    left.plot([], [], color=INK, linewidth=1, linestyle=PUBLISHED, label="as published")
     left.legend(frameon=False)
     draw_loops(right, groups["pvc"]["fit"]["point"], folder / "loops.mcap")
     for ax in (left, right):
@@ -70,7 +73,7 @@ def draw_curve(
     paper = stribeck(slip, table["V_s"], table["mu_c"], table["mu_s"])
     ax.fill_between(1e3 * slip, low, high, color=colour, alpha=0.3, linewidth=0)
     ax.plot(1e3 * slip, g, color=colour, linewidth=2, label=floor)
-    ax.plot(1e3 * slip, paper, color=INK, linewidth=1, linestyle=(0, (4, 2)))
+    ax.plot(1e3 * slip, paper, color=INK, linewidth=1, linestyle=PUBLISHED)
 
 
 def draw_loops(ax: plt.Axes, point: Mapping[str, Any], recording: Path) -> None:
@@ -82,14 +85,18 @@ def draw_loops(ax: plt.Axes, point: Mapping[str, Any], recording: Path) -> None:
     predicted = lugre(slip, period_s, natural(point, np.vstack([drawn_from[:1] * 0, drawn_from])))
     low, high = np.quantile(predicted, [0.025, 0.975], axis=1)
     way = 1e3 * way_m
-    ax.plot(way[moving], friction[moving], ".", color=MEASURED, markersize=2.5, label="measured")
+    off = np.sqrt(np.mean((friction - predicted[:, 0])[moving] ** 2))
+    half = np.median(high - low) / 2.0
+    band = f"its 95 % band: ± {half:.4f},\nthinner than the line"
+    told = f"measured, a point each {1e3 * period_s:.0f} ms\n(rms {off:.3f} off the prediction)"
+    ax.plot(way[moving], friction[moving], ".", color=MEASURED, markersize=2.5, label=told)
     ax.plot(
-        way, predicted[:, 0], color=FITTED, linewidth=1.5, label="predicted by the model of PVC"
+        way, predicted[:, 0], color=FITTED, linewidth=1.5, label="predicted by\nthe model of PVC"
     )
-    ax.fill_between(way, low, high, color=FITTED, alpha=0.35, linewidth=0, label="its 95 % band")
+    ax.fill_between(way, low, high, color=FITTED, alpha=0.35, linewidth=0, label=band)
     ax.set(xlabel="distance slipped in mm", ylabel="friction over normal force")
     ax.set_title("PVC: hysteresis loops of a test that the fit has not seen", fontsize=11)
-    ax.legend(frameon=False, loc="upper left")
+    ax.legend(frameon=False, loc="lower left", fontsize=9)
 
 
 def measured(

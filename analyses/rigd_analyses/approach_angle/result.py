@@ -208,6 +208,13 @@ class SetResult:
     shared_u: float = 0.0  #: relative, in ``maximum``: errors that the runs share, at full size
 
     @property
+    def paper_expanded(self) -> float | None:
+        """U (k = 2) of the paper's maximum, from its budget; None without one."""
+        if self.paper.value is None or self.budget is None:
+            return None
+        return 2.0 * self.budget.paper * self.paper.value
+
+    @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The coefficients as any analysis gives its numbers; none without a maximum."""
         why = " ".join((*self.missing, *self.warnings))

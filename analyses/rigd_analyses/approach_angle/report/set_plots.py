@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from rigd.analysis.report.palette import FITTED, INK, MEASURED, series
 from rigd.analysis.report.plots.axes import SHARED, Margins, grid, label
@@ -23,7 +24,13 @@ from rigd_analyses.approach_angle.report.marks import (
 )
 from rigd_analyses.approach_angle.report.tables import SOURCES
 from rigd_analyses.approach_angle.report.tables import label as set_label
-from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, RunResult, SetResult
+from rigd_analyses.approach_angle.result import (
+    CampaignResult,
+    FrictionCurve,
+    RunResult,
+    SetResult,
+    Trend,
+)
 
 SOURCE_COLOURS = {"published": MEASURED, "paper": FITTED, "better": series(0)}
 SOURCE_SHAPES = {"published": "D", "paper": "s", "better": "o"}
@@ -133,7 +140,7 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
     angles = np.linspace(0.0, 50.0, 101)
     for source, trend in result.trends.items():
         colour = SOURCE_COLOURS.get(source, INK)
-        error = None if trend.u is None else 2.0 * trend.u
+        error = _expanded(source, trend, result)
         published = source == "published"
         ax.errorbar(
             trend.angle_deg,
@@ -176,6 +183,14 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
     label(ax, "approach angle α", "°", "maximum coefficient", "1")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
+
+
+def _expanded(source: str, trend: Trend, result: CampaignResult) -> NDArray[np.float64] | None:
+    """Return U (k = 2) of each point of a trend, NaN where it is not known; None for all."""
+    if source != "paper":
+        return None if trend.u is None else 2.0 * trend.u
+    known = {item.name: item.paper_expanded for item in result.sets}
+    return np.array([np.nan if (u := known[name]) is None else u for name in trend.sets])
 
 
 def slip_over_angle(result: CampaignResult) -> Figure:

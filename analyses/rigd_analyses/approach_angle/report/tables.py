@@ -105,10 +105,9 @@ def _set_row(result: SetResult) -> SetRow:
 
 def _paper(result: SetResult) -> str:
     """Return the paper's maximum with the U of its budget, if there is one."""
-    value = result.paper.value
-    if value is None or result.budget is None:
+    value, expanded = result.paper.value, result.paper_expanded
+    if value is None or expanded is None:
         return coefficient(value)
-    expanded = 2.0 * result.budget.paper * value
     places = places_for(expanded)
     return f"{number(value, places)} ± {number(expanded, places)}"
 

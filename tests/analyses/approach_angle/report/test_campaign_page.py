@@ -9,6 +9,7 @@ from html import escape, unescape
 
 import numpy as np
 import pytest
+from matplotlib.container import ErrorbarContainer
 from support.angle_recording import small_campaign
 from support.angle_runs import TABLE_1, drawn_rig
 from support.markup import outline
@@ -26,6 +27,7 @@ from rigd_analyses.approach_angle.data import (
     SetReference,
 )
 from rigd_analyses.approach_angle.report.run_plots import one_run
+from rigd_analyses.approach_angle.report.set_plots import maximum_over_angle
 from rigd_analyses.approach_angle.report.view import TEMPLATES, build_campaign_view, typical_run
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult
 
@@ -157,6 +159,24 @@ def test_table_1_has_three_sources_and_names_coefficients(
         assert shown == [pytest.approx(pair, abs=6e-4) for pair in expected]
         used = "5 used, 1 left out" if item.name == "clean_0" else "6 used, 0 left out"
         assert used in row
+
+
+def test_maximum_has_bars_by_both_methods(result: CampaignResult) -> None:
+    (ax,) = maximum_over_angle(result).axes
+    bars = {
+        container.get_label(): container.lines[2]
+        for container in ax.containers
+        if isinstance(container, ErrorbarContainer) and container.has_yerr
+    }
+    for source, label in (("paper", "paper's method"), ("better", "better method")):
+        trend = result.trends[source]
+        drawn = bars[label][0].get_segments()
+        assert len(drawn) == len(trend.sets)
+        for segment, name, value in zip(drawn, trend.sets, trend.mu, strict=True):
+            (item,) = (s for s in result.sets if s.name == name)
+            assert item.maximum is not None
+            u = item.paper_expanded if source == "paper" else 2.0 * item.maximum.u
+            assert segment[1][1] - value == pytest.approx(u)
 
 
 def test_every_budget_term_has_both_columns(page: str, result: CampaignResult) -> None:
