@@ -154,8 +154,7 @@ class Device:
     log: Path
     setpoint: float
     node_unit: float  #: of the drive's own figure, in the unit of the setpoint
-    beside: Callable[[threading.Event, threading.Event], None] | None = None
-    armed: threading.Event = field(default_factory=threading.Event)
+    beside: Callable[[threading.Event], None] | None = None
 
     def lines(self) -> list[tuple[int, int, float]]:
         """Return when, whether it was enabled, and with what it was driven from then on."""
@@ -212,11 +211,8 @@ def wait_for(true: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-def others_on_can(path: Path, armed: threading.Event, ended: threading.Event) -> None:
-    """Send 1,000 frames/s of other nodes until ``ended``; once ``armed``, ask by SDO 50 times/s.
-
-    Two clients that ask at once share the drive's answers (CiA 301, 7.2.4.3): set-up refuses that.
-    """
+def others_on_can(path: Path, ended: threading.Event) -> None:
+    """Send 1,000 frames/s of other nodes, and ask the drive by SDO 50 times/s, until ``ended``."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as place:
         place.connect(str(path))
         place.setblocking(False)
@@ -226,7 +222,7 @@ def others_on_can(path: Path, armed: threading.Event, ended: threading.Event) ->
             while sent < 1000 * (time.monotonic() - begin):
                 with suppress(BlockingIOError):
                     place.send(CAN_FRAME.pack(0x4A0 + sent % 16, 8, bytes(8)))
-                    if sent % 20 == 0 and armed.is_set():
+                    if sent % 20 == 0:
                         place.send(ask)
                 sent += 1
             with suppress(BlockingIOError):
@@ -235,7 +231,7 @@ def others_on_can(path: Path, armed: threading.Event, ended: threading.Event) ->
             time.sleep(0.002)
 
 
-def others_on_modbus(port: int, _: threading.Event, ended: threading.Event) -> None:
+def others_on_modbus(port: int, ended: threading.Event) -> None:
     """Read the drive's status word 100 times/s on a connection of its own, until ``ended``."""
     with socket.create_connection(("127.0.0.1", port)) as place:
         place.settimeout(PATIENCE_S)
@@ -681,8 +677,6 @@ def cycled(device: Device, *, kill: bool) -> dict[str, Any]:
         for line in process.stdout:
             told = json.loads(line)
             said[told["said"]] = told
-            if told["said"] == "armed":
-                device.armed.set()
             if told["said"] == "driven" and kill:
                 time.sleep(0.05)
                 said["killed"] = {"at": time.monotonic_ns()}
@@ -751,7 +745,7 @@ def play_stack(stack: Stack, condition: str) -> Row:
             row.wanted = device.setpoint
             if condition == "crowded" and device.beside is not None:
                 ended = threading.Event()
-                thread = threading.Thread(target=device.beside, args=(device.armed, ended))
+                thread = threading.Thread(target=device.beside, args=(ended,))
                 thread.start()
                 inside.callback(thread.join)
                 inside.callback(ended.set)
