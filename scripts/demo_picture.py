@@ -88,7 +88,7 @@ def draw_loops(ax: plt.Axes, point: Mapping[str, Any], recording: Path) -> None:
     off = np.sqrt(np.mean((friction - predicted[:, 0])[moving] ** 2))
     half = np.median(high - low) / 2.0
     band = f"its 95 % band: ± {half:.4f},\nthinner than the line"
-    told = f"measured, a point each {1e3 * period_s:.0f} ms\n(rms {off:.3f} off the prediction)"
+    told = f"measured, a point each {1e3 * period_s:.0f} ms\n(rms {off:.3f} off that)"
     ax.plot(way[moving], friction[moving], ".", color=MEASURED, markersize=2.5, label=told)
     ax.plot(
         way, predicted[:, 0], color=FITTED, linewidth=1.5, label="predicted by\nthe model of PVC"
@@ -96,7 +96,7 @@ def draw_loops(ax: plt.Axes, point: Mapping[str, Any], recording: Path) -> None:
     ax.fill_between(way, low, high, color=FITTED, alpha=0.35, linewidth=0, label=band)
     ax.set(xlabel="distance slipped in mm", ylabel="friction over normal force")
     ax.set_title("PVC: hysteresis loops of a test that the fit has not seen", fontsize=11)
-    ax.legend(frameon=False, loc="lower left", fontsize=9)
+    ax.legend(frameon=False, loc="lower left", fontsize=9, handlelength=1.2)
 
 
 def measured(

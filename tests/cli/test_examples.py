@@ -98,7 +98,7 @@ SHOWN: dict[str, Shows] = {
         "right_motor, scale)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
-    "rigd check my_procedure.yaml": Shows("right keys"),
+    "rigd check my_procedure.yaml": Shows("on lugre-1: right"),
     'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "J. Doe"': Shows(
         "new values beside old", code=3  # no terminal to ask at: tests/system/test_calibrate.py
     ),
