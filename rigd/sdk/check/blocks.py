@@ -475,8 +475,9 @@ RULES: Final = (
     Rule(
         "any order of calls",
         "a block has int64 times of CLOCK_MONOTONIC in ns at which its rows were taken, "
-        "1 / rate_hz apart, and float64 values with a column per channel, the status last if it has one: what "
-        "the device measured then, each row once; read_block() waits no longer than its time-out; "
+        "1 / rate_hz apart, and float64 values with a column per channel, the status last if it "
+        "has one: what the device measured then, each row once; read_block() waits no longer than "
+        "its time-out; "
         "close() may come twice and leaves nothing",
         any_order,
         "",
