@@ -4,7 +4,8 @@ A daemon with a run under way, ten watchers of all its streams and a client that
 itself before those came. Beside it a witness that meets the same load: a process with a bare
 queryable of zenoh that replies at once. Turns are interleaved, so that what else the machine does
 meets all. Renewals of the lease stand for stops: they go the same way, each by a lane of its own,
-and end no run.
+and end no run. Last, what `rigd remote stop` costs from its launch to its end, in processor time,
+which others on the machine change little.
 
     python benchmarks/stop_lane.py --rounds 5
 """
@@ -14,6 +15,8 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -28,11 +31,14 @@ import zenoh
 from crowd import crowded, message
 from figures import at_most, noted
 from support.daemon import Daemon
-from support.served_rig import free_port
+from support.played_rig import RUN
+from support.served_rig import free_port, serve
 from support.soaking import NAME, soaked
 from support.zenoh_client import config
 
 REQUESTS = 100
+#: A stop leaves the shell within this, in ms of processor time.
+MOST_MS = 150.0
 SHAKE = """\
 procedure: shake
 title: Moves
@@ -101,6 +107,20 @@ def measured(daemon: Daemon, witness_at: str, rounds: int) -> dict[str, list[flo
     return found
 
 
+def from_shell_ms(verb: str, count: int) -> list[float]:
+    """Return the processor time of each of some commands that stop a run, ms."""
+    found = []
+    words = [sys.executable, "-m", "rigd", "remote", verb, "--as", "ann"]
+    with serve() as remote:
+        for _ in range(count + 1):
+            remote.rig.state, remote.rig.run = "running", RUN
+            begun = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run([*words, "--endpoint", remote.endpoint], check=True, capture_output=True)
+            ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+            found.append(1e3 * (ended.ru_utime - begun.ru_utime + ended.ru_stime - begun.ru_stime))
+    return found[1:]  # the first may compile modules
+
+
 def main() -> None:
     """Measure, and print quantiles and ratios."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -118,6 +138,9 @@ def main() -> None:
         found = measured(daemon, witness_at, args.rounds)
     end.set()
     process.join()
+    for verb in ("stop", "abort", "estop"):
+        took = from_shell_ms(verb, 4 * args.rounds)
+        at_most(f"rigd remote {verb}, processor time, p50", float(np.median(took)), MOST_MS, "ms")
     for name, took in found.items():
         for part in (50, 99):
             noted(f"reply of the {name}, p{part}", float(np.percentile(took, part)), "ms")

@@ -19,7 +19,7 @@ from typing import Any, Final
 import zenoh
 
 from rigd.config.remote import RemoteSetup, TlsFiles
-from rigd.remote.protocol import EVERY_ALIVE, Keys, Kind
+from rigd.remote.protocol.keys import EVERY_ALIVE, Keys, Kind
 from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES
 
 #: Silence after which a connection counts as broken: a client that hangs is seen within it.

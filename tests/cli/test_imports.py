@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.played_rig import RUN
+from support.served_rig import RIG, serve
 
 ROOT = Path(__file__).parents[2]
 #: What reads files, plans, draws, analyses, serves or waits for events: nothing a run at work does.
@@ -16,13 +18,15 @@ NOT_AT_WORK = {
     "rigd.procedure.compile", "rigd.procedure.source", "ruamel.yaml", "scipy", "starlette",
     "uvicorn", "zenoh",
 }  # fmt: skip
+#: What takes longer to import than a stop takes to reach the rig.
+NOT_FOR_A_STOP = NOT_AT_WORK - {"zenoh"} | {"cryptography", "numpy", "pydantic", "rigd.engine"}
 
 
-def loaded(code: str) -> set[str]:
+def loaded(code: str, **environment: str) -> set[str]:
     """Return the modules of a fresh process after ``code``."""
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport json, sys\nprint(json.dumps([*sys.modules]))"],
-        env={**os.environ, "PYTHONPATH": ""},
+        env={**os.environ, "PYTHONPATH": ""} | environment,
         cwd=ROOT,
         capture_output=True,
         check=True,
@@ -75,3 +79,25 @@ def test_no_source_is_parsed_for_descriptions() -> None:
     code = "import inspect\ndef read(*_): raise SystemExit('source was read')\n"
     code += "inspect.getsource = inspect.findsource = inspect.getsourcelines = read\n"
     assert "rigd.config.source" in loaded(code + check("configs/sim_lugre.yaml"))
+
+
+@pytest.mark.parametrize("verb", ["stop", "abort", "estop"])
+def test_stop_loads_nothing_but_the_link(verb: str, tmp_path: Path) -> None:
+    """Neither by options nor by a list of rigs that was read before."""
+    listed = tmp_path / "config" / "rigd" / "remotes.yaml"
+    listed.parent.mkdir(parents=True)
+    homes = {"XDG_CONFIG_HOME": str(tmp_path / "config"), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    with serve() as remote:
+        listed.write_text(f"remotes: {{{RIG}: {{endpoint: {remote.endpoint}, identity: ann}}}}")
+        find = "import time; at = time.time_ns; time.time_ns = lambda: at() + 10**10\n"
+        assert "pydantic" in loaded(
+            find + "from rigd.remote.client.target import find_target; find_target()", **homes
+        )
+        for options in (["--endpoint", remote.endpoint, "--as", "ann"], []):
+            remote.rig.state, remote.rig.run = "running", RUN
+            modules = loaded(
+                f"from rigd.cli.main import main\nmain({['remote', verb, *options]!r})", **homes
+            )
+            assert "rigd.remote.client.stopping" in modules
+            assert not modules & NOT_FOR_A_STOP
+        assert remote.rig.done == [("ann", verb)] * 2

@@ -22,7 +22,8 @@ from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
 from rigd.panel.server import Listen, serve
 from rigd.panel.session_store import SessionStore
-from rigd.remote.client import Connection, make_target
+from rigd.remote.client.connection import Connection
+from rigd.remote.client.target import make_target
 from rigd.remote.protocol import Kind, RigEvent, Status
 
 R = TypeVar("R")

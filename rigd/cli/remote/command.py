@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rigd.config.remote import TlsFiles
     from rigd.remote import AsyncClient, Client
+    from rigd.remote.client.target import Target
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,17 @@ def connect(args: argparse.Namespace) -> Client:
     from rigd.remote import Client
 
     return Client(args.rig, endpoint=args.endpoint, tls=_tls(args), identity=args.identity)
+
+
+def find(args: argparse.Namespace) -> Target:
+    """Return where the rig is that the options name, and who asks.
+
+    Raises:
+        ConfigError: the options contradict each other, or name no rig.
+    """
+    from rigd.remote.client.target import find_target
+
+    return find_target(args.rig, args.endpoint, _tls(args), args.identity)
 
 
 def connect_async(args: argparse.Namespace) -> AsyncClient:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rigd.cli.options import add_json
-from rigd.cli.remote.command import RemoteCommand, connect, print_json
+from rigd.cli.remote.command import RemoteCommand, connect, find, print_json
 
 if TYPE_CHECKING:
     from rigd.remote import Client
@@ -26,13 +26,22 @@ def _commanding(do: Callable[[Client, argparse.Namespace], str]) -> Callable[...
 
 
 def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int]:
-    """Return the command that stops; it needs no lease, so that nothing can block it."""
+    """Return the command that stops; it needs no lease, so that nothing can block it.
+
+    The stop is sent before anything is imported that it does not need.
+    """
 
     def execute(args: argparse.Namespace) -> int:
-        with connect(args) as rig:
-            acted = do(rig, args.reason)
-            run = rig.status().run if args.wait or not acted else None
-            last = rig.wait(run) if args.wait and run is not None else None
+        from rigd.remote.client.stopping import send_stop
+
+        acted = send_stop(find(args), verb, args.reason)
+        run, last = None, None
+        if args.wait or not acted:
+            with connect(args) as rig:
+                if acted is None:
+                    acted = do(rig, args.reason)
+                run = rig.status().run
+                last = rig.wait(run) if args.wait and run is not None else None
         if args.json:
             print_json({"acted": acted} | ({} if last is None else last.model_dump(mode="json")))
             return 0

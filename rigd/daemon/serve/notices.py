@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Literal
 
-from rigd.remote.protocol.message import one_line
 from rigd.remote.protocol.status import OperatorNotice
+from rigd.remote.protocol.stop import one_line
 
 _LOG: Final = logging.getLogger("rigd.daemon")
 #: The status has so many notices, the newest.

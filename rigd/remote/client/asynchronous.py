@@ -10,7 +10,7 @@ from rigd.config.remote import TlsFiles
 from rigd.model.errors import LinkError
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
 from rigd.remote.client.lease_keeper import LeaseKeeper
-from rigd.remote.client.remotes import find_target
+from rigd.remote.client.target import find_target
 from rigd.remote.client.verbs import AsyncVerbs
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps
 from rigd.remote.protocol import (

@@ -18,6 +18,7 @@ import zenoh
 from rigd.model.errors import ConfigError, LinkError, ProtocolError
 from rigd.remote.client.decoding import decode_or_raise
 from rigd.remote.client.payload_queue import PayloadQueue
+from rigd.remote.client.queries import query, rigs_alive
 from rigd.remote.client.session import (
     QUESTION_S,
     QueryReply,
@@ -26,8 +27,6 @@ from rigd.remote.client.session import (
     is_connected,
     listen,
     open_session,
-    query,
-    rigs_alive,
 )
 from rigd.remote.client.target import Target
 from rigd.remote.protocol import (

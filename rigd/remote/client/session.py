@@ -1,15 +1,12 @@
-"""Opens zenoh sessions for asyncio programs and awaits the replies to queries.
+"""Opens zenoh sessions and begins queries; :mod:`rigd.remote.client.queries` awaits their replies.
 
-zenoh calls functions of this module on its network threads. These functions only pass the data on
-to the event loop.
+zenoh calls functions of this module on its network threads. These functions only pass data on.
 """
 
 from __future__ import annotations
 
-import asyncio
 import atexit
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,18 +14,12 @@ import zenoh
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError, LinkError
-from rigd.remote.certificates import check_usable, distrusted
 from rigd.remote.client.target import Target
 from rigd.remote.network import client_config
-from rigd.remote.protocol import EVERY_ALIVE
+from rigd.remote.protocol.keys import EVERY_ALIVE
 
 #: How long the rigs of a network may take to answer, in s.
 QUESTION_S: Final = 2.0
-#: How often that query is repeated, and after what pause, in s.
-_ASKED_AGAIN: Final = 5
-_PAUSE_S: Final = 0.05
-#: zenoh's own answer if no peer gave one in time.
-_TIMED_OUT: Final = b"Timeout"
 #: Sessions to close, by their id.
 _opened: Final[dict[int, zenoh.Session]] = {}
 
@@ -82,6 +73,8 @@ def _close_all() -> None:
 
 def _doubt(tls: TlsFiles) -> str:
     """Return the possible reasons of a refused connection, which TLS does not report."""
+    from rigd.remote.certificates import check_usable, distrusted
+
     try:
         check_usable(tls)
     except ConfigError as error:
@@ -98,20 +91,18 @@ def is_connected(session: zenoh.Session) -> bool:
     return bool(session.info.peers_zid() or session.info.routers_zid())
 
 
-async def query(
+def begin_query(
     session: zenoh.Session,
     key: str,
     timeout_s: float,
-    payload: bytes = b"",
+    payload: bytes,
+    ended: Callable[[], None],
     *,
     urgent: bool = False,
 ) -> list[QueryReply]:
-    """Return all answers to a query; none if no peer can answer it.
+    """Begin a query; return the list of its answers, complete when ``ended`` is called.
 
     An ``urgent`` query is sent before all others on the connection, and so are its answers.
-
-    Raises:
-        TimedOut: no daemon answered in time.
     """
     answers: list[QueryReply] = []
 
@@ -121,10 +112,9 @@ async def query(
         elif reply.err is not None:
             answers.append(QueryReply(False, reply.err.payload.to_bytes()))
 
-    done = _Done()
     session.get(
         key,
-        zenoh.handlers.Callback(answered, done.set, indirect=False),
+        zenoh.handlers.Callback(answered, ended, indirect=False),
         payload=payload,
         timeout=timeout_s,
         priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
@@ -132,40 +122,21 @@ async def query(
         # If this session ends, the daemon cancels the calculation for it.
         source_info=zenoh.SourceInfo(session.id, 0),
     )
-    await done.wait()
-    if any(not answer.ok and answer.payload == _TIMED_OUT for answer in answers):
-        raise TimedOut
     return answers
 
 
-async def rigs_alive(session: zenoh.Session) -> list[str]:
-    """Return the names of the rigs that a session reaches, in order.
-
-    The query is repeated for a moment if there seem to be none: with a router, zenoh leaves every
-    second query unanswered.
-    """
-    for _ in range(_ASKED_AGAIN):
-        if found := await _rigs_alive(session):
-            return found
-        await asyncio.sleep(_PAUSE_S)
-    return await _rigs_alive(session)
-
-
-async def _rigs_alive(session: zenoh.Session) -> list[str]:
-    keys: set[str] = set()
+def begin_look(session: zenoh.Session, ended: Callable[[], None]) -> set[str]:
+    """Begin to look for rigs; return the set of their names, complete when ``ended`` is called."""
+    rigs: set[str] = set()
 
     def alive(reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            keys.add(str(reply.ok.key_expr))
+            rigs.add(str(reply.ok.key_expr).split("/")[1])
 
-    done = _Done()
     session.liveliness().get(
-        EVERY_ALIVE,
-        zenoh.handlers.Callback(alive, done.set, indirect=False),
-        timeout=QUESTION_S,
+        EVERY_ALIVE, zenoh.handlers.Callback(alive, ended, indirect=False), timeout=QUESTION_S
     )
-    await done.wait()
-    return sorted(key.split("/")[1] for key in keys)
+    return rigs
 
 
 def listen(
@@ -177,18 +148,3 @@ def listen(
         take(sample.payload.to_bytes())
 
     return session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
-
-
-class _Done:
-    """The end of a query: zenoh's thread reports it, and the event loop that made it awaits it."""
-
-    def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._event = asyncio.Event()
-
-    def set(self) -> None:
-        with suppress(RuntimeError):  # the loop has ended: nothing waits any more
-            self._loop.call_soon_threadsafe(self._event.set)
-
-    async def wait(self) -> None:
-        await self._event.wait()

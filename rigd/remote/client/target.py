@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import getpass
+import json
+import os
 import re
-from dataclasses import dataclass
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from tempfile import NamedTemporaryFile
+from typing import Any, Final, Self
 
-from cryptography import x509
-from cryptography.x509.oid import NameOID
-
+from rigd import __version__
+from rigd.config.problems import suggest
 from rigd.config.remote import DEFAULT_ENDPOINT, Endpoint, TlsFiles
 from rigd.model.errors import ConfigError
 from rigd.remote.protocol.keys import check_name
 from rigd.remote.protocol.limits import MAX_NAME
 
+#: A list that was changed so short a time ago may change again within one tick of its times, in ns.
+_SETTLED_NS: Final = 2_000_000_000
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9._-]+")
 
 
@@ -31,6 +38,40 @@ class Target:
     """The name under which the daemon knows the client."""
     note: str = ""
     """Why this address was tried; for the error if no rig is found."""
+
+
+@dataclass(frozen=True)
+class Remote:
+    """A rig of the list."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    tls: TlsFiles | None = None
+    identity: str | None = None
+
+    @classmethod
+    def of(cls, line: Mapping[str, Any]) -> Self:
+        """Return the rig whose fields are in ``line``, paths as text.
+
+        Raises:
+            KeyError, TypeError: they are others.
+        """
+        tls = line["tls"]
+        files = None if tls is None else TlsFiles(**{name: Path(tls[name]) for name in tls})
+        return cls(line["endpoint"], files, line["identity"])
+
+
+def list_path() -> Path:
+    """Return the path of the list, by the XDG base directory specification."""
+    return _base("XDG_CONFIG_HOME", ".config") / "remotes.yaml"
+
+
+def _cache_path() -> Path:
+    return _base("XDG_CACHE_HOME", ".cache") / "remotes.json"
+
+
+def _base(variable: str, usual: str) -> Path:
+    given = os.environ.get(variable) or ""
+    return (Path(given) if Path(given).is_absolute() else Path.home() / usual) / "rigd"
 
 
 def make_target(
@@ -71,12 +112,93 @@ def make_target(
     return Target(rig, endpoint, tls, check_name(identity or _user(), "name of the client"))
 
 
+def find_target(
+    rig: str | None = None,
+    endpoint: str | None = None,
+    tls: TlsFiles | None = None,
+    identity: str | None = None,
+) -> Target:
+    """Return the target for ``rig``: from the list, with the values given here in place of its own.
+
+    Without a name it is the only rig of the list or, if that is empty, the only rig on this
+    machine.
+
+    Raises:
+        ConfigError: the list or an argument is wrong, or it has several rigs and none is named.
+        Refusal: a name is not allowed in a key.
+    """
+    if endpoint is not None:
+        return make_target(rig, endpoint, tls, identity)
+    known = _known()
+    if rig is None and len(known) > 1:
+        raise ConfigError(
+            f"which rig? {list_path()} has {', '.join(sorted(known))}", hint="name one (--rig NAME)"
+        )
+    if rig is None and known:
+        rig = next(iter(known))
+    found = Remote() if rig is None else known.get(rig, Remote())
+    target = make_target(rig, found.endpoint, tls or found.tls, identity or found.identity)
+    if rig is None or rig in known or not known:
+        return target
+    unknown = f"{rig} is not in {list_path()} ({suggest(rig, known)})"
+    return replace(target, note=f"{unknown}, so rigd looked for it on this machine; ")
+
+
+def _known() -> Mapping[str, Remote]:
+    """Return the list; what was read of this very file before is not read again.
+
+    So a stop does not wait for the reader of YAML to be imported.
+
+    Raises:
+        ConfigError: the list is wrong.
+    """
+    path = list_path()
+    try:
+        state = path.stat()
+    except FileNotFoundError:
+        return {}
+    made = [
+        __version__,
+        str(path),
+        state.st_ino,
+        state.st_size,
+        state.st_mtime_ns,
+        state.st_ctime_ns,
+    ]
+    kept = _cache_path()
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        known = json.loads(kept.read_bytes())
+        if known["made"] == made:
+            return {name: Remote.of(line) for name, line in known["remotes"].items()}
+    from rigd.remote.client.remotes import read_remotes
+
+    found = read_remotes()
+    if time.time_ns() - state.st_ctime_ns > _SETTLED_NS:
+        with suppress(OSError):
+            _keep(
+                kept,
+                {"made": made, "remotes": {name: asdict(line) for name, line in found.items()}},
+            )
+    return found
+
+
+def _keep(path: Path, known: Mapping[str, object]) -> None:
+    """Write a file for this user alone, whole or not at all."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with NamedTemporaryFile("w", dir=path.parent, delete=False) as file:
+        json.dump(known, file, default=str)
+    Path(file.name).replace(path)
+
+
 def name_in(certificate: Path) -> str:
     """Return the common name in a certificate (PEM), to which the rig file gives a role.
 
     Raises:
         ConfigError: it cannot be read, or has none.
     """
+    from cryptography import x509
+    from cryptography.x509.oid import NameOID
+
     try:
         read = x509.load_pem_x509_certificate(certificate.read_bytes())
     except (OSError, ValueError) as error:

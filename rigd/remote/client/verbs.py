@@ -26,7 +26,7 @@ from rigd.remote.protocol import (
     as_json,
     decode_frame,
 )
-from rigd.remote.protocol.arguments import ProcedureFile, stop_reason
+from rigd.remote.protocol.arguments import ProcedureFile
 from rigd.remote.protocol.results import (
     ActionReply,
     CheckReport,
@@ -45,6 +45,7 @@ from rigd.remote.protocol.results import (
     Started,
     Stopped,
 )
+from rigd.remote.protocol.stop import stop_reason
 
 R = TypeVar("R", bound=Message)
 P = ParamSpec("P")

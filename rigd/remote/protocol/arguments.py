@@ -9,8 +9,9 @@ from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, SPECIMEN_NAME, About
 from rigd.remote.protocol.limits import MAX_COMPARED, MAX_PIECE_BYTES, MAX_REASON
-from rigd.remote.protocol.message import Message, Name, Text, User, one_line
+from rigd.remote.protocol.message import Message, Name, Text, User
 from rigd.remote.protocol.status import Nanoseconds
+from rigd.remote.protocol.stop import stop_reason
 
 #: File name of a recording: never a path.
 RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
@@ -194,11 +195,6 @@ class ReasonArguments(Message):
         StringConstraints(max_length=MAX_REASON),
     ] = ""
     """A longer one is cut; characters that control a terminal become spaces."""
-
-
-def stop_reason(text: str) -> str:
-    """Return a reason as it travels, for any ``text``: no reason keeps a stop from being sent."""
-    return one_line(text[:MAX_REASON])
 
 
 def _digest(text: str) -> str:

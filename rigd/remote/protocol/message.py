@@ -26,6 +26,7 @@ from rigd.remote.protocol.limits import (
     VERSION,
 )
 from rigd.remote.protocol.refusal import Code, Refusal
+from rigd.remote.protocol.stop import one_line
 from rigd.sdk import Documented
 
 #: A part of a key: no character with a special meaning for zenoh, a shell or a path.
@@ -98,11 +99,6 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
         raise Refusal(
             Code.TOO_LARGE, f"the message has {len(payload)} bytes, at most {limit_bytes} may be"
         )
-
-
-def one_line(text: str) -> str:
-    """Return ``text`` with a space for each character that ends a line or controls a terminal."""
-    return "".join(item if item.isprintable() else " " for item in text)
 
 
 def _printable(text: str) -> str:

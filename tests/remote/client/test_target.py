@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
-from rigd.remote.client.remotes import find_target, list_path
-from rigd.remote.client.target import make_target
+from rigd.remote.client.target import find_target, list_path, make_target
 from rigd.remote.protocol import Refusal
 from rigd.remote.tls import files_of, setup_tls
 
@@ -61,6 +61,31 @@ def test_choice_among_several_rigs_needs_a_name(home: Path) -> None:
     with pytest.raises(ConfigError, match=r"which rig\? .* has lugre-1, wire-1"):
         find_target()
     assert "did you mean 'lugre-1'" in find_target("lugre1").note
+
+
+def test_changed_list_is_read_again(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "cache"))
+    now = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now() + 10**10)  # long after the list was made
+    (home / "remotes.yaml").write_text(LIST)
+    for _ in range(2):
+        assert find_target("lugre-1").endpoint == "tcp/127.0.0.1:7001"
+    assert (home / "cache" / "rigd" / "remotes.json").exists()
+    (home / "remotes.yaml").write_text(LIST.replace("7001", "7002"))
+    assert find_target("lugre-1").endpoint == "tcp/127.0.0.1:7002"
+    (home / "remotes.yaml").unlink()
+    assert find_target("lugre-1").endpoint == "tcp/127.0.0.1:7447"
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"made": 1}', "\0"])
+def test_damaged_copy_of_list_is_ignored(
+    home: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "cache"))
+    (home / "cache" / "rigd").mkdir(parents=True)
+    (home / "cache" / "rigd" / "remotes.json").write_text(text)
+    (home / "remotes.yaml").write_text(LIST)
+    assert find_target("lugre-1").endpoint == "tcp/127.0.0.1:7001"
 
 
 def test_mistake_in_list_is_named_with_its_place(home: Path) -> None:
