@@ -38,6 +38,8 @@ Read = Callable[[Evaluation], Mapping[str, Interval]]
 _SURPRISE: Final = 2.0
 #: Half the interval over the truth: a wider one recovers nothing.
 _WIDEST: Final = 1.0
+#: The order of trials is drawn from it.
+_ORDER: Final = 1
 #: What checking a plan must not wait for.
 _HEAVY: Final = ("matplotlib", "numba", "scipy")
 _DECLARED: Final = "declares what it needs"
@@ -86,6 +88,7 @@ def examine_analysis(
             for rule, check in (
                 ("recovers the truth", bench.truth),
                 ("does not depend on the rate", bench.slower),
+                ("does not depend on the order of trials", bench.permuted),
                 ("uses the constants of the rig", bench.constants),
                 ("gives the same bytes for the same input", bench.repeatable),
                 ("refuses what it cannot read", bench.refusals),
@@ -222,6 +225,26 @@ class _Bench:
             return  # it may need the rate, if it says so
         for problem, demand in self._misses(halved, found, open_ends=True):
             yield f"with every second sample {problem}", f"take times from `t_s`; or {demand}"
+
+    def permuted(self, case: Case) -> Iterator[tuple[str, str]]:
+        """Look for what is taken from the first or the last trial: they come in another order."""
+        if len(case.trials) < 2:
+            return
+        rng = np.random.default_rng(_ORDER)
+        turned = replace(case, trials=[case.trials[i] for i in rng.permutation(len(case.trials))])
+        try:
+            found = self._read(self.evaluate(turned))
+        except RigdError as error:
+            yield (
+                f"with its trials in another order it is refused: {error}",
+                "take them as they come",
+            )
+            return
+        for problem, demand in self._misses(turned, found, open_ends=True):
+            yield (
+                f"with its trials in another order {problem}",
+                f"take each for itself; or {demand}",
+            )
 
     def constants(self, case: Case) -> Iterator[tuple[str, str]]:
         """Look for constants that are written into the analysis: all are changed by a tenth."""

@@ -164,7 +164,7 @@ def test_a_good_analysis_keeps_every_rule(tmp_path: Path) -> None:
     report = check_analysis(Mean, [case(), case()], tmp_path, read=read)
     assert not report.findings
     of_cases = [rule for rule in report.checked if "case" in rule]
-    assert len(of_cases) == 2 * 5
+    assert len(of_cases) == 2 * 6
 
 
 def test_analysis_that_is_slow_to_import_is_found(
