@@ -74,6 +74,7 @@ def execute(args: argparse.Namespace) -> int:
 
     import zenoh  # noqa: F401 - loaded before a spare waits, not after
 
+    from rigd.engine.realtime import prefer
     from rigd.model.errors import Exit
     from rigd.panel.server import Listen, serve
     from rigd.panel.session_store import SessionStore
@@ -103,6 +104,7 @@ def execute(args: argparse.Namespace) -> int:
             serving.result()
 
     outlive_output()
+    prefer()
     asyncio.run(until_signal())
     return int(Exit.OK)
 

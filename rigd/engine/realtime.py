@@ -37,6 +37,8 @@ SIMULATED_PRIORITY: Final = 70
 #: wait for them. All its threads have it: they share the interpreter's lock, and the thread of a
 #: stop waits for the thread that holds it.
 DAEMON_PRIORITY: Final = 1
+#: nice(2) of what keeps a run alive beside the daemon: nine times the weight of ordinary programs.
+PREFERRED: Final = -10
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2
 _PR_SET_TIMERSLACK: Final = 29  # <linux/prctl.h>
@@ -143,6 +145,16 @@ def before_programs() -> Iterator[None]:
     """
     with _scheduled(os.SCHED_RR, DAEMON_PRIORITY):
         yield
+
+
+def prefer() -> None:
+    """Give this thread, and what it starts, more time than ordinary programs, if that is permitted.
+
+    For what keeps a run alive, such as the panel. It serves strangers too, so that it does not go
+    before what moves the rig.
+    """
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, PREFERRED)
 
 
 @contextmanager

@@ -7,36 +7,32 @@ expires.
 
 from __future__ import annotations
 
-import asyncio
 import logging
 
 from rigd.model.errors import RigdError
 from rigd.panel.hub import Hub
 from rigd.panel.rig import Rig
 from rigd.panel.sessions import Sessions
+from rigd.remote.client.renewing import renew_until_lost
 from rigd.remote.protocol import Kind, LeaseView
-from rigd.remote.protocol.limits import RENEW_S
 
 log = logging.getLogger(__name__)
 
 
 async def renew_lease(rig: Rig, hub: Hub, sessions: Sessions) -> None:
     """Renew the lease of each user of this panel that holds it, until cancelled."""
-    has_failed = False
-    while True:
-        await asyncio.sleep(RENEW_S)
+
+    async def renew() -> None:
         holder = hub.lease_holder
         if (
-            holder is None
-            or holder.identity != rig.identity
-            or not sessions.may_hold_lease(holder.user)
+            holder is not None
+            and holder.identity == rig.identity
+            and sessions.may_hold_lease(holder.user)
         ):
-            continue
-        try:
             await rig.request(Kind.COMMAND, "lease_renew", {}, LeaseView, holder.user)
-        except RigdError as error:
-            if not has_failed:
-                log.warning("the lease of %s is not renewed: %s", holder.user, error)
-            has_failed = True
-        else:
-            has_failed = False
+
+    def failed(error: RigdError) -> None:
+        log.warning("the lease is not renewed: %s", error)
+
+    while True:  # another user may take it
+        failed(await renew_until_lost(renew, failed))

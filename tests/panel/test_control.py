@@ -13,8 +13,8 @@ import pytest
 from support.panel import ServedPanel, Visitor
 from support.played_rig import PlayedRig
 
-from rigd.panel import renewal
 from rigd.panel.session_store import SessionStore
+from rigd.remote.client import renewing
 from rigd.remote.protocol import ClientUser
 
 #: How long a lease lasts here, in s; it is renewed every 0.1 s.
@@ -23,7 +23,7 @@ LEASE_S = 1.5
 
 @pytest.fixture
 def panel(monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedPanel]:
-    monkeypatch.setattr(renewal, "RENEW_S", 0.1)
+    monkeypatch.setattr(renewing, "RENEW_S", 0.1)
     with ServedPanel(PlayedRig(lease_s=LEASE_S)) as served:
         yield served
 
@@ -167,7 +167,7 @@ def killed_with_control(path: Path) -> tuple[str, int]:
 
 
 def test_control_outlives_the_panel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(renewal, "RENEW_S", 0.1)
+    monkeypatch.setattr(renewing, "RENEW_S", 0.1)
     path = tmp_path / "sessions.json"
     cookie, port = killed_with_control(path)
     rig = PlayedRig()

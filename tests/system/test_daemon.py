@@ -180,7 +180,7 @@ def test_a_client_that_is_killed_stops_the_run(daemon: Daemon, bench: WireRig) -
         daemon.kill_client()
     last = ending(daemon, recording, steered=False)
     assert last["ending"] == "stopped", last["reason"]
-    assert "alice, who steered this run, has vanished" in last["reason"]
+    assert "alice, who steered this run, gave no sign of life" in last["reason"]
     assert run_info(Recording.open(recording)).state == "stopped"
 
 

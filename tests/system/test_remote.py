@@ -102,7 +102,7 @@ def test_a_watching_command_that_is_killed_has_vanished(folder: Path) -> None:
         assert run is not None
         last = rig.wait(run)
     assert last.ending == "stopped"
-    assert "vanished" in last.reason
+    assert "no sign of life" in last.reason
 
 
 def test_second_client_cannot_take_the_lease(folder: Path) -> None:

@@ -20,16 +20,18 @@ from rigd.model.severity import Severity
 from rigd.model.states import RunState
 from rigd.procedure.program import CycleProgram, OnClientLoss
 from rigd.remote.protocol import ClientUser
+from rigd.remote.protocol.limits import LEASE_S
 from rigd.remote.protocol.status import LastRun
 
 _LOG: Final = logging.getLogger(__name__)
 
 
 def loss_of(holder: ClientUser, also: str = "") -> str:
-    """Return in words that a holder shows no sign of life; a user's is the open page."""
-    if holder.user:
-        return f"{holder.user}'s page ({holder.identity}) was closed or disconnected"
-    return f"{holder.identity}, {also}, has vanished" if also else f"{holder} has vanished"
+    """Return in words what is known of a holder whose lease has run out; a user has a page."""
+    who = f"{holder.user}'s page ({holder.identity})" if holder.user else str(holder)
+    if also and not holder.user:
+        who += f", {also},"
+    return f"{who} gave no sign of life for {LEASE_S:g} s"
 
 
 @dataclass(frozen=True)

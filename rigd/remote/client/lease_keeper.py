@@ -9,13 +9,14 @@ from contextlib import asynccontextmanager, suppress
 from typing import Final
 
 from rigd.model.errors import RigdError
+from rigd.remote.client.renewing import renew_until_lost
 from rigd.remote.protocol import Code, LeaseView, Refusal
 from rigd.remote.protocol.limits import RENEW_S
 
 _log = logging.getLogger(__name__)
 
 #: Another process of this name renews the lease within so many times the interval, if it lives.
-_WAIT_PART: Final = 1.5
+_WAIT_PART: Final = 3.0
 #: How often is looked meanwhile.
 _LOOKS: Final = 12
 #: The end of a lease moves by less without a renewal: by what a clock of the daemon is set.
@@ -23,7 +24,7 @@ _RENEWED_NS: Final = 20_000_000
 
 
 class LeaseKeeper:
-    """Renews the lease every two seconds, from :meth:`begin` until :meth:`end`.
+    """Renews the lease every second, from :meth:`begin` until :meth:`end`.
 
     It stops if the daemon reports that another client has the lease; the next command then fails.
     """
@@ -104,17 +105,8 @@ class LeaseKeeper:
                 raise
 
     async def _keep(self) -> None:
-        logged = False
-        while True:
-            await asyncio.sleep(RENEW_S)
-            try:
-                await self._renew()
-                logged = False
-            except RigdError as error:
-                if isinstance(error, Refusal) and error.code is Code.NO_LEASE:
-                    _log.warning("control is lost: %s", error.message)
-                    return
-                # Try again: the cause may be over before the lease expires.
-                if not logged:
-                    _log.warning("control could not be renewed: %s", error.message)
-                logged = True
+        def failed(error: RigdError) -> None:
+            _log.warning("control could not be renewed: %s", error.message)
+
+        refusal = await renew_until_lost(self._renew, failed)
+        _log.warning("control is lost: %s", refusal.message)

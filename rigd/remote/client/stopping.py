@@ -16,7 +16,7 @@ import zenoh
 from rigd.remote.client.session import begin_look, begin_query, close_session, open_session
 from rigd.remote.client.target import Target
 from rigd.remote.protocol.keys import Keys, Kind
-from rigd.remote.protocol.stop import StopRequest
+from rigd.remote.protocol.stop import PlainStop
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ def send_stop(target: Target, verb: str, reason: str) -> bool | None:
         rig = target.rig or _only_rig(session)
         if rig is None:
             return None
-        request = StopRequest(reason)
+        request = PlainStop(reason)
         key = Keys(rig).request(Kind.STOP, target.identity, verb)
         answers = _waited(
             lambda ended: begin_query(session, key, _REPLY_S, request.encode(), ended, urgent=True)

@@ -34,9 +34,10 @@ HEARTBEAT_S: Final = 0.5
 #: Frames of one stream per second, at most.
 LIVE_HZ: Final = 30.0
 
-#: How long the control lease holds without being renewed, and how often its holder renews it.
+#: How long the control lease holds without being renewed, and how often its holder renews it: four
+#: requests in a row may be lost, or wait on a busy computer.
 LEASE_S: Final = 6.0
-RENEW_S: Final = 2.0
+RENEW_S: Final = 1.0
 
 #: A command sent longer ago than this, or as much in the future, is refused as replayed.
 FRESH_S: Final = 30.0

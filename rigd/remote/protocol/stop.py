@@ -24,7 +24,7 @@ def stop_reason(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class StopRequest:
+class PlainStop:
     """A request to stop, of any severity: the verb is in its key."""
 
     reason: str = ""

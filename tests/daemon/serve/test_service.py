@@ -198,7 +198,9 @@ def test_run_of_lost_client_ends_before_logging(
         handled: list[bool] = []
 
         def note(*_: object, **__: object) -> None:
-            handled.append(any("has vanished" in item.text for item in served.status.notices))
+            handled.append(
+                any("gave no sign of life" in item.text for item in served.status.notices)
+            )
 
         monkeypatch.setattr(served.audit, "write", note)
         served.service.tend()

@@ -17,7 +17,7 @@ from support.served_rig import Served
 
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote import AsyncClient, Client
-from rigd.remote.client import lease_keeper
+from rigd.remote.client import lease_keeper, renewing
 from rigd.remote.protocol import VERBS, ClientUser, Code, Kind, LeaseView, Refusal, Role, as_json
 from rigd.remote.protocol.results import Stopped
 
@@ -174,6 +174,7 @@ def test_control_over_lease_of_killed_process_ends(
 ) -> None:
     """A process of the same name took the lease before, and renews it only if it lives."""
     monkeypatch.setattr(lease_keeper, "RENEW_S", 0.1)
+    monkeypatch.setattr(renewing, "RENEW_S", 0.1)
     with Client(endpoint=remote.endpoint, identity="alice") as other:
         if lives:
             monkeypatch.setattr(lease_keeper, "_WAIT_PART", 50.0)  # it may be slow to renew

@@ -36,7 +36,7 @@ from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES, MAX_TEXT
 from rigd.remote.protocol.request import Reply
 from rigd.remote.protocol.results import PieceView
 from rigd.remote.protocol.status import Daemon, PromptView, State, TrialStatus
-from rigd.remote.protocol.stop import StopRequest, stop_reason
+from rigd.remote.protocol.stop import PlainStop, stop_reason
 
 START = StartArguments(procedure=ProcedureFile.of("one", "procedure: one"))
 
@@ -64,17 +64,17 @@ def test_no_two_requests_have_the_same_id() -> None:
 
 @pytest.mark.parametrize("reason", ["", "smoke", "über\n\x1b[2J", "x" * 400, "\ud800"])
 def test_stop_without_models_decodes_as_request(reason: str) -> None:
-    stop = StopRequest(reason)
+    stop = PlainStop(reason)
     read = decode(RemoteRequest[ReasonArguments], stop.encode())
     assert (read.id, read.sent_ns, read.user) == (stop.id, stop.sent_ns, "")
     assert read.args.reason == stop_reason(reason)
 
 
 def test_stop_reads_only_the_reply_to_itself() -> None:
-    stop = StopRequest()
+    stop = PlainStop()
     assert stop.read_reply(encode_reply(stop.id, {"acted": True})) is True
     assert stop.read_reply(encode_reply(stop.id, {"acted": False})) is False
-    other = encode_reply(StopRequest().id, {"acted": True})
+    other = encode_reply(PlainStop().id, {"acted": True})
     unsaid = encode_reply(stop.id, {"acted": "yes"})
     for payload in (other, unsaid, b"", b"\xff", b"[]", b'{"v": 1}', b"[" * 100_000):
         assert stop.read_reply(payload) is None
