@@ -73,8 +73,8 @@ def execute(args: argparse.Namespace) -> int:
     """Check every file; a wrong file does not stop the check of the others."""
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
+    from rigd.config.stated_rig import ChosenRig, stated_rig
     from rigd.model.errors import Exit
-    from rigd.procedure.chosen_rig import ChosenRig, stated_rig
 
     stated = ChosenRig(args.rig) if args.rig is not None else stated_rig()
     rig = None if stated is None else load_rig(stated.rig)
@@ -98,13 +98,16 @@ def execute(args: argparse.Namespace) -> int:
 def _report(given: str, rig: RigConfig | None) -> FileReport:
     from rigd.config.loader import load_rig
     from rigd.model.errors import ConfigError, OtherRigError
-    from rigd.procedure.chosen_rig import try_rig
 
     kind = ""
     try:
         kind = _kind(given)
-        chosen = try_rig(given) if rig is None and kind == "procedure" else None
-        on = rig if chosen is None else load_rig(chosen.rig)
+        on = rig
+        if on is None and kind == "procedure":
+            from rigd.procedure.chosen_rig import try_rig  # no other file loads procedures
+
+            chosen = try_rig(given)
+            on = None if chosen is None else load_rig(chosen.rig)
         return FileReport(given, kind, summary=_check(given, kind, on))
     except OtherRigError as error:
         missing = () if rig is None else error.missing

@@ -190,7 +190,7 @@ def _expanded(source: str, trend: Trend, result: CampaignResult) -> NDArray[np.f
     if source != "paper":
         return None if trend.u is None else 2.0 * trend.u
     known = {item.name: item.paper_expanded for item in result.sets}
-    return np.array([np.nan if (u := known[name]) is None else u for name in trend.sets])
+    return np.array([np.nan if (u := known.get(name)) is None else u for name in trend.sets])
 
 
 def slip_over_angle(result: CampaignResult) -> Figure:
