@@ -6,12 +6,17 @@ the rule that it names. The package as written must pass them all.
 
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
+    python benchmarks/conformance.py --fresh [KIND]  those that were written without the suites
+
+A fresh mutant (`tests/support/fresh_mutants`) names no rule: it is caught if the suite finds
+anything. The seconds are those of the processor.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
+import resource
 import sys
 import tempfile
 import time
@@ -20,11 +25,12 @@ from pathlib import Path
 from figures import at_least, at_most
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.mutants import Mutant, made
+from support.fresh_mutants.kinds import KINDS as FRESH
+from support.mutants import Mistake, made
 from support.mutants.kinds import KINDS
 
 
-def rules_of(kind: str, mutant: Mutant | None, only: tuple[str, ...] = ()) -> list[str]:
+def rules_of(kind: str, mutant: Mistake | None, only: tuple[str, ...] = ()) -> list[str]:
     """Return the rules that a mutant breaks, each once, in the order of the suite."""
     with tempfile.TemporaryDirectory() as folder, made(kind, mutant, Path(folder)) as package:
         report = package.examine(only)
@@ -35,10 +41,14 @@ def rules_of(kind: str, mutant: Mutant | None, only: tuple[str, ...] = ()) -> li
 def main() -> int:
     """Examine the mutants and print which rules find each."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", nargs="?", choices=tuple(KINDS), help="of one kind only")
+    kinds = tuple(dict.fromkeys((*KINDS, *FRESH)))
+    parser.add_argument("kind", nargs="?", choices=kinds, help="of one kind only")
     parser.add_argument("name", nargs="*", help="mutants of this name only")
     parser.add_argument("--own-rule", action="store_true", help="apply only the rule it names")
+    parser.add_argument("--fresh", action="store_true", help="those that name no rule")
     args = parser.parse_args()
+    if args.fresh:
+        return examine_fresh([args.kind] if args.kind else list(FRESH), args.name)
     sums = []
     missed, unfit = 0, 0
     for kind in [args.kind] if args.kind else KINDS:
@@ -66,6 +76,41 @@ def main() -> int:
         at_least("conformance, mutants caught by the rule they break", share, 95, "%")
     at_most("conformance, packages as written that break a rule", unfit, 0, "packages")
     return int(bool(unfit) or missed > 0.05 * total)
+
+
+def examine_fresh(kinds: list[str], names: list[str]) -> int:
+    """Print which rules find each fresh mutant, and how many of a kind are found."""
+    sums = []
+    unfit = 0
+    for kind in kinds:
+        if broken := rules_of(kind, None):
+            unfit += 1
+            print(f"{kind}, as written: breaks {', '.join(broken)}", flush=True)
+        mutants = [each for each in FRESH[kind] if not names or each.name in names]
+        began, caught = cpu_s(), 0
+        for mutant in mutants:
+            began_s = cpu_s()
+            broken = rules_of(kind, mutant)
+            caught += bool(broken)
+            verdict = ", ".join(broken) or f"MISSED: {mutant.harm}"
+            print(f"{kind:<8} {cpu_s() - began_s:>5.1f} {mutant.name:<58} {verdict}", flush=True)
+        sums.append((kind, caught, len(mutants), cpu_s() - began))
+    print(f"\n{'kind':<8} {'caught':>7} {'of':>4} {'CPU s each':>10}")
+    for kind, caught, count, took_s in sums:
+        print(f"{kind:<8} {caught:>7} {count:>4} {took_s / max(count, 1):>10.1f}")
+    caught, count = sum(each[1] for each in sums), sum(each[2] for each in sums)
+    if count:
+        at_least("conformance, fresh mutants caught", 100 * caught / count, 80, "%")
+    return int(bool(unfit) or caught < 0.8 * count)
+
+
+def cpu_s() -> float:
+    """Return the seconds that the processor has worked for this process and its children."""
+    ours, theirs = (resource.getrusage(who) for who in _WHOSE)
+    return ours.ru_utime + ours.ru_stime + theirs.ru_utime + theirs.ru_stime
+
+
+_WHOSE = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
 
 
 if __name__ == "__main__":

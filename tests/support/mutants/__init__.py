@@ -15,7 +15,9 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+
+from support.fresh_mutants import sensor
 
 from rigd.analysis.check import examine_analysis
 from rigd.cli.new import module_name, rendered
@@ -34,6 +36,28 @@ class Mutant:
     new: str
     file: str = "driver"
 
+    def applied(self, text: str, class_name: str) -> str:
+        """Return ``text`` with the mistake.
+
+        Raises:
+            ValueError: the text to replace is not there.
+        """
+        if self.old not in text:
+            raise ValueError(f"{self.name}: the file does not contain {self.old!r}")
+        return text.replace(self.old, self.new)
+
+
+class Mistake(Protocol):
+    """What :func:`made` puts into a package: a :class:`Mutant`, or one that names no rule."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def file(self) -> str: ...
+
+    def applied(self, text: str, class_name: str) -> str: ...
+
 
 @dataclass(frozen=True)
 class Package:
@@ -43,7 +67,7 @@ class Package:
 
 
 @contextmanager
-def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
+def made(kind: str, mutant: Mistake | None, folder: Path) -> Iterator[Package]:
     """Write the package of a driver of ``kind`` into ``folder``, with the mistake, and import it.
 
     Raises:
@@ -52,11 +76,11 @@ def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
     word = "none" if mutant is None else re.sub(r"[^a-z0-9]+", "-", mutant.name)
     name = f"{kind}-with-{word}"
     module = module_name(name)
-    for path, text in rendered(name, kind).items():
+    class_name = "".join(part.capitalize() for part in name.split("-"))
+    files = sensor.rendered(module, class_name) if kind == "sensor" else rendered(name, kind)
+    for path, text in files.items():
         if mutant is not None and path == f"{module}/{mutant.file}.py":
-            if mutant.old not in text:
-                raise ValueError(f"{mutant.name}: {path} does not contain {mutant.old!r}")
-            text = text.replace(mutant.old, mutant.new)
+            text = mutant.applied(text, class_name)
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text, "utf-8")
@@ -70,7 +94,6 @@ def made(kind: str, mutant: Mutant | None, folder: Path) -> Iterator[Package]:
         assert spec.loader is not None
         read = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(read)
-        class_name = "".join(part.capitalize() for part in name.split("-"))
         yield Package(_EXAMINERS.get(kind, _driver)(read, module, class_name, folder))
     finally:
         sys.path.remove(str(folder))
