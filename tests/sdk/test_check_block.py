@@ -212,6 +212,19 @@ class Short(Good):
         return block.values[-1, :-1].tolist()  # type: ignore[no-any-return]
 
 
+class Behind(Good):
+    def newest_row(self, block: Block) -> Sequence[float]:
+        return block.values[0].tolist()  # type: ignore[no-any-return]
+
+
+class Shared(Good):
+    memory = np.zeros((ROWS, 2))
+
+    def values(self) -> Any:
+        self.memory[:, 0] += 0.01
+        return self.memory
+
+
 class Greedy(Good):
     def newest_row(self, block: Block) -> Sequence[float]:
         return block.values[-5].tolist()  # type: ignore[no-any-return]
@@ -230,6 +243,8 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("any order of calls", Rows, "returns list"),
     ("any order of calls", Empty, "0 blocks with rows in"),
     ("newest row", Short, "newest_row gives 1 values, expected 2"),
+    ("any order of calls", Shared, "changes when the next one is read"),
+    ("newest row", Behind, "rows before the last"),
     ("newest row", Greedy, "newest_row of a block of 1 raises IndexError"),
     ("any order of calls", Waiting, "read_block(0.2) takes"),
     ("any order of calls", OpenOnce, "RuntimeError: already open"),

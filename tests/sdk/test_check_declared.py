@@ -228,6 +228,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("safe is described", Unexplained, "no docstring states what safe means"),
     ("options strict", Lax, "unknown option is accepted"),
     ("options documented", Undocumented, "option turns"),
+    ("options are read", Undocumented, "nothing reads option turns"),
     ("options have units", Bare, "option gain is a bare float"),
     ("declares", Undeclared, "expected a Declaration"),
     ("declares", Refusing, "fields load, speed; the channels are speed, load"),

@@ -136,6 +136,13 @@ class Waiting(Good):
         return super().read(t_ns)
 
 
+class Dawdling(Good):
+    def arm(self) -> None:
+        if self.link.wire.fault == "silent":
+            time.sleep(0.4)
+        super().arm()
+
+
 class Hanging(Good):
     def read(self, t_ns: int) -> Sequence[float] | None:
         threading.Event().wait()
@@ -253,6 +260,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("any order of calls", Standing, "taken_ns of a row is not after that of the row before"),
     ("opens and arms", Mute, "gave no row"),
     ("bounded", Waiting, "read takes"),
+    ("arm never waits", Dawdling, "arm() takes 0.4 s"),
     ("bounded", Hanging, "did not return"),
     ("any order of calls", TakesNan, "as if it were a setpoint"),
     ("any order of calls", Brittle, "KeyError"),

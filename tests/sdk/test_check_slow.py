@@ -75,6 +75,8 @@ class Good(SlowDriver[DriverConfig, Wire]):
         """Act."""
         if action != "zero":
             raise ValueError(f"no action {action!r}")
+        if self.link.fault:
+            raise DeviceError("it does not say that it has done it")
         return "zero done"
 
     async def close(self) -> None:
@@ -95,8 +97,10 @@ def test_measured_value_of_no_channel_is_found() -> None:
         with thermometer() as peer:
             yield replace(peer, observed=lambda: Observed(measured={"temprature": 293.15}))
 
-    report = examine_driver(Good, peer=misspelt, only=["rows are true"])
-    assert_found(report, "rows are true", "the peer measures 'temprature', which is no channel")
+    report = examine_driver(Good, peer=misspelt, only=["any order of calls"])
+    assert_found(
+        report, "any order of calls", "the peer measures 'temprature', which is no channel"
+    )
 
 
 class Heater(Good):
@@ -173,6 +177,13 @@ class Leaky(Good):
 class Deaf(Good):
     async def act(self, action: str) -> str:
         raise DeviceError("cannot")
+
+
+class Hopeful(Good):
+    async def act(self, action: str) -> str:
+        if action != "zero":
+            raise ValueError(f"no action {action!r}")
+        return "zero done"
 
 
 class Vague(Good):
@@ -258,6 +269,8 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("cancelled anywhere", Leaky, "somebody has it"),
     ("any order of calls", Deaf, "act raises DeviceError"),
     ("any order of calls", Vague, "it returns ''"),
+    ("act while silent", Hopeful, "and act('zero') returns 'zero done'"),
+    ("act while garbled", Hopeful, "and act('zero') returns 'zero done'"),
     ("any order of calls", CloseOnce, "not open"),
     ("dead", Inventive, "still gives rows"),
     ("dead", GivesUp, "run() returns"),

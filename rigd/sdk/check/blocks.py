@@ -46,6 +46,8 @@ KEPT_S: Final = 0.03
 GATHER_S: Final = 1.2
 #: Crystals are much better than this part of their rate.
 TIMES_PART: Final = 0.01
+#: Of a block with so many rows the cycle sees one of the second half, or a median of some.
+RISING_ROWS: Final = 20
 #: A gap is longer than so many periods.
 LOST_PERIODS: Final = 1.5
 #: Sequences of one examination, and the steps of each.
@@ -182,7 +184,7 @@ def any_order(subject: Subject) -> Iterator[str]:
         del played
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
-        return drawn_values(subject.declare(), rng) if name == "measure" else None
+        return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
 
     drawing = Drawing(subject, lambda _: CALLS, value)
     yield from first_failure(play, drawing.trials(TRIALS, STEPS))
@@ -205,6 +207,7 @@ class _Played:
         self._ages: list[float] = []
         self._steps: list[float] = []  # from row to row, in ns
         self._last_ns = 0
+        self._before: tuple[Block, Block] | None = None  # the last block, and a copy of it
 
     def play(self, trial: Trial) -> None:
         """Make the calls.
@@ -281,8 +284,10 @@ class _Played:
         measure(self._peer, self._driver.declaration, values)
         self._read_blocks()
 
-    def _pause(self) -> None:
-        time.sleep(PAUSE_S)
+    def _pause(self, values: tuple[float, ...]) -> None:
+        time.sleep(PAUSE_S / 2)
+        measure(self._peer, self._driver.declaration, values)
+        time.sleep(PAUSE_S / 2)
         self._read_blocks()
 
     def _close(self) -> None:
@@ -317,6 +322,14 @@ class _Played:
         now_ns, look = time.monotonic_ns(), self._watcher.look()
         for problem in _block_problems(self._driver, block):
             raise Failed(problem)
+        if self._before is not None:
+            kept, as_it_came = self._before
+            if not (
+                np.array_equal(kept.times_ns, as_it_came.times_ns)
+                and np.array_equal(kept.values, as_it_came.values)
+            ):
+                raise Failed("the block before changes when the next one is read")
+        self._before = block, Block(block.times_ns.copy(), block.values.copy())
         times, period_ns = block.times_ns, 1e9 / self._driver.rate_hz
         self._rows += len(times)
         if self._sent is not None:
@@ -397,6 +410,14 @@ def _garbled_at_open(subject: Subject) -> Iterator[str]:
                 yield f"{name}() raises {described(outcome.error)}"
 
 
+def _rising(block: Block, channels: int) -> Block:
+    """Return a block as long as ``block``, or longer, whose values rise from row to row."""
+    rows = max(len(block.values), RISING_ROWS)
+    values = np.repeat(block.values[-1:], rows, axis=0)
+    values[:, :channels] += np.linspace(-1e-3, 0.0, rows)[:, np.newaxis]
+    return Block(block.times_ns[-1] - np.arange(rows)[::-1], values)
+
+
 def _newest_row(subject: Subject) -> Iterator[str]:
     with bench(subject) as (found, _):
         end = time.monotonic() + BLOCKS_S
@@ -408,7 +429,8 @@ def _newest_row(subject: Subject) -> Iterator[str]:
         declared = found.driver.declaration
         columns = len(declared.channels) + declared.has_status
         shortest = Block(block.times_ns[-1:], block.values[-1:])
-        for given in (block, shortest):
+        rising = _rising(block, len(declared.channels))
+        for given in (block, shortest, rising):
             outcome = found.call(partial(found.driver.newest_row, given), OPEN_S)
             rows = len(given.times_ns)
             if outcome.error is not None:
@@ -416,6 +438,13 @@ def _newest_row(subject: Subject) -> Iterator[str]:
             elif np.shape(outcome.value) != (columns,):
                 given_values = np.size(outcome.value)
                 yield f"newest_row gives {given_values} values, expected {columns}"
+            elif given is rising:
+                for channel, value, column in zip(
+                    declared.channels, outcome.value, rising.values.T, strict=False
+                ):
+                    if value < column[rows // 2]:
+                        late = (column[-1] - value) / (column[1] - column[0])
+                        yield f"newest_row has {channel.name} of {late:.0f} rows before the last"
 
 
 def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
@@ -484,7 +513,7 @@ RULES: Final = (
     ),
     Rule(
         "newest row",
-        "newest_row(block) returns a value per column, also of a block of a single row",
+        "newest_row(block) returns a value per column, of the last rows, also of a block of one row",
         _newest_row,
         "",
     ),

@@ -43,6 +43,8 @@ FAULT_S: Final = 0.7
 SAFE_S: Final = 1.0
 #: Rows of the measurement come within so many silent_s, and 2 s.
 ROWS_SILENT: Final = 3
+#: arm() only sends: it takes no longer, in s, if the machine goes on meanwhile.
+ORDER_S: Final = 0.15
 #: For so long a device that does not enable its actuator is asked whether it is ready, in s.
 LOCKED_S: Final = 0.5
 #: Relative room for a time that a device keeps in its own unit.
@@ -225,6 +227,19 @@ def _locked(subject: Subject) -> Iterator[str]:
                 return
 
 
+def _armed_silent(subject: Subject) -> Iterator[str]:
+    with bench(subject) as found:
+        found.run()
+        found.must("make_safe", found.driver.make_safe)
+        found.peer.faults["silent"]()
+        found.watcher.gap_s = 0.0
+        armed = found.call(found.driver.arm)
+        if armed.took_s > ORDER_S and found.watcher.gap_s < armed.took_s / 3:
+            yield f"arm() takes {armed.took_s:.2g} s"
+        if armed.error is not None and not isinstance(armed.error, FAILURES):
+            yield f"arm() raises {described(armed.error)}"
+
+
 def _unguarded(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         if found.open().error is not None or found.driver.watchdog_s is None:
@@ -333,6 +348,12 @@ RULES: Final = (
         "ready() returns what the device reports of its actuator, not what it was ordered to do",
         _locked,
         "locked",
+    ),
+    Rule(
+        "arm never waits",
+        "arm() sends and returns; what takes longer goes on in read() and write(), until ready()",
+        _armed_silent,
+        "silent",
     ),
     Rule(
         "watchdog that never acts",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import inspect
 import math
 import re
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import partial
@@ -68,6 +70,33 @@ def _options_strict(subject: Subject) -> Iterator[str]:
         if any(item["type"] == "extra_forbidden" for item in error.errors()):
             return
     yield "an unknown option is accepted"
+
+
+def _options_read(subject: Subject) -> Iterator[str]:
+    config_class = subject.driver_class.Config
+    package = subject.driver_class.__module__.partition(".")[0]
+    homes = {  # of classes that options are derived from, such as those of a port
+        item.__module__.rpartition(".")[0]
+        for item in config_class.__mro__
+        if config_class.model_fields.keys() & inspect.get_annotations(item).keys()
+    } - {""}
+    read: set[str] = set()
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] != package and name.rpartition(".")[0] not in homes:
+            continue
+        try:
+            tree = ast.parse(inspect.getsource(module))
+        except (OSError, TypeError, SyntaxError):
+            continue  # it has no source
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute):
+                read.add(node.attr)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                read.add(node.value)  # as of getattr
+    if read:
+        for name in config_class.model_fields:
+            if name not in read and "model_dump" not in read:
+                yield f"nothing reads option {name}"
 
 
 def _declares(subject: Subject) -> Iterator[str]:
@@ -277,6 +306,11 @@ CLASS_RULES: Final = (
         "options have units",
         'declare quantities as Annotated[float, In("A")], pure numbers with In("1")',
         _options_have_units,
+    ),
+    Rule(
+        "options are read",
+        "use every option of Config, or remove it: who gives it in a rig file relies on it",
+        _options_read,
     ),
 )
 

@@ -200,6 +200,7 @@ CALLS: Final[Mapping[str, Call]] = {
     "open": Call("closed", 3, "open"),
     "open and cancel": Call("closed", 0.5, "closed", 2),
     "run": Call("open", 4, "running"),
+    "run and at once act": Call("open", 1, "running"),
     "wait for rows": Call("running armed", 2),
     "measure": Call("running armed", 4),
     "act": Call("running armed", 1),
@@ -221,7 +222,7 @@ def calls_of(subject: Subject) -> Mapping[str, Call]:
     if not getattr(subject.driver_class, "second_link", False):
         left_out.add("kill and rescue")
     if not declared.actions:
-        left_out.add("act")
+        left_out |= {"act", "run and at once act"}
     if not declared.channels:
         left_out |= {"wait for rows", "measure"}
     return {name: call for name, call in CALLS.items() if name not in left_out}
@@ -241,6 +242,8 @@ def any_order(subject: Subject) -> Iterator[str]:
                 min(max(0.0 if math.isnan(item) else item, channel.low), channel.high)
                 for channel, item in zip(declared.setpoints, drawn, strict=True)
             )
+        if name == "run and at once act":
+            return rng.choice([*declared.actions])
         if name == "act":
             return rng.choice([*declared.actions, "no_such_action"])
         return rng.choice(CANCEL_STEPS) if "cancel" in name else None
@@ -344,6 +347,14 @@ class _Session:
     async def _run(self) -> None:
         self._came.clear()
         self._task = asyncio.create_task(self._driver.run(self._emit))
+        if self._driver.declaration.channels:
+            await self._wait_for_rows()
+
+    async def _run_and_at_once_act(self, action: str) -> None:
+        self._came.clear()
+        self._task = asyncio.create_task(self._driver.run(self._emit))
+        await asyncio.sleep(0)  # it has asked, and waits for the answer
+        await self._act(action)
         if self._driver.declaration.channels:
             await self._wait_for_rows()
 
@@ -612,6 +623,23 @@ def _bad_answers(fault: str, *, may_emit: bool) -> Scene:
     return play
 
 
+def _acts(fault: str) -> Scene:
+    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+        if not driver.declaration.actions:
+            return
+        rows = _Rows()
+        task = asyncio.create_task(driver.run(rows))
+        await rows.enough(driver, task)
+        peer.faults[fault]()
+        action = next(iter(driver.declaration.actions))
+        with contextlib.suppress(*FAILURES):  # the scene reports any other error
+            reply = await asyncio.wait_for(driver.act(action), OPEN_S)
+            problems.add(f"the device is {fault}, and act({action!r}) returns {reply!r}")
+        await _ended(task, problems)
+
+    return play
+
+
 async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
     """Check that a run that has ended raised an error with a message; cancel a run that goes on."""
     if not task.done():
@@ -711,6 +739,16 @@ RULES: Final = (
         "damaged answers are thrown away or raise a ProtocolError; they never become rows",
         _scene(_bad_answers("garbled", may_emit=False)),
         "garbled",
+    ),
+    *(
+        Rule(
+            f"act while {fault}",
+            "act() returns once the device has answered that it did it; any other answer, or none "
+            "within a bound, is a DeviceError",
+            _scene(_acts(fault)),
+            fault,
+        )
+        for fault in ("silent", "garbled")
     ),
     Rule(
         "not there",
