@@ -69,13 +69,17 @@ MUTANTS = (
         ),
     ),
     Fresh(
-        "no rows are an empty block",
-        "the newest row of a block without rows does not exist: the helper ends with IndexError",
+        "of several packets the last one counts",
+        "after each stall of the machine rows that have arrived are missing, and nothing says so",
         (
             (
-                "            except TimeoutError:\n                return None\n",
-                "            except TimeoutError:\n"
-                "                return Block(np.empty(0, np.int64), np.empty((0, 1)))\n",
+                "            packets = self._packets.feed(data)\n",
+                "            packets = self._packets.feed(data)[-1:]\n",
+            ),
+            (_LOST, "                self._expected = packet.first\n"),
+            (
+                "        numbers = np.arange(first, self._expected) + 1\n",
+                "        numbers = np.arange(packets[0].first, self._expected) + 1\n",
             ),
         ),
     ),

@@ -248,9 +248,16 @@ MUTANTS = (
         (("        for _ in range(MOST_FRAMES):\n", "        while True:\n"),),
     ),
     Fresh(
-        "the status has the enabled bit alone",
-        "the recording of a tripped drive does not show the trip",
-        ((_ROW, _ROW.replace("status=newest.status", "status=int(self._enabled)")),),
+        "the status is that of the row before",
+        "each row says whether the drive was enabled a cycle ago: a trip is recorded late",
+        (
+            (_ANSWERED, _ANSWERED + "        self._status = 0\n"),
+            (
+                _ROW,
+                "        before, self._status = self._status, newest.status\n"
+                + _ROW.replace("status=newest.status", "status=before"),
+            ),
+        ),
     ),
     Fresh(
         "the speed has no sign",
@@ -388,14 +395,22 @@ MUTANTS = (
         ),
     ),
     Fresh(
-        "a lost connection is no reply",
-        "a drive that has gone is never reported, rows only grow old",
+        "confirm_safe takes no answer for a yes",
+        "a drive that cannot be reached any more counts as switched off",
         (
+            ("import math\n", "import contextlib\nimport math\n"),
             (
-                "        except BlockingIOError:\n            return None\n"
-                "        except OSError as error:\n"
-                "            raise self._lost(error) from error\n",
-                "        except OSError:\n            return None\n",
+                "        if self._socket is not None and self._exchange(SAFE_TRIES).status & "
+                "protocol.ENABLED:\n"
+                "            raise DeviceError(\n"
+                '                "the drive is still enabled after the command to switch off",\n'
+                '                hint="switch off its supply",\n'
+                "            )\n",
+                "        enabled = 0\n"
+                "        with contextlib.suppress(LinkError):\n"
+                "            enabled = self._exchange(SAFE_TRIES).status & protocol.ENABLED\n"
+                "        if enabled:\n"
+                '            raise DeviceError("it is still enabled", hint="pull its plug")\n',
             ),
         ),
     ),

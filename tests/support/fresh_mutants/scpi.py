@@ -78,12 +78,13 @@ MUTANTS = (
         ),
     ),
     Fresh(
-        "the port stays open if nothing answers",
-        "the second try to open a supply that was switched on meanwhile is refused",
+        "a failed open takes a new port",
+        "each try to open a supply that does not answer leaves a connection that nobody closes",
         (
             (
                 "        except BaseException:\n            self.close()\n            raise\n",
-                "        except ProtocolError:\n            self.close()\n            raise\n",
+                "        except BaseException:\n            self._port = BytePort(self.config)\n"
+                "            raise\n",
             ),
         ),
     ),

@@ -70,12 +70,12 @@ MUTANTS = (
         (("counts * self.config.resolution", "counts * 1e-6"),),
     ),
     Fresh(
-        "open leaves its socket if nothing answers",
-        "the second try to open a sensor that was switched on meanwhile is refused",
+        "open drops its socket if nothing answers",
+        "each try to open a sensor that is switched off leaves a socket that nobody closes",
         (
             (
                 "            self.close()\n            raise LinkError(",
-                "            raise LinkError(",
+                "            self._socket = None\n            raise LinkError(",
             ),
         ),
     ),

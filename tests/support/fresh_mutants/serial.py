@@ -6,12 +6,12 @@ from support.fresh_mutants import Fresh
 
 MUTANTS = (
     Fresh(
-        "the wait for an answer begins anew with each question",
-        "a device that has gone silent is never reported",
+        "the action does not wait for its turn",
+        "the action takes the temperature for its answer, the next row is the answer to the action",
         (
             (
-                "            kelvin = await self._reading()\n",
-                "            heard_s = loop.time()\n            kelvin = await self._reading()\n",
+                "        async with self._exchange:\n            answer = await",
+                "        if action:\n            answer = await",
             ),
         ),
     ),

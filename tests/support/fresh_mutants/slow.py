@@ -98,12 +98,18 @@ MUTANTS = (
         ),
     ),
     Fresh(
-        "open closes only if another device answers",
-        "a device that is connected and silent leaves a connection behind with each try",
+        "a second try of open drops the first connection",
+        "a device that was slow at first leaves a connection behind with each open",
         (
             (
                 "        except BaseException:  # also when cancelled: nothing may stay open\n",
-                "        except ProtocolError:\n",
+                "        except DeviceError:\n"
+                "            self._reader, self._writer = await asyncio.open_connection(\n"
+                "                host, port, limit=LINE_BYTES\n"
+                "            )\n"
+                "            self.identity = protocol.parse_identity("
+                "await self._ask(protocol.IDENTIFY))\n"
+                "        except BaseException:\n",
             ),
         ),
     ),

@@ -92,7 +92,7 @@ def simulated() -> Iterator[Peer]:
     device = Simulated()
     try:
         yield Peer(
-            options={"port": device.port},
+            options={"port": device.port, "resolution": "1 um"},
             faults={name: partial(device.fail, name) for name in FAULTS},
             mend=partial(device.fail, ""),
             observed=partial(observed, device),
