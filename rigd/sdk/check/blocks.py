@@ -323,10 +323,10 @@ class _Played:
         for problem in _block_problems(self._driver, block):
             raise Failed(problem)
         if self._before is not None:
-            kept, as_it_came = self._before
+            before, as_it_came = self._before
             if not (
-                np.array_equal(kept.times_ns, as_it_came.times_ns)
-                and np.array_equal(kept.values, as_it_came.values)
+                np.array_equal(before.times_ns, as_it_came.times_ns)
+                and np.array_equal(before.values, as_it_came.values)
             ):
                 raise Failed("the block before changes when the next one is read")
         self._before = block, Block(block.times_ns.copy(), block.values.copy())
@@ -513,7 +513,7 @@ RULES: Final = (
     ),
     Rule(
         "newest row",
-        "newest_row(block) returns a value per column, of the last rows, also of a block of one row",
+        "newest_row(block) returns a value per column, of the last rows, of one row also",
         _newest_row,
         "",
     ),
