@@ -59,7 +59,10 @@ def _opens(subject: Subject) -> Iterator[str]:
         if outcome.error is not None:
             yield f"open raises {described(outcome.error)}"
             return
+        began_s = time.monotonic()
         reasons = found.must("preflight", found.driver.preflight)
+        if any(look.energised for look in found.watcher.since(began_s)):
+            yield "preflight() energises the device"
         if not all(isinstance(reason, str) for reason in reasons):
             yield f"preflight() returns {reasons!r}, expected sentences"
         elif reasons:

@@ -54,7 +54,6 @@ CALLS: Final[Mapping[str, Call]] = {
     "open": Call("closed", 1, "open"),
     "open again": Call("open", 0.3, "closed", 1),
     "prove watchdog": Call("open", 0.3, "open", 1),
-    "preflight": Call("open", 0.5, "", 2),
     "arm": Call("open", 4, "armed"),
     "arm and at once make safe": Call("open", 0.5, "open", 1),
     "write": Call("armed", 10),
@@ -283,13 +282,6 @@ class _Played:
         if before.trips is not None and self._found.look().trips == before.trips:
             raise Failed(f"it returns {outcome.value:g} s, and the watchdog did not act")
         self._safe_now("after prove_watchdog()")
-
-    def _preflight(self) -> None:
-        began_s = time.monotonic()
-        self._must("preflight", self._found.call(self._found.driver.preflight, OPEN_S))
-        if self._observed and any(look.energised for look in self._found.watcher.since(began_s)):
-            raise Failed("it energises the device")
-        self._safe_now("after preflight()")
 
     def _arm(self) -> None:
         found = self._found
