@@ -27,7 +27,7 @@ from rigd.engine.control import Control
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle
 from rigd.engine.holding import HoldPhase
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
-from rigd.engine.leaving import LEAVE, Leaving, Left
+from rigd.engine.leaving import LEAVE, Leaving, WaitLeft
 from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.rescue import rescue
@@ -268,7 +268,7 @@ class CycleProcess:
         try:
             with self._leaving.guarded():
                 yield
-        except Left:
+        except WaitLeft:
             self._abandon(self._daemon_gone() or self._control.reason)
 
     def _begin(self, serial: int, last_received: int) -> bool:

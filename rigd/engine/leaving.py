@@ -18,12 +18,12 @@ LOOK_S: Final = 0.005
 END_S: Final = 20.0
 
 
-class Left(BaseException):
+class WaitLeft(BaseException):
     """Ends what the main thread does."""
 
 
 class Leaving:
-    """Raises :class:`Left` in the main thread once ``gone`` returns a reason.
+    """Raises :class:`WaitLeft` in the main thread once ``gone`` returns a reason.
 
     The handler of :data:`LEAVE`, and of signals that end this process, calls :meth:`signalled`.
     """
@@ -33,18 +33,18 @@ class Leaving:
         self._guarded = False  #: whether a signal ends what the main thread does
 
     def signalled(self) -> None:
-        """Raise :class:`Left` in what is guarded; else do nothing."""
+        """Raise :class:`WaitLeft` in what is guarded; else do nothing."""
         if self._guarded:
             self.check(left=True)
 
     def check(self, *, left: bool = False) -> None:
-        """Raise :class:`Left` if ``gone`` returns a reason, or with ``left``."""
+        """Raise :class:`WaitLeft` if ``gone`` returns a reason, or with ``left``."""
         if left or self._gone():
             self._guarded = False
             end = threading.Timer(END_S, os._exit, (1,))
             end.daemon = True
             end.start()
-            raise Left
+            raise WaitLeft
 
     @contextmanager
     def guarded(self) -> Iterator[None]:

@@ -56,14 +56,16 @@ def residents(proc: Path = Path("/proc"), measured_s: float = MEASURED_S) -> lis
 
 def freest(allowed: set[int], taken: Mapping[int, float], present: int) -> int:
     """Return the processor among ``allowed`` of which least is taken; ``present`` if it is one."""
-    return min(allowed, key=lambda one: (round(taken.get(one, 0.0), 2), one != present, one))
+    return min(allowed, key=lambda each: (round(taken.get(each, 0.0), 2), each != present, each))
 
 
 def taken_by(found: Sequence[Resident]) -> dict[int, float]:
     """Return the share of each processor that cycles take, each :data:`LEAST_SHARE` at least."""
     taken: dict[int, float] = {}
-    for one in found:
-        taken[one.processor] = taken.get(one.processor, 0.0) + max(one.share, LEAST_SHARE)
+    for resident in found:
+        taken[resident.processor] = taken.get(resident.processor, 0.0) + max(
+            resident.share, LEAST_SHARE
+        )
     return taken
 
 

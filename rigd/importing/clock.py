@@ -24,7 +24,7 @@ _EPOCH: Final = datetime(1970, 1, 1)
 
 
 @dataclass
-class Clock:
+class FileClock:
     """The clock of one table, read batch by batch; ``base_ns`` is when its time 0 was."""
 
     table: SourceTable
@@ -168,7 +168,7 @@ class _Local:
     """
 
     zone: Zone
-    clock: Clock
+    clock: FileClock
     _last_local: int | None = None
     _last_utc: int = 0
     _second: bool = False  #: whether the clock has gone back in the hour of the last row

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rigd.importing.clock import Clock
+from rigd.importing.clock import FileClock
 from rigd.importing.formats import open_table
 from rigd.importing.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
 from rigd.importing.table import (
@@ -217,7 +217,7 @@ def _times(time: TimeMap, table: SourceTable, base_ns: int, *, started: bool) ->
     if time.wraps_bits is not None:
         range_ns = round(2**time.wraps_bits * 1e9 * (unit.factor if unit else 1.0))
         time = replace(time, wraps_ns=range_ns)
-    return Times(Clock(table, time, column, unit, base_ns))
+    return Times(FileClock(table, time, column, unit, base_ns))
 
 
 def _convert(rows: NDArray[np.void], column: UsedColumn, values: NDArray[np.float64]) -> None:

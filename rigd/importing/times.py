@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.importing.clock import Clock
+from rigd.importing.clock import FileClock
 from rigd.importing.map import TimeMap, TrialsMap
 from rigd.importing.table import Batch
 from rigd.model.errors import ConfigError
@@ -68,7 +68,7 @@ class Times:
     ``jumps`` are those that were found, ``first_ns`` and ``last_ns`` the times so far.
     """
 
-    clock: Clock
+    clock: FileClock
     jumps: list[TimeJump] = field(default_factory=list)
     first_ns: int = 0
     last_ns: int = 0

@@ -26,7 +26,7 @@ def test_no_seed_runs_past_end_of_int64_nanoseconds(tmp_path: Path, seed: int) -
         assert 0 < trial.start_ns < trial.end_ns < 2**63
 
 
-def test_pace_that_is_not_reached_is_told_and_recorded(
+def test_unreached_pace_is_told_and_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(clock, "SLOWER", 1e6)  # no machine is as fast

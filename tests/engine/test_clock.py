@@ -115,7 +115,7 @@ def test_operator_is_told_while_slow_plant_computes(wall: Wall) -> None:
 
 
 @pytest.mark.parametrize("pace", [0.5, 2.0, 20.0])
-def test_pace_is_kept_over_stalls_it_can_make_up(wall: Wall, pace: float) -> None:
+def test_pace_is_kept_over_short_stalls(wall: Wall, pace: float) -> None:
     slots = WallClock(PERIOD_NS, pace, on_slower=lambda reached: pytest.fail(f"told {reached}"))
     slots.next_slot()
     began_ns = wall.ns

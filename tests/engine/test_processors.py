@@ -50,7 +50,7 @@ def test_only_cycles_that_keep_to_a_processor_count(tmp_path: Path) -> None:
     (tmp_path / "16").mkdir()  # it has just ended
     (tmp_path / "uptime").write_text("5 5")
     found = residents(tmp_path, 0.0)
-    assert {(one.pid, one.processor) for one in found} == {(11, 3), (14, 1)}
+    assert {(resident.pid, resident.processor) for resident in found} == {(11, 3), (14, 1)}
 
 
 def test_share_is_what_process_ran_meanwhile(
@@ -126,7 +126,7 @@ sys.stdin.readline()
 def test_cycles_that_start_at_once_share_out() -> None:
     """Real processes that look like cycles: by their command, as real time may be refused."""
     allowed = os.sched_getaffinity(0)
-    before = Counter(one.processor for one in residents())
+    before = Counter(resident.processor for resident in residents())
     count = 2 * len(allowed)
     others = [
         subprocess.Popen(
@@ -138,20 +138,20 @@ def test_cycles_that_start_at_once_share_out() -> None:
         for _ in range(count)
     ]
     try:
-        for one in others:
-            assert one.stdout is not None
-            assert one.stdout.readline() == "ready\n"
-        for one in others:
-            assert one.stdin is not None
-            one.stdin.write("\n")
-            one.stdin.flush()
-        kept = [json.loads(one.stdout.readline()) for one in others if one.stdout is not None]
+        for other in others:
+            assert other.stdout is not None
+            assert other.stdout.readline() == "ready\n"
+        for other in others:
+            assert other.stdin is not None
+            other.stdin.write("\n")
+            other.stdin.flush()
+        kept = [json.loads(other.stdout.readline()) for other in others if other.stdout is not None]
         now = residents()
-        found = {one.pid: one.processor for one in now}
-        assert {one.pid: kept[n][0] for n, one in enumerate(others)}.items() <= found.items()
+        found = {resident.pid: resident.processor for resident in now}
+        assert {other.pid: kept[n][0] for n, other in enumerate(others)}.items() <= found.items()
     finally:
-        for one in others:
-            one.communicate("\n")
+        for other in others:
+            other.communicate("\n")
     assert all(len(processor) == 1 for processor in kept)
     each = Counter(processor for (processor,) in kept)
     if not before and len(now) == count:  # no other cycle of this machine was in their way

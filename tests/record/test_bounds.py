@@ -151,8 +151,8 @@ def test_large_honest_chunk_is_refused_whole(ours: Path, tmp_path: Path, how: st
 
 
 def test_many_chunks_are_refused_as_sum(ours: Path, tmp_path: Path) -> None:
-    one = chunk(packed(64, "zstd"), 64 * MIB, "zstd")
-    found = in_child(ours, 64, [with_more(ours, tmp_path / "many.mcap", one * 400)])
+    bomb = chunk(packed(64, "zstd"), 64 * MIB, "zstd")
+    found = in_child(ours, 64, [with_more(ours, tmp_path / "many.mcap", bomb * 400)])
     assert ["1000 times the bytes" in said for _, said, _ in found] == [False, True, True, True]
     assert "the file has no end" in found[0][1]
     assert max(cpu_s for _, _, cpu_s in found) < 5

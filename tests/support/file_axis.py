@@ -164,11 +164,11 @@ def word(path: Path) -> str:
 
 def two_axes(path: Path, **options: object) -> RigConfig:
     """Return a rig of the axis at ``path``, and another at ``second`` beside it."""
-    one = rig(path, **options)  # type: ignore[arg-type]  # options of an axis
-    (axis,) = one.devices.values()
+    single = rig(path, **options)  # type: ignore[arg-type]  # options of an axis
+    (axis,) = single.devices.values()
     config = axis.config.model_copy(update={"path": path.with_name("second")})
     second = replace(axis, name="second", config=config)
-    return replace(one, devices={"axis": axis, "second": second})
+    return replace(single, devices={"axis": axis, "second": second})
 
 
 def rig(

@@ -71,18 +71,18 @@ def rigs_check(
     :data:`_USUAL_SHARE` is taken.
     """
     taken = taken_by(found)
-    running = [one.processor for one in found]
+    running = [cycle.processor for cycle in found]
     told = ", ".join(
-        f"{running.count(one)} on processor {one} ({taken[one]:.0%} of it)"
-        for one in sorted(allowed & taken.keys())
+        f"{running.count(number)} on processor {number} ({taken[number]:.0%} of it)"
+        for number in sorted(allowed & taken.keys())
     )
     count = fitting(share or _USUAL_SHARE, allowed, taken)
     each = f"{max(share or _USUAL_SHARE, LEAST_SHARE):.0%} of a processor"
     like = f"that take {each} each" if share is None else f"like this one, which takes {each}"
     text = f"cycles that run now: {told or 'none'}; room for {count} more {like}"
-    figures = {"taken": {str(one): taken[one] for one in sorted(taken)}, "fit": count}
-    full = [one for one in sorted(allowed & taken.keys()) if taken[one] > MOST_SHARE]
-    shared = [one for one in sorted(taken) if running.count(one) > 1]
+    figures = {"taken": {str(number): taken[number] for number in sorted(taken)}, "fit": count}
+    full = [number for number in sorted(allowed & taken.keys()) if taken[number] > MOST_SHARE]
+    shared = [number for number in sorted(taken) if running.count(number) > 1]
     free = sorted(allowed - taken.keys())
     advice = ""
     if full:

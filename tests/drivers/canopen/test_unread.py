@@ -75,7 +75,7 @@ def test_cycle_alone_reads_until_it_ends(tmp_path: Path) -> None:
         assert sent(peer, MANY, PATIENCE_S) == MANY
 
 
-def test_end_of_bus_that_nobody_waits_on_is_raised(tmp_path: Path) -> None:
+def test_end_of_an_idle_bus_is_raised(tmp_path: Path) -> None:
     with peer_of(tmp_path) as (bus, peer):
         peer.close()
         deadline = time.monotonic() + PATIENCE_S
