@@ -32,7 +32,7 @@ from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
-from rigd.sdk import Driver, Link
+from rigd.sdk import Driver, Link, Plant
 
 if TYPE_CHECKING:
     from rigd.controllers.bank import Bank
@@ -156,6 +156,7 @@ class Cycle:
         self._obeyed: Severity | None = None
         self._slot = -1
         self._cut: frozenset[int] = frozenset()
+        self._reading_on = False  #: after the end of the run
 
     @property
     def t_ns(self) -> int:
@@ -273,6 +274,41 @@ class Cycle:
             self._emit(t_ns, "capture", captured)
         self._push(t_ns, slot, began)
         return outcome
+
+    def reads_on(self) -> bool:
+        """Return whether a device can be read after :meth:`make_safe`; from then on only those are.
+
+        They are simulated on a plant, or their link says that reading sends nothing.
+        """
+        if not self._reading_on:
+            self._reading_on = True
+            self._links = tuple(item for item in self._links if item[1].reads_on)
+            on = {id(link) for _, link in self._links}
+            self._reads = [
+                (index, places)
+                for index, places in self._reads
+                if isinstance(places.driver.link, Plant) or id(places.driver.link) in on
+            ]
+            self._rows.keep({index for index, _ in self._reads})
+        return bool(self._reads)
+
+    def read_on(self) -> bool:
+        """Read and record in the next slot, after :meth:`make_safe`; nothing is written.
+
+        No interlock acts, and no cycle is counted. The setpoints in the rows are those at rest.
+        Returns whether that may go on: not after a device has failed.
+        """
+        if not self.reads_on():
+            return False
+        self._slot = slot = self.clock.next_slot()
+        t_ns = self.clock.start_ns + slot * self.clock.period_ns
+        try:
+            if self._read(t_ns) is not None:
+                return False
+        except Exception:  # noqa: BLE001 - boundary: the rig is safe, and its rows end here
+            return False
+        self._rows.push(t_ns, slot, self._values, self._rest, self._stamps, self._fresh)
+        return True
 
     def _read(self, t_ns: int) -> Outcome | None:
         for name, link in self._links:
@@ -439,6 +475,8 @@ class Cycle:
         return self._fault(self.t_ns, f"{', '.join(waiting)} did not become ready to run")
 
     def _fault(self, t_ns: int, reason: str) -> Outcome:
+        if self._reading_on:  # every device is safe, and the end of the run is recorded
+            return Outcome(Severity.FAULT, reason)
         self.make_safe(t_ns)
         self._emit(t_ns, "fault", {"reason": reason})
         return Outcome(Severity.FAULT, reason)

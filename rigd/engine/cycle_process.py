@@ -91,6 +91,7 @@ class CycleProcess:
         self._acting: tuple[m.Act, Driver] | None = None  #: the action, and its device
         self._arming_since: int | None = None
         self._ticking = False
+        self._reading_on = False  #: the run has ended, every device is safe
         self._real_time = RealTime()
         self._daemon = OtherProcess(os.getppid())
         self._looked_ns = 0
@@ -107,6 +108,8 @@ class CycleProcess:
             while not self.over:
                 if self._ticking:
                     self._tick()
+                elif self._reading_on:
+                    self._reading_on = self._cycle.read_on()
                 else:
                     readable(self._link, IDLE_S)
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
@@ -256,6 +259,9 @@ class CycleProcess:
             case m.MakeSafe():
                 self._final = Outcome(Severity.FAULT, "the rig was made safe")
                 self._answer(question, self._make_safe())
+            case m.ReadOn():
+                self._reading_on = self._final is not None and self._cycle.reads_on()
+                self._answer(question, self._reading_on)
             case m.Close():
                 self._answer(question, [*self._make_safe(), *close_devices(self._cycle)])
                 self.over = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final, NamedTuple, Protocol
 
 from rigd.engine.block_rows import BlockRecorder, BlockSink
@@ -161,6 +161,10 @@ class CycleRows:
         self._windows.finish(t_ns)
         for held in self._held:
             held.finish()
+
+    def keep(self, positions: Collection[int]) -> None:
+        """Push from now on only the rows of the devices at ``positions``."""
+        self._devices = [pushed for pushed in self._devices if pushed.position in positions]
 
     def push(
         self,

@@ -136,6 +136,10 @@ class Host(Protocol):
         """Bring every device to its safe state; return the errors, one sentence each."""
         ...
 
+    def read_on(self, for_s: float) -> None:
+        """Record for so long what devices show after :meth:`make_safe`; nothing is written."""
+        ...
+
     def close(self) -> None:
         """Close every device, then complete the recording."""
         ...

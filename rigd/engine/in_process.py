@@ -228,14 +228,29 @@ class InProcessHost:
             lambda: self.cycle.counters.cycles < enough or self.cycle.silent_devices > 0
         )
 
+    def read_on(self, for_s: float) -> None:
+        """Record for so long what devices show after they were made safe; nothing is written.
+
+        A request to stop that is more severe than the one before ends it, and so does a device that
+        fails.
+        """
+        asked = self.cycle.control.asked
+        for _ in range(round(for_s * 1e9) // self.cycle.clock.period_ns):
+            if self.cycle.control.asked is not asked or not self.cycle.read_on():
+                break
+            self._after_cycle()
+
     def _step(self) -> Outcome | None:
         outcome = self.cycle.step()
+        self._after_cycle()
+        return outcome
+
+    def _after_cycle(self) -> None:
         self._cycles += 1
         if self._cycles >= self._drain_every:
             self.drain()
         elif monotonic_ns() - self._shown_ns >= SHOW_NS:
             self._show()  # rows stay: where they are drained must not depend on the wall
-        return outcome
 
     def _show(self) -> None:
         self._shown_ns = monotonic_ns()

@@ -74,6 +74,11 @@ class Judge(Question[Sequence[str]]):
 
 
 @dataclass(frozen=True)
+class ReadOn(Question[bool]):
+    """Record on until Close, after MakeSafe; answered whether any device can be read."""
+
+
+@dataclass(frozen=True)
 class ArmingBlockers(Question[Sequence[str]]):
     """Ask for the reasons why the rig, at rest, cannot be armed; one sentence each."""
 

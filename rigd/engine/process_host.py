@@ -323,6 +323,25 @@ class ProcessHost:
             in_cycle = self._or_lost(self._ask(m.MakeSafe, recording=False))
         return (*in_cycle, *self._make_off_cycle_safe())
 
+    def read_on(self, for_s: float) -> None:
+        """Record for so long what devices show after they were made safe; nothing is written.
+
+        A request to stop that is more severe than the one before ends it, and so does the loss of
+        a process.
+        """
+        asked = self._control.asked
+        until_ns = monotonic_ns() + round(for_s * 1e9)
+        if self._nothing_plays or not self._ask(m.ReadOn):
+            return
+        while monotonic_ns() < until_ns and self._control.asked is asked:
+            self._poll()
+            if self._nothing_plays:
+                return
+
+    @property
+    def _nothing_plays(self) -> bool:
+        return self._lost is not None
+
     def _make_off_cycle_safe(self) -> Sequence[str]:
         """Make the slow devices that take setpoints safe: the cycle cannot wait for them."""
         if self._off_cycle is None or not self._off_cycle.acting:

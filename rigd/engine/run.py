@@ -36,6 +36,8 @@ from rigd.record.events import NO_TRIAL
 
 #: With more missed cycles than this share, a recording is not reliable.
 MISSED_SHARE = 0.05
+#: How long rows go on after a run that did not reach its end, in s.
+READ_ON_S = 2.0
 
 
 @dataclass
@@ -67,6 +69,8 @@ class Run:
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
     _begun_s: float | None = None  #: time of the host when the preflight was passed
+    _end_s: float | None = None  #: time of the host when the rig had been made safe
+    _armed: bool = False
     _trials_done: int = field(init=False)
     _asking: Asking = field(init=False)
     _played_again: bool = False  #: whether the trial before was played again, unrecorded
@@ -85,7 +89,7 @@ class Run:
             self._trials_done,
             len(self.procedure.trials),
             self._trial,
-            0.0 if self._begun_s is None else self.host.run_s - self._begun_s,
+            0.0 if self._begun_s is None else (self._end_s or self.host.run_s) - self._begun_s,
             tuple(self.host.trips),
         )
 
@@ -116,9 +120,16 @@ class Run:
             try:
                 problems = self.host.make_safe()
                 self._record_end(way.ending, reason)
+                self._read_on(way)
             finally:
                 self.host.close()
         return self._result(way, reason, problems)
+
+    def _read_on(self, way: WayOut) -> None:
+        """Record on after a run that did not reach its end: does the rig stand still now?"""
+        self._end_s = self.host.run_s
+        if self._armed and way is not BROKEN and way.exit_code is not Exit.OK:
+            self.host.read_on(READ_ON_S)
 
     def _live(self) -> tuple[WayOut, str]:
         """Return how the run ended, and why; its state is then final."""
@@ -164,6 +175,7 @@ class Run:
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
         refused = self.host.arm()
         if refused is None:
+            self._armed = True
             self._to(RunEvent.ARM)
             self._to(RunEvent.START)
         return refused

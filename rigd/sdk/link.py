@@ -39,6 +39,9 @@ class Link(ABC):
     kind: ClassVar[str] = ""
     #: Whether the rescue of one device on it makes all devices on it safe; it is then called once.
     rescued_whole: ClassVar[bool] = False
+    #: Whether :meth:`begin`, and ``read`` of every device on it, send nothing that a device acts
+    #: on: then rows are recorded for a while after the rig was made safe, without :meth:`end`.
+    reads_on: ClassVar[bool] = False
 
     def __init__(self, config: Any) -> None:
         self.config = config

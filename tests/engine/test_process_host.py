@@ -18,7 +18,9 @@ from support import file_axis
 from support.file_axis import word
 from support.name_server import lose_name_server
 from support.stalls import witnessed
+from support.wire import ROOT
 
+from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig, Waiver
 from rigd.engine import process_host
 from rigd.engine.control import Control
@@ -290,6 +292,19 @@ def test_device_of_another_holder_is_not_commanded(tmp_path: Path) -> None:
         (reason,) = host.open()
         assert reason == "stopped by SIGINT, while devices were opened"
     assert not path.exists()
+
+
+def test_simulated_rig_is_recorded_after_made_safe(tmp_path: Path) -> None:
+    with host_of(load_rig(ROOT / "configs" / "sim_lugre.yaml")) as (host, folder, _):
+        ready(host)
+        assert host.make_safe() == ()
+        safe_ns = host.t_ns
+        host.read_on(1.0)
+        rows = folder.row_rings(folder.job)["wheel_servo"].drain()
+    after = rows[rows["t_ns"] > safe_ns]
+    assert len(after) > 10
+    assert after["t_ns"][-1] > safe_ns + 200_000_000
+    assert not after["current_setpoint"].any()
 
 
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:

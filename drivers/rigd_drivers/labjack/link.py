@@ -49,6 +49,7 @@ class Labjack(Card):
 
     Config: ClassVar[type[LinkConfig]] = LabjackConfig
     title: ClassVar[str] = "LabJack T7 or T4 over Modbus TCP, with its own watchdog"
+    reads_on: ClassVar[bool] = True  # outputs are put out by `end` alone
     config: LabjackConfig
     lowest_volts = -_RAIL_V
     highest_volts = _RAIL_V

@@ -90,6 +90,7 @@ class Mf624(Card):
 
     Config: ClassVar[type[LinkConfig]] = Mf624Config
     title: ClassVar[str] = "Humusoft MF624 data acquisition card"
+    reads_on: ClassVar[bool] = True  # outputs are put out by `end` alone
     config: Mf624Config
     lowest_volts = mf.LOWEST_VOLTS
     highest_volts = mf.HIGHEST_VOLTS

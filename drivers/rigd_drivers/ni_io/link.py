@@ -38,6 +38,7 @@ class NiIo(Card):
 
     Config: ClassVar[type[LinkConfig]] = NiIoConfig
     title: ClassVar[str] = "NI card with outputs and counters, one sample in each cycle"
+    reads_on: ClassVar[bool] = True  # outputs are put out by `end` alone
     config: NiIoConfig
     lowest_volts = -_RAIL_V
     highest_volts = _RAIL_V

@@ -49,6 +49,7 @@ class PoseTracker(Link):
     Config: ClassVar[type[LinkConfig]] = PoseTrackerConfig
     title: ClassVar[str] = "camera tracker that sends poses of bodies over UDP (JSON lines)"
     kind: ClassVar[str] = "pose-tracker"
+    reads_on: ClassVar[bool] = True
     config: PoseTrackerConfig
 
     def __init__(self, config: PoseTrackerConfig) -> None:

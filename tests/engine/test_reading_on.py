@@ -1,0 +1,161 @@
+"""After a run that did not reach its end rows go on for a while, and nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+
+import pytest
+from support.bench import PERIOD_NS, Axis, Bench, ListSink, move, procedure
+
+from rigd.engine.cycle import Cycle
+from rigd.engine.result import RunResult
+from rigd.engine.run import READ_ON_S
+from rigd.engine.sink import Rows
+from rigd.model.errors import DeviceError
+from rigd.model.rows import TIME_FIELD
+from rigd.model.severity import Severity
+from rigd.sdk import Link, LinkConfig
+
+
+class Wire(Link):
+    """A link on which reading sends nothing."""
+
+    reads_on = True
+    ends = 0
+
+    def open(self) -> None:
+        pass
+
+    def end(self, t_ns: int) -> None:
+        self.ends += 1
+
+    def close(self) -> None:
+        pass
+
+
+class Coasting(Axis):
+    """An axis that slows down by itself once it is safe, and tells what was asked of it."""
+
+    def __init__(self, link: Link | None) -> None:
+        super().__init__()
+        self.link = link  # type: ignore[assignment]  # the bench declares none
+        self.asked: list[str] = []
+        self.moving = 1.0
+        self.stop: Callable[[], None] = lambda: None
+        self.again: Callable[[], None] = lambda: None  #: called in its fifth read after that
+        self.dies_at: int | None = None  #: of its reads after it was made safe
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        self.asked.append("read")
+        if self.asked.count("write") == 50:
+            self.stop()
+        if self.safe_calls:
+            self.moving *= 0.999
+            after = self.asked[self.asked.index("make_safe") :].count("read")
+            if after == 5:
+                self.again()
+            if self.dies_at is not None and after >= self.dies_at:
+                raise DeviceError("gone")
+        return [self.moving, self.load]
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        self.asked.append("write")
+        super().write(setpoints)
+
+    def make_safe(self) -> None:
+        self.asked.append("make_safe")
+        super().make_safe()
+
+
+class TimedSink(ListSink):
+    """Keeps the times and values of the axis' rows."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.axis: list[tuple[int, float, float]] = []
+
+    def write(self, stream: str, rows: Rows) -> None:
+        super().write(stream, rows)
+        if stream == "axis":
+            self.axis += [
+                (int(row[TIME_FIELD]), float(row["position"]), float(row["speed_setpoint"]))
+                for row in rows
+            ]
+
+
+class Ended(Bench):
+    """A run of a coasting axis that a person stops, in its 50th cycle or so."""
+
+    def __init__(self, link: Link | None = None) -> None:
+        self.wire = link
+        super().__init__(axis=Coasting(link), sink=TimedSink())
+        self.sink: TimedSink
+        self.axis: Coasting
+
+    def cycle(self, links: Mapping[str, Link] = MappingProxyType({})) -> Cycle:
+        return super().cycle({} if self.wire is None else {"wire": self.wire})
+
+    def end_by(self, severity: Severity | None) -> RunResult:
+        if severity is not None:
+            self.axis.stop = lambda: self.control.request(severity, "asked")
+        return self.run(procedure([move("one", 0.5, 0.2)])).execute()
+
+    @property
+    def end_ns(self) -> int:
+        return self.sink.events[self.sink.kinds().index("run_end")][0]
+
+    @property
+    def after(self) -> list[tuple[int, float, float]]:
+        return [row for row in self.sink.axis if row[0] > self.end_ns]
+
+
+@pytest.mark.parametrize("severity", [Severity.STOP, Severity.ABORT, Severity.ESTOP])
+def test_rows_go_on_after_a_stop(severity: Severity) -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.end_by(severity)
+    after = bench.after
+    assert len(after) == READ_ON_S * 1e9 // PERIOD_NS
+    assert after[0][0] == bench.end_ns + PERIOD_NS  # without a gap
+    assert after[-1][1] < 0.2 < after[0][1]  # one sees it come to rest
+    assert {setpoint for *_, setpoint in after} == {0.0}
+
+
+def test_nothing_is_written_after_devices_are_safe() -> None:
+    wire = Wire(LinkConfig())
+    bench = Ended(wire)
+    bench.end_by(Severity.ABORT)
+    asked = bench.axis.asked
+    assert asked[asked.index("make_safe") :].count("write") == 0
+    assert wire.ends == asked.count("write")  # and the link sends no more
+
+
+def test_complete_run_ends_with_its_last_cycle() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.end_by(None)
+    assert bench.after == []
+
+
+def test_device_is_left_alone_unless_reading_is_silent() -> None:
+    bench = Ended(None)
+    bench.end_by(Severity.ABORT)
+    asked = bench.axis.asked
+    assert asked[asked.index("make_safe") :].count("read") == 0
+    assert bench.after == []
+
+
+def test_device_that_fails_ends_the_rows() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.axis.dies_at = 11
+    result = bench.end_by(Severity.ABORT)
+    assert len(bench.after) == 10
+    assert result.ending == "aborted"  # as before
+    assert bench.sink.kinds()[-1] == "run_end"
+    assert bench.sink.closed
+
+
+def test_second_signal_ends_the_rows() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.axis.again = lambda: bench.control.request(Severity.ESTOP, "again")
+    bench.end_by(Severity.ABORT)
+    assert len(bench.after) == 5
