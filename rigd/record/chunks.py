@@ -21,7 +21,7 @@ from rigd.model import Stream
 from rigd.model.rows import row_dtype
 from rigd.record.compression import Compression, decompress, decompress_begin
 from rigd.record.crc import crc32
-from rigd.record.wire import FRAME, Malformed, records
+from rigd.record.wire import FRAME, Malformed
 
 Times = NDArray[np.uint64]
 
@@ -234,6 +234,13 @@ def _read_head(content: memoryview) -> tuple[ChunkHead, int]:
     return ChunkHead(start_ns, end_ns, size, crc, name, content[at + _SIZE.size :]), packed_size
 
 
+def encode_head(head: ChunkHead) -> bytes:
+    """Return the fields of a Chunk record before its data."""
+    name = head.compression.encode()
+    begin = _CHUNK_HEAD.pack(head.start_ns, head.end_ns, head.size, head.crc, len(name))
+    return begin + name + _SIZE.pack(len(head.packed))
+
+
 def begin_of_chunk(head: ChunkHead, size: int) -> bytes:
     """Return the first ``size`` bytes of the records of a chunk, even if its rest is damaged.
 
@@ -347,18 +354,3 @@ def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
         mine = places.channels == channel
         found[channel] = (times[mine], places.offsets[mine].astype(np.uint64))
     return found
-
-
-def first_number(data: bytes | memoryview, channel: int) -> int | None:
-    """Return the number of the first message of a channel in a chunk; None if it has none.
-
-    Raises:
-        Malformed: the data ends within a record.
-
-    """
-    for record in records(memoryview(data)):
-        if record.opcode == Opcode.MESSAGE:
-            head = np.frombuffer(data, MESSAGE_HEAD, count=1, offset=record.start)[0]
-            if int(head["channel"]) == channel:
-                return int(head["sequence"])
-    return None

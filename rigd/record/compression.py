@@ -13,6 +13,8 @@ from rigd.record.bounds import permit
 from rigd.record.wire import Malformed
 
 Compression = Literal["zstd", "lz4", "none"]
+#: What rigd unpacks, by the names in MCAP.
+COMPRESSIONS: Final = ("", "lz4", "zstd")
 #: Makes a block of bytes smaller; not for two threads at once.
 Compressor = Callable[[memoryview], bytes]
 
@@ -57,14 +59,14 @@ def decompress(packed: memoryview, compression: str, size: int) -> bytes | memor
     try:
         if compression == "zstd":
             # Of a frame that states its size, zstandard ignores `max_output_size`.
-            _require_stated(zstandard.frame_content_size(packed), size)
+            _require_stated(stated_size(packed, compression), size)
             permit(size)
             data: bytes | memoryview = zstandard.ZstdDecompressor().decompress(
                 packed, max_output_size=max(size, 1)
             )
         elif compression == "lz4":
             if size > _LZ4_PIECE:  # 0 is that of a frame that states none
-                _require_stated(lz4.frame.get_frame_info(packed)["content_size"] or -1, size)
+                _require_stated(stated_size(packed, compression), size)
             permit(size)
             data = _lz4_unpacked(packed, size)
         else:
@@ -97,6 +99,22 @@ def decompress_begin(packed: memoryview, compression: str, size: int) -> bytes:
     if len(data) < size:
         raise Malformed("a chunk of which nothing can be read")
     return data
+
+
+def stated_size(packed: memoryview, compression: str) -> int:
+    """Return how many bytes the compressed data say that they become; -1 if they do not.
+
+    Raises:
+        Malformed: they are no compressed data.
+    """
+    try:
+        if compression == "zstd":
+            return int(zstandard.frame_content_size(packed))
+        if compression == "lz4":
+            return int(lz4.frame.get_frame_info(packed)["content_size"] or -1)
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise Malformed(f"a chunk that does not decompress ({error})") from error
+    return len(packed)
 
 
 def _require_stated(stated: int, size: int) -> None:

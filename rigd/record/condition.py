@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
+from rigd.record.found import Scan
 from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY
-from rigd.record.walk import Scan
+
+#: Before this, in ns, every row is: an int64 holds no later time.
+LAST_NS: Final = 2**63 - 1
 
 
 class Condition(StrEnum):
@@ -28,6 +32,7 @@ class Foreign:
     unread: tuple[str, ...]  #: what rigd cannot read and keeps, in words
     doubled: Mapping[str, int]  #: messages that stand there again, by topic
     spans: Mapping[int, tuple[int, int]]  #: first and last time of each channel, ns
+    late: Mapping[int, int]  #: messages of a channel whose time no int64 of ns can hold
 
     @classmethod
     def of(cls, found: Scan, metadata: Mapping[str, Mapping[str, str]]) -> Foreign:
@@ -47,12 +52,20 @@ class Foreign:
                 for opcode, count in sorted(found.unknown.items())
             ),
         ]
-        spans = {
-            number: (min(int(part.min()) for part in parts), max(int(part.max()) for part in parts))
-            for number, parts in found.times.items()
-            if parts
-        }
-        return cls(found.library, (*lacks, *found.lacks), tuple(unread), found.doubled, spans)
+        spans, late = {}, {}
+        for number, parts in found.times.items():
+            held = [part[part < LAST_NS] for part in parts]
+            if beyond := sum(map(len, parts)) - sum(map(len, held)):
+                late[number] = beyond
+                topic = contents.channels[number].topic
+                unread.append(f"{beyond} of {topic} with times after the year 2262")
+            if held := [part for part in held if len(part)]:
+                spans[number] = (
+                    min(int(part.min()) for part in held),
+                    max(int(part.max()) for part in held),
+                )
+        lacking = (*lacks, *found.lacks)
+        return cls(found.library, lacking, tuple(unread), found.doubled, spans, late)
 
 
 def writer_of(foreign: Foreign | None) -> str:

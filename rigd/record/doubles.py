@@ -17,7 +17,7 @@ from rigd.record.chunks import (
     unpack_chunk,
 )
 from rigd.record.crc import crc32
-from rigd.record.walk import Piece, Scan
+from rigd.record.found import Piece, Scan
 from rigd.record.wire import FRAME, record_at
 
 #: What makes a message begins here in its record: behind the number of the channel.

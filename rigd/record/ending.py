@@ -9,8 +9,8 @@ from mcap.records import Channel, Schema
 
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
+from rigd.record.found import Damage, Piece, Scan
 from rigd.record.gaps import Span
-from rigd.record.walk import Damage, Piece, Scan
 from rigd.record.wire import DATA_END, FOOTER, FRAME, MAGIC, Malformed, decode
 
 

@@ -69,10 +69,10 @@ def _loaded(data: bytes) -> Any:
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the name and value of each number in a JSON object."""
+    """Yield the name and value of each number in a JSON object, or of a number alone."""
     if isinstance(value, bool | int | float):
         with suppress(OverflowError):  # an integer beyond 1e308
-            yield path, float(value)
+            yield path or "value", float(value)
     elif isinstance(value, Mapping):
         for key, item in value.items():
             yield from _leaves(item, f"{path}.{key}" if path else str(key))

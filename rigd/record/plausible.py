@@ -8,9 +8,10 @@ from typing import Final
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from rigd.record.chunks import parse_chunk, parse_message_index, unpack_chunk
+from rigd.record.chunks import parse_message_index
 from rigd.record.crc import crc32
 from rigd.record.definitions import check_channel
+from rigd.record.opened import unpack_sound
 from rigd.record.wire import DATA_END, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
@@ -89,7 +90,7 @@ def check_record(record: Record) -> None:
     """
     content, opcode = record.content, record.opcode
     if opcode == Opcode.CHUNK:
-        unpack_chunk(parse_chunk(content))
+        unpack_sound(content)
     elif opcode == Opcode.MESSAGE_INDEX:
         parse_message_index(content)
     elif opcode == Opcode.ATTACHMENT:

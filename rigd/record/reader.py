@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -15,24 +14,18 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
 from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
-from rigd.model.rows import row_dtype
-from rigd.record.bounds import require_events
-from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
-from rigd.record.condition import Condition, Foreign
-from rigd.record.contents import Contents, rows_of
+from rigd.record.condition import LAST_NS, Condition, Foreign
+from rigd.record.contents import Contents
 from rigd.record.crc import crc32
-from rigd.record.decode import Channels, KeptMessages, Messages, in_order, numbered_dtype
-from rigd.record.events import Event, parse_event
-from rigd.record.file import RecordingInUse
+from rigd.record.decode import Channels
+from rigd.record.events import Event
 from rigd.record.gaps import Gap, with_losses
 from rigd.record.index import (
     by_rigd,
-    bytes_at,
     damaged,
     gaps_in,
     indexed,
@@ -40,7 +33,6 @@ from rigd.record.index import (
     mixes_channels,
     opened,
     record_in,
-    require_same,
     walked,
 )
 from rigd.record.prefix import (
@@ -48,6 +40,7 @@ from rigd.record.prefix import (
     START_KEY,
     Attachment,
 )
+from rigd.record.rows import Chunks
 from rigd.record.scan import Scan
 from rigd.record.schema import EVENTS_STREAM
 from rigd.record.tables import Table, stream_table
@@ -61,7 +54,6 @@ if TYPE_CHECKING:
 
 #: Under this name a run attaches its procedure.
 PROCEDURE_FILE: Final = "procedure.yaml"
-_LAST_NS: Final = 2**63 - 1
 #: Rows that :meth:`Recording.batches` gives at a time: 13 MB with 12 channels.
 BATCH_ROWS: Final = 131_072
 
@@ -231,11 +223,16 @@ class Recording:
     def start_ns(self) -> int:
         """When the recording began; for a file of another program, its first message."""
         text = self.metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
+        if not text.isdecimal() and self.foreign is not None:
+            return min((first for first, _ in self.foreign.spans.values()), default=0)
         return int(text) if text.isdecimal() else self.contents.start_ns
 
     @property
     def end_ns(self) -> int:
         """Time of the last message, or the start if there is none."""
+        if self.foreign is not None:
+            ends = (last for _, last in self.foreign.spans.values())
+            return max(ends, default=self.start_ns)
         return self.contents.end_ns if self.contents.messages else self.start_ns
 
     def count(self, stream: str) -> int:
@@ -250,6 +247,7 @@ class Recording:
         if self.foreign is None:
             return found
         topics = {self.contents.channels[channel].topic for channel in channels}
+        found -= sum(self.foreign.late.get(channel, 0) for channel in channels)
         return found - sum(self.foreign.doubled.get(topic, 0) for topic in topics)
 
     def recorded(self, stream: str) -> int:
@@ -275,7 +273,7 @@ class Recording:
                 self.foreign.spans[number] for number in channels if number in self.foreign.spans
             ]
             return (min(spans)[0], max(last for _, last in spans)) if spans else None
-        chunks = self._chunks(channels, 0, _LAST_NS)
+        chunks = self._chunks.within(channels)
         if not chunks:
             return None
         first = min(chunk.message_start_time for chunk in chunks)
@@ -300,22 +298,9 @@ class Recording:
             RecordingError: no such stream, or a damaged chunk.
 
         """
-        blob = self._blob(stream)
+        self._channels(stream)  # raises if there is no such stream
         low, high = _between(start_ns, end_ns)
-        if self.foreign is not None:
-            parts = [np.empty(0, blob), *self._in_order(stream, low, high, check_crc=check_crc)]
-            return np.concatenate(parts, dtype=blob).view(row_dtype(self.streams[stream]))
-        # Filled piece by piece: joining them at the end would need twice the memory. Every row
-        # has 16 bytes of index in the file, which bounds the rows that a damaged index can state.
-        chunks = self._chunks(self._channels(stream), low, high)
-        most = min(sum(map(rows_of, chunks)), self.size // 16)
-        joined, end = np.empty(most, blob), 0
-        for rows in self._pieces(stream, low, high, check_crc=check_crc):
-            if end + len(rows) > most:
-                raise self._damaged("a chunk has more messages than its index")
-            joined[end : end + len(rows)] = rows
-            end += len(rows)
-        return joined[:end].view(row_dtype(self.streams[stream]))
+        return self._chunks.read(stream, low, high, check_crc=check_crc)
 
     def batches(
         self,
@@ -325,67 +310,14 @@ class Recording:
         *,
         rows: int = BATCH_ROWS,
     ) -> Iterator[NDArray[np.void]]:
-        """Yield what :meth:`read` returns in parts of at least ``rows``, so in bounded memory.
+        """Return what :meth:`read` does in parts of at least ``rows``, so in bounded memory.
 
         Raises:
             RecordingError: no such stream, or a damaged chunk.
 
         """
-        waiting: list[NDArray[np.void]] = []
-        blob = self._blob(stream)
-        dtype = row_dtype(self.streams[stream])
-        pieces = self._pieces if self.foreign is None else self._in_order
-        for piece in pieces(stream, *_between(start_ns, end_ns), check_crc=True):
-            waiting.append(piece)
-            if sum(map(len, waiting)) >= rows:
-                yield np.concatenate(waiting, dtype=blob).view(dtype)
-                waiting = []
-        if waiting:
-            yield np.concatenate(waiting, dtype=blob).view(dtype)
-
-    def _pieces(
-        self, stream: str, low: int, high: int, *, check_crc: bool
-    ) -> Iterator[NDArray[np.void]]:
-        """Yield the rows of each chunk with ``low <= t_ns < high``, as times and blobs."""
-        channels, blob = self._channels(stream), self._blob(stream)
-        with opened(self.path) as fd:
-            for index in self._chunks(channels, low, high):
-                messages = self._unpack(fd, index, check_crc=check_crc)
-                try:
-                    rows = messages.rows(channels, blob)
-                except Malformed as error:
-                    raise self._damaged(error) from error
-                if index.message_start_time < low or index.message_end_time >= high:
-                    times = rows["t_ns"].astype(np.int64)
-                    rows = rows[(times >= low) & (times < high)]
-                yield rows
-
-    def _in_order(
-        self, stream: str, low: int, high: int, *, check_crc: bool
-    ) -> Iterator[NDArray[np.void]]:
-        """Yield the rows with ``low <= t_ns < high`` by time, each once, as times and blobs.
-
-        Only the rows are held that a later chunk may stand before.
-        """
-        channels, blob = self._channels(stream), self._blob(stream)
-        chunks = self._chunks(channels, low, high)
-        chunks.sort(key=lambda chunk: chunk.message_start_time)
-        begins = [*(chunk.message_start_time for chunk in chunks[1:]), 2**64 - 1]
-        held = np.empty(0, numbered_dtype(blob))
-        with opened(self.path) as fd:
-            for index, following in zip(chunks, begins, strict=False):
-                messages = self._unpack(fd, index, check_crc=check_crc)
-                rows = messages.numbered(channels, blob, self.topics.decoders)
-                within = (rows["t_ns"] >= low) & (rows["t_ns"] < high)
-                rows = in_order(np.concatenate([held, rows[within]]))
-                end = int(np.searchsorted(rows["t_ns"], following))
-                held = rows[end:]
-                yield _bare(rows[:end], blob)
-        yield _bare(held, blob)
-
-    def _blob(self, stream: str) -> np.dtype[np.void]:
         self._channels(stream)  # raises if there is no such stream
-        return blob_dtype(self.streams[stream])
+        return self._chunks.batches(stream, *_between(start_ns, end_ns), rows)
 
     def events(self) -> list[Event]:
         """Return all events in the order of the file; none if the file has no ``/events``.
@@ -396,42 +328,7 @@ class Recording:
             RecordingError: a damaged chunk or event.
 
         """
-        channels = self.topics.events
-        events: list[Event] = []
-        if self.foreign is not None:
-            return self._events_in_order()
-        text_bytes = 0
-        with opened(self.path) as fd:
-            for index in self._chunks(channels, 0, _LAST_NS):
-                messages = self._unpack(fd, index, check_crc=True)
-                try:
-                    found = list(messages.payloads(channels))
-                    text_bytes += sum(len(payload) for _, payload in found)
-                    require_events(text_bytes, self.size)
-                    events += [parse_event(t_ns, payload) for t_ns, payload in found]
-                except Malformed as error:
-                    raise self._damaged(error) from error
-        return events
-
-    def _events_in_order(self) -> list[Event]:
-        """Return the events of another program's file, without those that cannot be read.
-
-        The check of the file has named these as damage.
-        """
-        found: dict[tuple[int, int, bytes], None] = {}
-        channels, text_bytes = self.topics.events, 0
-        with opened(self.path) as fd:
-            for index in self._chunks(channels, 0, _LAST_NS):
-                messages = self._unpack(fd, index, check_crc=True)
-                for t_ns, number, payload in messages.numbers(channels):
-                    text_bytes += len(payload)
-                    found[t_ns, number, bytes(payload)] = None
-                require_events(text_bytes, self.size)
-        events: list[Event] = []
-        for t_ns, _, data in sorted(found, key=lambda key: key[:2]):
-            with suppress(Malformed):
-                events.append(parse_event(t_ns, memoryview(data)))
-        return events
+        return self._chunks.events()
 
     @cached_property
     def all_events(self) -> tuple[Event, ...]:
@@ -511,10 +408,10 @@ class Recording:
                     record = record_in(fd, index.offset, index.length, Opcode.ATTACHMENT)
                     content = decode(mcap.Attachment, record.content)
                 except Malformed as error:
-                    raise self._damaged(error) from error
+                    raise self._chunks.damaged(error) from error
                 crc = int.from_bytes(record.content[-4:], "little")
                 if crc and crc32(record.content[:-4]) != crc:
-                    raise self._damaged(f"the CRC of attachment {index.name!r} differs")
+                    raise self._chunks.damaged(f"the CRC of attachment {index.name!r} differs")
                 found[index.name] = Attachment(content.name, content.media_type, content.data)
         return found
 
@@ -536,46 +433,10 @@ class Recording:
             )
         return self.topics.channels[stream]
 
-    def _chunks(self, channels: Channels, low: int, high: int) -> list[ChunkIndex]:
-        return [
-            chunk
-            for chunk in self.contents.chunks
-            if not chunk.message_index_offsets.keys().isdisjoint(channels)
-            and chunk.message_end_time >= low
-            and chunk.message_start_time < high
-        ]
-
     @cached_property
-    def _kept(self) -> KeptMessages:
-        return KeptMessages()
-
-    def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> Messages:
-        try:
-            if index.chunk_start_offset in self.contents.loose:
-                data = bytes_at(fd, index.chunk_start_offset, index.uncompressed_size)
-                return Messages.of(data)
-            record = record_in(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
-            head = parse_chunk(record.content)
-            if self.foreign is None:
-                require_same(head, index)
-            key = index.chunk_start_offset, head.size, head.crc or crc32(head.packed)
-            if (kept := self._kept.get(key)) is not None:
-                return kept
-            messages = Messages.of(unpack_chunk(head, check_crc=check_crc))
-        except Malformed as error:
-            raise self._damaged(error) from error
-        if check_crc and messages.places is not None:
-            self._kept.keep(key, messages)
-        return messages
-
-    def _damaged(self, problem: object) -> RecordingError:
-        """Return the error for what cannot be read; this index is void if the file has changed."""
-        error = damaged(self.path, problem)
-        if isinstance(error, RecordingInUse) or self.path.stat().st_size == self.size:
-            return error
-        return RecordingError(
-            f"{self.path} has been written to since it was opened", hint="Open it again."
-        )
+    def _chunks(self) -> Chunks:
+        others = self.foreign is not None
+        return Chunks(self.path, self.size, self.contents, self.topics, others, self.checked)
 
 
 def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recording:
@@ -592,12 +453,5 @@ def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recor
     return Recording.open(path, partial=partial)
 
 
-def _bare(rows: NDArray[np.void], blob: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return rows without number and publish time."""
-    bare = np.empty(len(rows), blob)
-    bare["t_ns"], bare["values"] = rows["t_ns"], rows["values"]
-    return bare
-
-
 def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:
-    return 0 if start_ns is None else start_ns, _LAST_NS if end_ns is None else end_ns
+    return 0 if start_ns is None else start_ns, LAST_NS if end_ns is None else end_ns

@@ -14,9 +14,9 @@ from rigd import __version__
 from rigd.model.system import sync_data
 from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.crc import crc32
+from rigd.record.found import Piece, Scan
 from rigd.record.journal import write_all
 from rigd.record.prefix import LIBRARY, RECOVERY_METADATA, build_extras
-from rigd.record.walk import Piece, Scan
 from rigd.record.wire import FRAME, MAGIC, decode, encode
 
 #: Pieces are written together up to this size.

@@ -29,13 +29,14 @@ from rigd.record.bounds import about
 from rigd.record.contents import SummaryWriter, rows_by_topic
 from rigd.record.crc import crc32
 from rigd.record.file import open_locked, write_error
+from rigd.record.found import collect, drop_copies
 from rigd.record.gaps import Gap, gaps_to_json
 from rigd.record.journal import Saved, journal_path, read_journal
 from rigd.record.moment import DATE_KEY, VIRTUAL
 from rigd.record.prefix import GAPS_KEY, RECOVERY_METADATA
 from rigd.record.rebuild import complete, rebuild
 from rigd.record.scan import Damage, Scan, scan
-from rigd.record.walk import collect, drop_copies, walk
+from rigd.record.walk import walk
 from rigd.record.wire import FRAME, Malformed, decode, map_file
 
 #: The errors of file systems without second names of a file, such as exFAT and CIFS.

@@ -19,11 +19,12 @@ from rigd.record.contents import Contents
 from rigd.record.crc import crc32
 from rigd.record.definitions import has_own, replace_channel, replace_schema
 from rigd.record.ending import check_ending, read_ending, take_summary
+from rigd.record.found import Damage, Piece, Scan, drop_copies
 from rigd.record.others import scan_others
 from rigd.record.plausible import begin_of_another
 from rigd.record.prefix import FORMAT_METADATA, LIBRARY, define_own
 from rigd.record.schema import EVENTS_CHANNEL, OWN_TOPICS, STREAM_KEY, TRIAL_CHANNEL
-from rigd.record.walk import Damage, Piece, Scan, drop_copies, take_head, walk
+from rigd.record.walk import take_head, walk
 from rigd.record.wire import DATA_END, MAGIC, Malformed, decode, record_at
 
 __all__ = ["Damage", "Piece", "Scan", "scan"]

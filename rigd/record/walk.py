@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -26,18 +24,17 @@ from rigd.record.chunks import (
     Times,
     begin_of_chunk,
     build_message_index,
-    first_number,
-    index_messages,
     message_places,
     parse_chunk,
     parse_message_index,
     parse_torn_chunk,
     same_entries,
     uniform_messages,
-    unpack_chunk,
 )
 from rigd.record.contents import Contents, add_record
-from rigd.record.gaps import Gap, Span, find_gaps, gaps_from_json, silent_end
+from rigd.record.found import Damage, Piece, Scan, collect
+from rigd.record.gaps import Span
+from rigd.record.opened import open_chunk, span_of_index
 from rigd.record.plausible import (
     check_index_end,
     check_record,
@@ -45,130 +42,7 @@ from rigd.record.plausible import (
     is_sound,
     next_record,
 )
-from rigd.record.prefix import (
-    FORMAT_METADATA,
-    GAPS_KEY,
-    RECOVERY_METADATA,
-    START_KEY,
-)
-from rigd.record.schema import EVENTS_TOPIC, TRIAL_TOPIC
 from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
-
-
-class Damage(NamedTuple):
-    """Bytes ``start`` to ``end`` of a file that are not valid, and the reason.
-
-    Of a file that lacks something as a whole, both are 0.
-    """
-
-    start: int
-    end: int
-    problem: str
-
-    def __str__(self) -> str:
-        """Return the place and the damage."""
-        return f"bytes {self.start} to {self.end}: {self.problem}" if self.end else self.problem
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Valid bytes of a data section: one record, and after a chunk its message indexes.
-
-    ``index`` are message indexes that must be written again, ``spans`` the messages by channel.
-    ``head`` makes a chunk of messages that are outside of chunks.
-    """
-
-    opcode: int
-    start: int
-    data: memoryview
-    index: bytes = b""
-    chunk: ChunkIndex | None = None
-    spans: Mapping[int, Span] = field(default_factory=dict)
-    head: bytes = b""
-
-    @property
-    def end(self) -> int:
-        """Byte behind it."""
-        return self.start + len(self.data)
-
-
-@dataclass
-class Scan:
-    """The valid parts and the damaged parts of a file.
-
-    ``data_end`` is the start of the first damage, or else the end of the data, and ``data_crc`` the
-    CRC up to there. ``indexed`` are messages that indexes name, by channel. ``trusted`` are bytes
-    at the start whose chunks need no unpacking.
-    """
-
-    contents: Contents = field(default_factory=Contents)
-    data_end: int = 0
-    data_crc: int = 0
-    damages: list[Damage] = field(default_factory=list)
-    library: str = ""  #: what wrote the file; empty if its header is damaged
-    trusted: int = 0
-    pieces: list[Piece] = field(default_factory=list)
-    indexed: dict[int, list[Span]] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    summary: bool = False  #: whether the summary is sound
-    data_sound: bool = False  #: whether the CRC of the data section holds
-    another: int | None = None  #: byte where another recording begins, behind this one
-    end_unknown: bool = False  #: whether rows may be lost at the end, in addition to those listed
-    others: bool = False  #: whether another program wrote the file
-    unlike: bool = False  #: whether it is not laid out as rigd does it, whatever its header says
-    lost: tuple[Gap, ...] = ()  #: of a file of others: the rows that are lost
-    times: dict[int, list[Times]] = field(default_factory=dict)  #: the same: those of each channel
-    firsts: dict[int, bytes] = field(default_factory=dict)  #: the same: first content of a channel
-    doubled: dict[str, int] = field(default_factory=dict)  #: messages that stand there again
-    lacks: tuple[str, ...] = ()  #: what rigd would have written
-    unread: list[str] = field(default_factory=list)  #: what rigd cannot read, in words
-    unknown: dict[int, int] = field(default_factory=dict)  #: records of unknown kinds, by opcode
-
-    @property
-    def intact(self) -> bool:
-        """Whether the file has no damage."""
-        return not self.damages
-
-    @property
-    def problem(self) -> str:
-        """The first problem; empty if there is none."""
-        return self.damages[0].problem if self.damages else ""
-
-    @property
-    def behind(self) -> list[Piece]:
-        """Sound pieces behind the first damage."""
-        return [piece for piece in self.pieces if piece.end > self.data_end]
-
-    @property
-    def missing_index(self) -> bytes:
-        """The bytes that complete the last chunk before ``data_end``, to be written there."""
-        before = [piece for piece in self.pieces if piece.end == self.data_end]
-        return before[-1].index if before else b""
-
-    @property
-    def start_ns(self) -> int:
-        """When the recording began; if that is lost, its first message."""
-        text = self.metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
-        return int(text) if text.isdecimal() else self.contents.start_ns
-
-    def gaps(self) -> tuple[Gap, ...]:
-        """Return the lost rows, including those that an earlier repair noted."""
-        if self.others:
-            return self.lost  # other programs may number their messages differently
-        try:
-            known = gaps_from_json(self.metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
-        except ValueError:
-            known = ()
-        found: list[Gap] = []
-        for number, channel in self.contents.channels.items():
-            if channel.topic == TRIAL_TOPIC:  # the events have all of it
-                continue
-            held = [piece.spans[number] for piece in self.pieces if number in piece.spans]
-            indexed = self.indexed.get(number, [])
-            found += find_gaps(channel.topic, held, indexed, known, self.start_ns)
-            if self.end_unknown and not self.summary and channel.topic != EVENTS_TOPIC:
-                found += silent_end(channel.topic, held, self.contents.end_ns)
-        return tuple(sorted(found, key=lambda gap: (gap.start_ns, gap.stream)))
 
 
 def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
@@ -196,47 +70,6 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
             found.end_unknown = True
     collect(found)
     return base + at
-
-
-def collect(found: Scan) -> None:
-    """Make the index of the chunks that are held."""
-    contents = found.contents
-    contents.chunks = [piece.chunk for piece in found.pieces if piece.chunk is not None]
-    contents.counts = {}
-    contents.start_ns = contents.end_ns = 0
-    for piece in found.pieces:
-        for channel, span in piece.spans.items():
-            contents.add_messages(channel, span.count, span.start_ns, span.end_ns)
-
-
-def drop_copies(found: Scan) -> None:
-    """Remove chunks whose messages a longer chunk also contains.
-
-    An interrupted flush leaves the earlier open chunk after the longer chunk that replaces it.
-    """
-    longest: dict[tuple[int, int, int], int] = {}
-    for piece in found.pieces:
-        for key, count in _keys(piece):
-            longest[key] = max(count, longest.get(key, 0))
-    kept: list[Piece] = []
-    for piece in found.pieces:
-        keys = _keys(piece)
-        if keys and all(longest.get(key, 0) != count for key, count in keys):
-            continue
-        for key, _ in keys:
-            longest.pop(key, None)  # of two that are equal, the first is kept
-        kept.append(piece)
-    found.pieces = kept
-    collect(found)
-
-
-def _keys(piece: Piece) -> list[tuple[tuple[int, int, int], int]]:
-    """Return the identity of the first message of each channel, with the number of messages."""
-    return [
-        ((channel, span.first, span.start_ns), span.count)
-        for channel, span in piece.spans.items()
-        if span.first is not None
-    ]
 
 
 def take_head(buffer: memoryview, found: Scan) -> None:
@@ -347,10 +180,8 @@ def _check_same(record: Record, known: Contents) -> None:
 
 def _take_orphan(record: Record, found: Scan) -> None:
     """Note the content of a message index whose chunk is lost."""
-    channel, entries = parse_message_index(record.content)
-    if len(entries):
-        times = entries[:, 0]
-        span = Span(int(times.min()), int(times.max()), len(entries))
+    channel, span = span_of_index(record.content)
+    if span is not None:
         found.indexed.setdefault(channel, []).append(span)
 
 
@@ -380,9 +211,11 @@ def _take_torn(torn: memoryview, found: Scan) -> bool:
 
 
 def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
-    head = parse_chunk(record.content)
-    data = unpack_chunk(head)
-    messages = index_messages(data)
+    opened = open_chunk(record.content)
+    head, data, messages = opened.head, opened.data, opened.messages
+    problem = opened.problem or ("a chunk that states no times" if opened.untimed else "")
+    if problem:
+        found.damages.append(Damage(base + record.start, base + record.end, problem))
     if uniform_messages(data) is None:
         # Other writers keep schemas and channels within the chunk that first needs them.
         found.unlike = found.unlike or _mixes(data)
@@ -394,20 +227,15 @@ def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> i
     for channel, encoded in index.items():
         offsets[channel] = at
         at += len(encoded)
-    spans = {
-        channel: Span(int(times.min()), int(times.max()), len(times), first_number(data, channel))
-        for channel, (times, _) in messages.items()
-    }
-    _check_times(head, spans)
     end = record.end if sound_end is None else sound_end
     found.pieces.append(
         Piece(
             Opcode.CHUNK,
             base + record.start,
-            buffer[record.start : end],
+            opened.mended(buffer[record.start : end]),
             b"" if sound_end is not None else b"".join(index.values()),
             _chunk_index(record, head, base, offsets, at),
-            spans,
+            opened.spans,
         )
     )
     if sound_end is not None:
@@ -416,20 +244,6 @@ def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> i
     problem = f"the message index of the chunk at byte {base + record.start} is damaged"
     found.damages.append(Damage(base + end, base + after, problem))
     return after
-
-
-def _check_times(head: ChunkHead, spans: Mapping[int, Span]) -> None:
-    """Check the times that a chunk gives itself, which its CRC does not cover.
-
-    Raises:
-        Malformed: they are not those of its messages.
-
-    """
-    if not spans:
-        return
-    first = min(span.start_ns for span in spans.values())
-    if (head.start_ns, head.end_ns) != (first, max(span.end_ns for span in spans.values())):
-        raise Malformed("a chunk whose times are not those of its messages")
 
 
 def _behind_index(buffer: memoryview, start: int) -> int:
@@ -482,7 +296,7 @@ def _chunk_index(
 
 
 def _message_indexes(
-    buffer: memoryview, start: int, messages: dict[int, tuple[Times, Times]]
+    buffer: memoryview, start: int, messages: Mapping[int, tuple[Times, Times]]
 ) -> tuple[dict[int, bytes], int | None]:
     """Return the message indexes of a chunk by channel, and their end if the file has them all.
 

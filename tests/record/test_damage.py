@@ -240,6 +240,31 @@ def test_damage_in_every_part_of_a_file(whole: Whole, tmp_path: Path) -> None:
             raise AssertionError(f"damage of {size} bytes in the {name}") from error
 
 
+def test_wrong_head_of_chunk_costs_no_row(whole: Whole, tmp_path: Path) -> None:
+    """No CRC covers the fields before the data, and that of the data proves these sound."""
+    chunks = whole.recording.contents.chunks
+    start = next(chunk for chunk in chunks if 2 in chunk.message_index_offsets).chunk_start_offset
+    fields = {"start time": 9, "end time": 17, "size": 25, "size of the data": 41}
+    if whole.compression != "none":
+        fields |= {"name": 41, "size of the data": 41 + len(whole.compression)}
+    for name, place in fields.items():
+        damaged = bytearray(whole.content)
+        damaged[start + place] ^= 0x15
+        path = tmp_path / f"{name}.mcap".replace(" ", "_")
+        path.write_bytes(damaged)
+        for partial in (True, False):
+            recording = Recording.open(path, partial=partial)
+            for stream, rows in whole.rows.items():
+                assert recording.read(stream).tobytes() == rows.tobytes(), f"wrong {name}"
+            assert recording.gaps == ()
+            report = recover(path)
+            assert report.intact is not partial
+        assert rows_by_mcap(path) == {
+            stream: [row.tobytes() for row in rows] for stream, rows in whole.rows.items()
+        }
+        assert path.with_name(f"{path.name}.orig").read_bytes() == damaged
+
+
 def test_truncated_index_costs_no_chunk(whole: Whole, tmp_path: Path) -> None:
     """The length that it gives reaches into the chunk behind it, which is sound."""
     chunks = whole.recording.contents.chunks

@@ -95,7 +95,7 @@ def test_mixed_chunk_is_unpacked_once(
         unpacked.append(head.size)
         return unpack_chunk(head, check_crc=check_crc)
 
-    monkeypatch.setattr("rigd.record.reader.unpack_chunk", counted)
+    monkeypatch.setattr("rigd.record.rows.unpack_chunk", counted)
     recording = Recording.open(theirs)
     for name in (*recording.streams, *recording.streams):
         recording.read(name)

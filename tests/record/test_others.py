@@ -149,6 +149,29 @@ def test_bad_bytes_cost_only_what_they_hit(
     assert len(repaired - whole) <= (CHUNK if name in NO_CRC else 0)
 
 
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [(name, place) for name in ("mixed channels", "no summary") for place in (9, 17, 25, 41)]
+    + [("no CRC", 9), ("no CRC", 17)],
+)
+def test_wrong_head_of_chunk_costs_no_message(
+    name: str, place: int, content: Content, tmp_path: Path
+) -> None:
+    """A byte of its first or last time, its size or its compression is wrong."""
+    theirs = tmp_path / "theirs.mcap"
+    VALID[name](content, theirs)
+    data = bytearray(theirs.read_bytes())
+    messages = every(bytes(data))
+    data[Recording.open(theirs).contents.chunks[1].chunk_start_offset + place] ^= 0x15
+    theirs.write_bytes(data)
+    assert verify(theirs).condition is Condition.DAMAGED
+    read = Recording.open(theirs, partial=True)
+    assert [len(read.read(stream)) for stream in ("wheel_servo", "force")] == [ROWS, ROWS]
+    assert recover(theirs).gaps == ()
+    assert every(theirs.read_bytes()) == messages
+    assert verify(theirs).condition is Condition.VALID
+
+
 @pytest.mark.parametrize("name", ["mixed channels", "no summary", "no chunks", "swapped"])
 def test_trial_that_lost_rows_is_not_complete(name: str, content: Content, tmp_path: Path) -> None:
     """Bytes of the second trial are wrong; before the repair and after it."""

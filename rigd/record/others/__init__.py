@@ -8,8 +8,8 @@ whose CRC is not that of its data. Format: https://mcap.dev/spec.
 
 from __future__ import annotations
 
+from rigd.record.found import Scan
 from rigd.record.others.walk import Walk
-from rigd.record.walk import Scan
 
 __all__ = ["scan_others"]
 

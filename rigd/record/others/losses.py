@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from mcap.records import ChunkIndex
 
 from rigd.record.contents import Contents
+from rigd.record.found import Scan
 from rigd.record.gaps import Gap, Span, gaps_from_json, silent_end
 from rigd.record.prefix import GAPS_KEY, RECOVERY_METADATA
 from rigd.record.schema import TRIAL_TOPIC
-from rigd.record.walk import Scan
 
 #: Message indexes whose chunk is lost, by channel: the byte of each, and the messages it names.
 Orphans = Mapping[int, Sequence[tuple[int, Span]]]

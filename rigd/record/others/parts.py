@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata, Schema
 
 from rigd.record.chunks import (
-    MESSAGE_HEAD,
     Chunk,
     ChunkHead,
-    Times,
     parse_message_index,
 )
 from rigd.record.contents import Contents, parse_footer, parse_summary
 from rigd.record.crc import crc32
-from rigd.record.gaps import Span
 from rigd.record.plausible import check_record
 from rigd.record.wire import FOOTER, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
-
-TIMES: Final = struct.Struct("<QQ")  #: the first fields of a chunk
 
 
 class Ending(NamedTuple):
@@ -33,20 +25,6 @@ class Ending(NamedTuple):
     start: int  #: of the summary; 0 if there is none
     limit: int
     problem: str  #: why there is no summary, though there should be one; else empty
-
-
-def spans_of(
-    data: bytes | memoryview, messages: Mapping[int, tuple[Times, Times]]
-) -> dict[int, Span]:
-    """Return the messages of each channel with the first and the last number."""
-    spans = {}
-    for channel, (times, offsets) in messages.items():
-        numbers = [
-            int(np.frombuffer(data, MESSAGE_HEAD, 1, int(offset))[0]["sequence"])
-            for offset in (offsets[0], offsets[-1])
-        ]
-        spans[channel] = Span(int(times.min()), int(times.max()), len(times), *numbers)
-    return spans
 
 
 def moved_index(record: Record, head: ChunkHead, wrapped: Chunk) -> ChunkIndex:

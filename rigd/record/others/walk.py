@@ -21,26 +21,26 @@ from rigd.record.chunks import (
     parse_message_index,
     same_entries,
     uniform_messages,
-    unpack_chunk,
     wrap_messages,
 )
+from rigd.record.compression import COMPRESSIONS
 from rigd.record.contents import add_record
 from rigd.record.crc import crc32
 from rigd.record.doubles import doubles
 from rigd.record.events import parse_event
+from rigd.record.found import Damage, Piece, Scan, collect
 from rigd.record.gaps import Gap, Span
+from rigd.record.opened import open_chunk, span_of_index, spans_of
 from rigd.record.others.losses import lost_rows
 from rigd.record.others.parts import (
-    TIMES,
     check_other,
     moved_index,
     read_ending,
-    spans_of,
     with_index,
 )
 from rigd.record.plausible import begin_of_another, ends_data
 from rigd.record.schema import EVENTS_STREAM, EVENTS_TOPIC, EVENTS_TYPE
-from rigd.record.walk import Damage, Piece, Scan, collect, take_small
+from rigd.record.walk import take_small
 from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, record_at
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
@@ -55,7 +55,6 @@ _RUN_BYTES: Final = 1 << 20
 #: A message has no CRC: it is believed if so many records follow it, one at the end of the other.
 _CHAIN: Final = 3
 _LEAST_MESSAGE: Final = MESSAGE_HEAD.itemsize - FRAME.size
-_COMPRESSIONS: Final = ("", "lz4", "zstd")
 _KEPT_PAYLOAD: Final = 1 << 16  #: of the first message of a channel, in bytes
 
 
@@ -168,10 +167,8 @@ class Walk:
         if record.opcode == Opcode.CHUNK:
             return self._chunk(record)
         if record.opcode == Opcode.MESSAGE_INDEX:  # of a chunk that is lost
-            channel, entries = parse_message_index(record.content)
-            if len(entries):
-                times = entries[:, 0]
-                span = Span(int(times.min()), int(times.max()), len(entries))
+            channel, span = span_of_index(record.content)
+            if span is not None:
                 self.orphans.setdefault(channel, []).append((at, span))
             return record.end
         if record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -241,32 +238,25 @@ class Walk:
 
     def _chunk(self, record: Record) -> int:
         """Take a chunk and the message indexes behind it."""
-        head = parse_chunk(record.content)
-        if head.compression not in _COMPRESSIONS:
-            return self._unread_chunk(record, head)
-        data = unpack_chunk(head)
-        messages = index_messages(data)
+        try:
+            opened = open_chunk(record.content)
+        except Malformed:
+            if (stated := parse_chunk(record.content)).compression in COMPRESSIONS:
+                raise
+            return self._unread_chunk(record, stated)
+        head, data, messages = opened.head, opened.data, opened.messages
         wrapped = wrap_messages(memoryview(data), messages)
-        times = wrapped.index.message_start_time, wrapped.index.message_end_time
-        stated = head.start_ns, head.end_ns
-        wrong = len(messages) > 0 and stated != times
-        if wrong and any(stated):
-            problem = "a chunk whose times are not those of its messages"
-            if not head.crc:  # then its messages may be what is wrong
-                raise Malformed(f"{problem}, without a CRC")
-            self._damaged(record.start, record.end, problem)
-        self.lacking["the times of chunks"] += wrong and not any(stated)
+        if opened.problem:
+            self._damaged(record.start, record.end, opened.problem)
+        self.lacking["the times of chunks"] += opened.untimed
         self.lacking["the CRC of chunks"] += not head.crc and len(data) > 0
         self._inner(record, memoryview(data))
         end, complete = self._index(record.end, messages)
         chunk, index = moved_index(record, head, wrapped), bytes(wrapped.parts[2])
         if complete:
             index, chunk = b"", with_index(chunk, self.buffer, record.end, end)
-        piece = self.buffer[record.start : end if complete else record.end]
-        if wrong:
-            behind = FRAME.size + TIMES.size
-            piece = memoryview(b"".join((piece[: FRAME.size], TIMES.pack(*times), piece[behind:])))
-        spans = spans_of(data, messages)
+        piece = opened.mended(self.buffer[record.start : end if complete else record.end])
+        spans = opened.spans
         self.found.pieces.append(Piece(Opcode.CHUNK, record.start, piece, index, chunk, spans))
         self._note(data, messages)
         return end
