@@ -56,7 +56,9 @@ def execute(args: argparse.Namespace) -> int:
         found.append(verification_json(item))
         if args.json:
             continue
-        rows = ", ".join(f"{count} of {topic[1:]}" for topic, count in sorted(item.rows.items()))
+        rows = ", ".join(
+            f"{count} of {topic.removeprefix('/')}" for topic, count in sorted(item.rows.items())
+        )
         print(f"{path}: {item.state}, {item.chunks} chunks with {rows or 'no rows'}")
         for line in item.lines():
             print(f"  {line}")

@@ -226,3 +226,29 @@ def test_repair_offers_no_empty_file(tmp_path: Path) -> None:
         recover(path)
     assert [item.name for item in tmp_path.iterdir()] == ["all.mcap"]
     assert path.read_bytes() == data
+
+
+def test_odd_times_topics_and_numbers_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Times that no int64 holds, topics with and without a slash, a number that is no object."""
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start("", "another")
+        for topic in ("/load", "Load", "/late"):
+            channel = writer.register_channel(topic, "json", 0)
+            for row in range(3):
+                t_ns = 1_000 * row + (2**63 if topic == "/late" and row else 0)
+                writer.add_message(channel, t_ns, b"5", t_ns, row)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    recording = Recording.open(path)
+    assert (recording.start_ns, recording.end_ns) == (0, 2_000)
+    assert recording.read("load")["value"].tolist() == [5.0, 5.0, 5.0]
+    assert (recording.count("late"), len(recording.read("late"))) == (1, 1)
+    assert main(["verify", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "3 of late, 3 of load, 3 of Load" in shown
+    assert "not read, and kept: 2 of /late with times after the year 2262" in shown
+    assert main(["export", str(path), "--to", "csv", "--output", str(tmp_path / "out")]) == 0
+    assert recover(path).intact
