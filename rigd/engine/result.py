@@ -21,6 +21,7 @@ class Progress:
     trial: TrialPlan | None
     run_s: float  #: time since the preflight was passed, in s
     trips: tuple[Trip, ...] = ()  #: all trips so far
+    waited_s: float = 0.0  #: how much of that time a person was awaited, by a prompt
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,9 @@ class TimeLeft:
         """Return the estimated time until the last trial ends in s, or None."""
         if not self._took_s:
             expected = self._expected_s
-            return None if expected is None else max(expected - progress.run_s, 0.0)
+            if expected is None:
+                return None
+            return max(expected - (progress.run_s - progress.waited_s), 0.0)
         mean_s = sum(self._took_s) / len(self._took_s)
         remaining = progress.trials_total - progress.trials_done
         begun_s = 0.0 if self._trial is None else progress.run_s - self._since_s

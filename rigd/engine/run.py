@@ -71,6 +71,8 @@ class Run:
     _begun_s: float | None = None  #: time of the host when the preflight was passed
     _end_s: float | None = None  #: time of the host when the rig had been made safe
     _armed: bool = False
+    _waited_s: float = 0.0  #: for answers, until the present prompt
+    _asked_s: float | None = None  #: time of the host when the present prompt was shown
     _trials_done: int = field(init=False)
     _asking: Asking = field(init=False)
     _played_again: bool = False  #: whether the trial before was played again, unrecorded
@@ -91,7 +93,13 @@ class Run:
             self._trial,
             0.0 if self._begun_s is None else (self._end_s or self.host.run_s) - self._begun_s,
             tuple(self.host.trips),
+            self._waited_s + self._waiting_s,
         )
+
+    @property
+    def _waiting_s(self) -> float:
+        """How long a person has been awaited for the present prompt."""
+        return 0.0 if self._asked_s is None else self.host.run_s - self._asked_s
 
     def execute(self) -> RunResult:
         """Run the procedure; however it ends, the rig is made safe and the sink closed.
@@ -360,7 +368,9 @@ class Run:
         """Play ``steps``; the first step of ``after`` follows the last without a gap."""
         for step, following in zip(steps, [*steps[1:], *after[:1], None], strict=False):
             if isinstance(step, Prompt):
+                self._asked_s = self.host.run_s
                 outcome = self._asking.ask(step)
+                self._waited_s, self._asked_s = self._waited_s + self._waiting_s, None
                 if outcome is not None:
                     return outcome
             elif isinstance(step, Fault):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import logging
 import socket
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -109,6 +110,7 @@ async def serve(
         ConfigError: the address cannot be used.
         RigdError: a message of the rig cannot be read.
     """
+    logging.getLogger("asyncio").addFilter(_is_news)
     with listen.bind() as bound:
         port = bound.getsockname()[1]
         sessions = Sessions(store=store)
@@ -152,6 +154,11 @@ async def serve(
                     task.cancel()
         except ExceptionGroup as failed:
             raise _first(failed) from failed
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return whether a line of asyncio tells something: not one for each write to a lost page."""
+    return record.msg != "socket.send() raised exception."
 
 
 class _Server(uvicorn.Server):

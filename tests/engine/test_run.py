@@ -80,6 +80,24 @@ def test_preflight_is_no_time_of_the_run() -> None:
     assert result.run_s == pytest.approx(took_s, abs=0.01)
 
 
+def test_progress_says_how_long_a_person_was_awaited() -> None:
+    bench = Bench()
+    asked = Prompt("ready", "Ready?", AnswerKind.CONFIRM)
+    seen: list[Progress] = []
+    run = bench.run(procedure([move("one", 0.5)], prepare=[asked]))
+    run.watch = seen.append
+    ask = run.host.ask
+
+    def slowly(question: Callable[[], None]) -> object:
+        run.host.settle(round(5e9 / PERIOD_NS))
+        return ask(question)
+
+    run.host.ask = slowly  # type: ignore[method-assign,assignment]
+    run.execute()
+    assert seen[-1].waited_s == pytest.approx(5.0, abs=0.1)
+    assert seen[0].waited_s == 0.0
+
+
 class Unconfirmed(Axis):
     """A device that took the order to be safe, and does not show that it is."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from rigd.engine.result import Progress, TimeLeft
@@ -26,6 +28,11 @@ def test_dry_run_estimates_time_before_first_trial() -> None:
     left.watch(at(1.0, 1, 0))
     assert left.left_s(at(5.0, 1, 0)) == pytest.approx(55.0)
     assert left.left_s(at(70.0, 1, 0)) == 0.0
+
+
+def test_waiting_for_a_person_is_no_work() -> None:
+    left = TimeLeft(expected_s=20.0)
+    assert left.left_s(replace(at(30.0, None, 0), waited_s=29.0)) == pytest.approx(19.0)
 
 
 def test_time_left_is_mean_of_trials_so_far() -> None:

@@ -51,13 +51,13 @@ def _execute(args: argparse.Namespace) -> int:
 def _advice(folder: Path, hosts: Sequence[str], clients: Sequence[str]) -> str:
     host = hosts[0] if hosts else "HOST"
     name = clients[0] if clients else "NAME"
-    roles = ", ".join(f"{client}: operator" for client in clients) or "NAME: operator"
+    roles = ", ".join(f"{client}: ROLE" for client in clients) or "NAME: ROLE"
     return f"""
 in the rig file, on the machine of the rig:
   remote:
     listen: [tls/0.0.0.0:7447]
     tls: {{ca: {folder}/ca.crt, certificate: {folder}/rigd.crt, key: {folder}/rigd.key}}
-    roles: {{{roles}}}          # observer, operator or maintainer
+    roles: {{{roles}}}          # ROLE: observer, operator or maintainer
 
 for each client, in ~/.config/rigd/remotes.yaml, beside ca.crt and the client's own two files:
   remotes:

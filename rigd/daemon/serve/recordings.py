@@ -251,7 +251,7 @@ def interrupted(info: RunInfo) -> Interrupted | None:
 
 def _info(path: Path) -> RunInfo:
     if os.path.lexists(path) and not _is_regular(path):
-        raise RecordingError(f"{path} is no file of its own, but a link, a pipe or a folder")
+        raise RecordingError(f"{path.name} is no file of its own, but a link, a pipe or a folder")
     return run_info(Recording.open(path))
 
 
@@ -295,6 +295,7 @@ def _started_ns(info: RunInfo) -> int:
 def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
     """Return the line of a recording that is damaged, or has no rows on disk yet."""
     problem = error.message if isinstance(error, RecordingError) else f"not one of rigd's: {error}"
+    problem = problem.replace(f"{path.parent}/", "")  # observers need not know the folders
     try:
         size = path.stat().st_size
     except OSError:  # removed since, or a link to nowhere

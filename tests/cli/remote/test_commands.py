@@ -291,7 +291,7 @@ def test_setup_tls_makes_certificates_and_shows_configuration(tmp_path: Path) ->
     words = ("remote", "setup-tls", "certs", "--host", "127.0.0.1", "--client", "alice")
     out = rigd(*words, cwd=tmp_path).out
     assert (tmp_path / "certs" / "alice.key").stat().st_mode & 0o077 == 0
-    assert "roles: {alice: operator}" in out
+    assert "roles: {alice: ROLE}" in out
     again = rigd(*words, "--client", "bob", "--json", cwd=tmp_path).json
     assert again["made"] == ["certs/bob.crt", "certs/bob.key"]
     assert rigd("remote", "setup-tls", "other", cwd=tmp_path).code == 2

@@ -220,6 +220,7 @@ def test_file_that_is_not_regular_is_not_opened(tmp_path: Path, kind: str, suffi
     (line,) = recordings.lines(10, None, None).runs
     told = line.problem or ""
     assert "a link, a pipe or a folder" in told if suffix == ".mcap" else not line.has_report
+    assert str(tmp_path) not in told
     assert recordings.unreadable() == []
     with pytest.raises(Refusal, match="there is no re"):
         recordings.report("odd.mcap")
