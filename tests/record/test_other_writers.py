@@ -252,3 +252,19 @@ def test_odd_times_topics_and_numbers_are_named(
     assert "not read, and kept: 2 of /late with times after the year 2262" in shown
     assert main(["export", str(path), "--to", "csv", "--output", str(tmp_path / "out")]) == 0
     assert recover(path).intact
+
+
+def test_topic_longer_than_file_name_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, target = tmp_path / "long.mcap", tmp_path / "out"
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start("", "another")
+        writer.add_message(writer.register_channel("/" + "x" * 300, "json", 0), 1, b"5", 1, 0)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    target.mkdir()
+    options = ["--to", "csv", "--output", str(target), "--overwrite"]
+    assert main(["export", str(path), *options]) == 7
+    assert "is longer than the name of a file may be" in capsys.readouterr().err
+    assert not list(target.iterdir())

@@ -23,6 +23,8 @@ from rigd.record.tables import STEPS_TABLE, TRIALS_TABLE
 
 Format = Literal["parquet", "csv", "mat", "hdf5", "mdf4"]
 Write = Callable[[Path, Sequence[Part], Origin], None]
+#: Bytes of a file's name, which gets 5 more while it is written.
+_LONGEST_NAME: Final = 250
 _MAT_HEADER_BYTES: Final = 128
 
 
@@ -89,6 +91,11 @@ def export(
     else:
         for part in tables:
             path = target / f"{part.name.replace('/', '.')}{kind.suffixes[0]}"
+            if len(path.name.encode()) > _LONGEST_NAME:
+                raise RecordingError(
+                    f"{part.name!r} is longer than the name of a file may be",
+                    hint="Export to hdf5 or mdf4 instead, or other streams alone by --stream.",
+                )
             if path in files:
                 raise RecordingError(
                     f"{files[path][1][0].name!r} and {part.name!r} would both be {path.name}",
