@@ -201,10 +201,10 @@ def _print_trials(console: Console, info: RunInfo) -> None:
 
 def _file(info: RunInfo) -> str:
     """Return what the file is, and what wrote it."""
-    from rigd.record.condition import Condition, writer_of
+    from rigd.record.condition import FileCondition, writer_of
 
     written = f"written by {writer_of(info.foreign)}"
-    if info.condition is Condition.UNCHECKED:
+    if info.condition is FileCondition.UNCHECKED:
         return f"{written}, not checked (`rigd verify {quote(str(info.path))}` does)"
     return f"{info.condition}, {written}"
 

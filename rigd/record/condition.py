@@ -14,7 +14,7 @@ from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY
 LAST_NS: Final = 2**63 - 1
 
 
-class Condition(StrEnum):
+class FileCondition(StrEnum):
     """What a file is; the same words stand in every list, report and JSON."""
 
     WHOLE = "whole"  #: rigd wrote it, and every byte is as it was written

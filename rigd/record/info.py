@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rigd.model import Stream
-from rigd.record.condition import Condition, Foreign, foreign_json
+from rigd.record.condition import FileCondition, Foreign, foreign_json
 from rigd.record.events import Event
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.notes import Note, notes_in
@@ -64,7 +64,7 @@ class RunInfo:
     size: int  #: bytes
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
     topics: tuple[Topic, ...] = ()  #: of another program, which rigd cannot read as columns
-    condition: Condition = Condition.UNCHECKED  #: what the file is
+    condition: FileCondition = FileCondition.UNCHECKED  #: what the file is
     foreign: Foreign | None = None  #: what is known of a file that another program wrote
     began: bool = True  #: whether preflight was passed, so that the rig was to be armed
 

@@ -29,7 +29,7 @@ from rigd.record.wire import FRAME, Malformed
 
 
 @dataclass(frozen=True, eq=False)
-class Opened:
+class OpenedChunk:
     """A chunk whose records are sound. ``head`` is as these say that it must be."""
 
     head: ChunkHead
@@ -51,7 +51,7 @@ class Opened:
         return memoryview(b"".join((record[: FRAME.size], head, record[FRAME.size + len(head) :])))
 
 
-def open_chunk(content: memoryview) -> Opened:
+def open_chunk(content: memoryview) -> OpenedChunk:
     """Return what the content of a Chunk record holds.
 
     Raises:
@@ -61,7 +61,7 @@ def open_chunk(content: memoryview) -> Opened:
     head, data, problem = unpack_sound(content)
     messages = index_messages(data)
     if not messages:
-        return Opened(head, data, messages, problem, untimed=False)
+        return OpenedChunk(head, data, messages, problem, untimed=False)
     stated = head.start_ns, head.end_ns
     found = [extreme(times) for times, _ in messages.values() for extreme in (np.min, np.max)]
     times = int(min(found)), int(max(found))
@@ -69,7 +69,7 @@ def open_chunk(content: memoryview) -> Opened:
     if stated != times and not untimed:
         problem = problem or "a chunk whose times are not those of its messages"
     head = replace(head, start_ns=times[0], end_ns=times[1])
-    return Opened(head, data, messages, problem, untimed)
+    return OpenedChunk(head, data, messages, problem, untimed)
 
 
 def unpack_sound(content: memoryview) -> tuple[ChunkHead, bytes | memoryview, str]:

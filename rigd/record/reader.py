@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
-from rigd.record.condition import LAST_NS, Condition, Foreign
+from rigd.record.condition import LAST_NS, FileCondition, Foreign
 from rigd.record.contents import Contents
 from rigd.record.crc import crc32
 from rigd.record.decode import Channels
@@ -141,16 +141,16 @@ class Recording:
         return tuple(topic.topic for topic in self.topics.others)
 
     @property
-    def condition(self) -> Condition:
+    def condition(self) -> FileCondition:
         """What the file is: whole, valid or damaged.
 
         A file of rigd is checked only if it is opened as partial.
         """
         if self.problem:
-            return Condition.DAMAGED
+            return FileCondition.DAMAGED
         if self.foreign is not None:
-            return Condition.VALID
-        return Condition.WHOLE if self.checked else Condition.UNCHECKED
+            return FileCondition.VALID
+        return FileCondition.WHOLE if self.checked else FileCondition.UNCHECKED
 
     def __repr__(self) -> str:
         """Return a description in one line."""

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from rigd.model import RecordingError
 from rigd.record.access import require_regular, share
 from rigd.record.bounds import about
-from rigd.record.condition import Condition, Foreign, foreign_json, foreign_lines, writer_of
+from rigd.record.condition import FileCondition, Foreign, foreign_json, foreign_lines, writer_of
 from rigd.record.contents import rows_by_topic
 from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gap_text, gaps_json
@@ -42,7 +42,7 @@ class Verification:
     trials: tuple[TrialInfo, ...]
     rows: Mapping[str, int]
     chunks: int
-    condition: Condition
+    condition: FileCondition
     foreign: Foreign | None
     topics: tuple[Topic, ...]
 

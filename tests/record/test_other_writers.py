@@ -23,7 +23,7 @@ from support.odd_mcap import messages_in
 from rigd.cli.main import main
 from rigd.model import RecordingError
 from rigd.record import Recording, recover, run_info, verify
-from rigd.record.condition import Condition
+from rigd.record.condition import FileCondition
 
 COUNT = 300
 START_NS = 1_790_000_000_000_000_000
@@ -96,7 +96,7 @@ def test_file_without_any_column_exports_nothing(
     assert main(["export", str(path), "--to", "csv", "--output", str(tmp_path / "out")]) == 7
     assert f"/cbor (cbor, {COUNT} messages)" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-    assert verify(path).condition is Condition.VALID
+    assert verify(path).condition is FileCondition.VALID
     assert run_info(Recording.open(path)).state == "no run"
 
 
@@ -121,7 +121,7 @@ def test_recordings_in_one_file_become_files(
     path = tmp_path / "all.mcap"
     whole = [(tmp_path / f"{name}.mcap").read_bytes() for name in names]
     path.write_bytes(b"".join(whole))
-    assert verify(path).condition is Condition.DAMAGED
+    assert verify(path).condition is FileCondition.DAMAGED
     assert main(["recover", str(path)]) == 0
     assert "all-2.mcap is the second" in capsys.readouterr().out
     for name, data in zip(("all", "all-2", "all-2-2"), whole, strict=True):
@@ -138,7 +138,7 @@ def test_file_of_foxglove_sdk_is_read(tmp_path: Path) -> None:
             values.log({"v": number / 8}, log_time=t_ns)
             places.log(Vector3(x=number, y=1, z=2), log_time=t_ns)
     recording = Recording.open(path)
-    assert recording.condition is Condition.VALID
+    assert recording.condition is FileCondition.VALID
     assert recording.read("values")["v"].tolist() == [number / 8 for number in range(COUNT)]
     assert [str(topic) for topic in recording.topics.others] == [
         f"/places (protobuf foxglove.Vector3, {COUNT} messages)"
@@ -158,7 +158,7 @@ def test_bag_of_rosbags_is_read(tmp_path: Path) -> None:
             writer.write(words, TIMES[at], types.serialize_cdr(text("x" * at), text.__msgtype__))
     (path,) = folder.glob("*.mcap")
     recording = Recording.open(path)
-    assert recording.condition is Condition.VALID
+    assert recording.condition is FileCondition.VALID
     assert recording.read("force")["data"].tolist() == list(range(COUNT))
     assert recording.other_topics == ("/words",)
     assert verify(path).rows == {"/force": COUNT, "/words": COUNT}
@@ -189,7 +189,7 @@ def test_file_of_foxglove_core_is_read(
     path = tmp_path / "core.mcap"
     path.write_bytes(done.stdout)
     recording = Recording.open(path)
-    assert recording.condition is Condition.VALID
+    assert recording.condition is FileCondition.VALID
     assert recording.read("p")["y"].tolist() == [-n for n in range(COUNT)]
     assert recording.read("j")["v"].tolist() == list(range(COUNT))
     assert {topic: len(found) for topic, found in messages_in(done.stdout).items()} == {

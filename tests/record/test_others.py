@@ -13,7 +13,7 @@ from support.odd_mcap import VALID, Content, content_of, messages_in
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.condition import Condition
+from rigd.record.condition import FileCondition
 
 ROWS = 400  #: of each stream
 #: Messages of one chunk at most; the writers here put as many into one.
@@ -72,7 +72,7 @@ def test_odd_valid_file_is_read_and_left_alone(
     theirs = tmp_path / "theirs.mcap"
     VALID[name](content, theirs)
     expected, recording = Recording.open(ours), Recording.open(theirs)
-    assert recording.condition is Condition.VALID
+    assert recording.condition is FileCondition.VALID
     assert (recording.streams, recording.other_topics) == (expected.streams, ())
     for stream in expected.streams:
         assert recording.read(stream).tobytes() == expected.read(stream).tobytes()
@@ -86,7 +86,7 @@ def test_odd_valid_file_is_read_and_left_alone(
     assert (recording.losses, recording.gaps, recording.written_by_rigd) == ((), (), False)
     before = theirs.read_bytes()
     found = verify(theirs)
-    assert (found.condition, found.damages) == (Condition.VALID, ())
+    assert (found.condition, found.damages) == (FileCondition.VALID, ())
     assert found.rows == {topic: len(keys) for topic, keys in all_messages(before).items()}
     assert recover(theirs).intact
     assert theirs.read_bytes() == before
@@ -99,7 +99,7 @@ def test_cut_odd_file_keeps_every_message(name: str, content: Content, tmp_path:
     VALID[name](content, theirs)
     data = theirs.read_bytes()[:-12_000]
     theirs.write_bytes(data)
-    assert verify(theirs).condition is Condition.DAMAGED
+    assert verify(theirs).condition is FileCondition.DAMAGED
     if name in ONE_CHUNK:
         with pytest.raises(RecordingError, match="no message"):
             recover(theirs)
@@ -134,7 +134,7 @@ def test_bad_bytes_cost_only_what_they_hit(
     data[at : at + 16] = b"\xff" * 16
     theirs.write_bytes(data)
     found = verify(theirs)
-    if found.condition is Condition.VALID:
+    if found.condition is FileCondition.VALID:
         assert name in NO_CRC  # other values of a row are no damage there
         return
     try:
@@ -164,12 +164,12 @@ def test_wrong_head_of_chunk_costs_no_message(
     messages = every(bytes(data))
     data[Recording.open(theirs).contents.chunks[1].chunk_start_offset + place] ^= 0x15
     theirs.write_bytes(data)
-    assert verify(theirs).condition is Condition.DAMAGED
+    assert verify(theirs).condition is FileCondition.DAMAGED
     read = Recording.open(theirs, partial=True)
     assert [len(read.read(stream)) for stream in ("wheel_servo", "force")] == [ROWS, ROWS]
     assert recover(theirs).gaps == ()
     assert every(theirs.read_bytes()) == messages
-    assert verify(theirs).condition is Condition.VALID
+    assert verify(theirs).condition is FileCondition.VALID
 
 
 @pytest.mark.parametrize("name", ["mixed channels", "no summary", "no chunks", "swapped"])

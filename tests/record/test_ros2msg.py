@@ -11,7 +11,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rigd.record import Recording, verify
-from rigd.record.condition import Condition
+from rigd.record.condition import FileCondition
 from rigd.record.ros2msg import numbers_of
 
 LINE = "=" * 80
@@ -92,7 +92,7 @@ def test_numbers_of_any_type_are_columns(tmp_path: Path) -> None:
     recording = Recording.open(path)
     rows = recording.read("all")
     assert (len(rows), np.isnan(rows["force"][-1])) == (61, True)
-    assert verify(path).condition is Condition.VALID
+    assert verify(path).condition is FileCondition.VALID
     for row, value in zip(rows, values, strict=False):
         assert row["force"] == value.force
         assert (row["header.stamp.sec"], row["header.stamp.nanosec"]) == (

@@ -178,7 +178,6 @@ def test_rig_drives_and_stops_beside_foreign_frames(bench: WireRig, config: RigC
         for device in whole.devices.values():
             device.confirm_safe()
         assert not any(bench.parts()[name]["enabled"] for name in SERVOS)
-        assert [link.lost for link in whole.links.values()] == [0, 0]
         assert all(link.foreign > 100 for link in whole.links.values())
         whole.close()
 

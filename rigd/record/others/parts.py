@@ -18,7 +18,7 @@ from rigd.record.plausible import check_record
 from rigd.record.wire import FOOTER, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
 
 
-class Ending(NamedTuple):
+class FileEnd(NamedTuple):
     """What the footer names: the summary, if there is one, and where the data end at the latest."""
 
     summary: Contents | None
@@ -83,20 +83,20 @@ def check_other(record: Record) -> None:
         check_record(record)
 
 
-def read_ending(buffer: memoryview) -> Ending:
+def read_ending(buffer: memoryview) -> FileEnd:
     """Return what the footer of a file names; the problem states why that is not used."""
     try:
         start, crc = parse_footer(buffer)
     except Malformed as error:
-        return Ending(None, 0, len(buffer), str(error))
+        return FileEnd(None, 0, len(buffer), str(error))
     last = len(buffer) - len(MAGIC) - FOOTER.size
     if not start:
-        return Ending(None, 0, last, "")
+        return FileEnd(None, 0, last, "")
     if not len(MAGIC) <= start <= last:
-        return Ending(None, 0, last, "its footer points outside of the file")
+        return FileEnd(None, 0, last, "its footer points outside of the file")
     if crc and crc32(buffer[start : -len(MAGIC) - 4]) != crc:
-        return Ending(None, 0, last, "the CRC of the summary does not match")
+        return FileEnd(None, 0, last, "the CRC of the summary does not match")
     try:
-        return Ending(parse_summary(buffer[start:last]), start, start, "")
+        return FileEnd(parse_summary(buffer[start:last]), start, start, "")
     except Malformed as error:
-        return Ending(None, 0, last, str(error))
+        return FileEnd(None, 0, last, str(error))
