@@ -18,10 +18,10 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import beyond_range, drawn_values, measure, untrue
-from rigd.sdk.check.sequences import Call, Drawing, Failed, Stalled, Trial, first_failure
+from rigd.sdk.check.sequences import Call, Drawing, Failed, Trial, Walk, expect, first_failure
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import Block, BlockDriver
@@ -102,21 +102,17 @@ def bench(
     """Put a new driver before a new device, started; also yield what begins ``fault``.
 
     Raises:
-        UnfitSubject: the driver leaves something open.
+        Failed: the driver leaves something open.
     """
-    leaks = Leaks()
-    with leaks.catching():
-        with subject.fresh_peer() as peer, Caller() as caller:
-            found = BlockBench(subject.make(peer, peer.link()), caller, peer)
-            try:
-                if started:
-                    found.must("open", found.driver.open)
-                    found.must("start", found.driver.start)
-                yield found, peer.faults.get(fault, lambda: None)
-            finally:
-                caller.call(found.driver.close, OPEN_S)
-        if left := leaks.left():
-            raise UnfitSubject(f"after close() {left}")
+    with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
+        found = BlockBench(subject.make(peer, peer.link()), caller, peer)
+        try:
+            if started:
+                found.must("open", found.driver.open)
+                found.must("start", found.driver.start)
+            yield found, peer.faults.get(fault, lambda: None)
+        finally:
+            caller.call(found.driver.close, OPEN_S)
 
 
 def _opens(subject: Subject) -> Iterator[str]:
@@ -172,22 +168,15 @@ def any_order(subject: Subject) -> Iterator[str]:
 
     def play(trial: Trial) -> None:
         drawn = replace(subject, more=trial.options)
-        leaks = Leaks()
-        with leaks.catching():
-            with drawn.fresh_peer() as peer, Caller() as caller:
-                played = _Played(drawn, peer, caller)
-                played.play(trial)
-            if left := leaks.left():
-                failed = Failed(f"after close() {left}")
-                failed.at = len(trial.steps)
-                raise failed
-        del played
+        with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
+            played = _Played(drawn, peer, caller)  # what it leaves open stays to be seen
+            played.play(trial)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
 
     drawing = Drawing(subject, lambda _: CALLS, value)
-    yield from first_failure(play, drawing.trials(TRIALS, STEPS))
+    yield from first_failure(play, drawing.trials(TRIALS, STEPS), subject.notes)
 
 
 class _Played:
@@ -198,7 +187,6 @@ class _Played:
         self._peer = peer
         self._caller = caller
         self._all: list[BlockDriver] = []
-        self._state = "closed"
         self._new_driver()
         self._watcher = Watcher(peer)
         self._rows = 0  # since the start, and what the device had sent until then
@@ -214,26 +202,17 @@ class _Played:
 
         Raises:
             Failed: the driver breaks a promise.
-            Stalled: it may be the machine.
+            Unjudged: it may be the machine, or the options.
         """
+        walk = Walk(trial, CALLS)
         with self._watcher:
             try:
-                for number, step in enumerate(trial.steps):
-                    call = CALLS[step.name]
-                    if self._state not in call.states.split():
-                        continue
+                for step in walk:
                     self._watcher.gap_s = 0.0
                     calls = getattr(self, "_" + step.name.replace(" ", "_"))
-                    try:
-                        calls() if step.value is None else calls(step.value)
-                    except Failed as failed:
-                        failed.at = number
-                        if self._watcher.gap_s > STALL_S:
-                            raise Stalled from failed
-                        if trial.options and "open raises" in str(failed):
-                            return  # the simulated device is not one of these options
-                        raise
-                    self._state = call.after or self._state
+                    calls() if step.value is None else calls(step.value)
+            except Failed as failed:
+                raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
             finally:
                 self._caller.call(self._driver.close, OPEN_S)
 
@@ -311,8 +290,7 @@ class _Played:
 
     def _must(self, what: str, function: Callable[[], Any]) -> Any:
         outcome: CallOutcome = self._caller.call(function, OPEN_S)
-        if outcome.error is not None:
-            raise Failed(f"{what} raises {described(outcome.error)}")
+        expect(what, outcome.error)
         if what == "read_block" and outcome.took_s > TIMEOUT_S + ROOM_S:
             raise Failed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
         return outcome.value

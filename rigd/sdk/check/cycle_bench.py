@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import row_problems, untrue
 from rigd.sdk.check.sequences import Failed
@@ -244,19 +244,15 @@ def bench(subject: Subject, fault: str = "") -> Iterator[Bench]:
     ``fault`` is one that the device has from the beginning.
 
     Raises:
-        UnfitSubject: the driver leaves something open.
+        Failed: the driver leaves something open.
     """
-    leaks = Leaks()
-    with leaks.catching():
-        with subject.fresh_peer() as peer, Caller() as caller:
-            found = Bench(subject, peer, caller)
-            with found.watcher:
-                try:
-                    if fault:
-                        peer.faults[fault]()
-                    yield found
-                finally:
-                    found.call(found.driver.make_safe)  # others check what they raise
-                    found.close()
-        if left := leaks.left():
-            raise UnfitSubject(f"after close() {left}")
+    with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
+        found = Bench(subject, peer, caller)
+        with found.watcher:
+            try:
+                if fault:
+                    peer.faults[fault]()
+                yield found
+            finally:
+                found.call(found.driver.make_safe)  # others check what they raise
+                found.close()

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
-from rigd.sdk.check.leaks import Leaks, opens
+from rigd.sdk.check.leaks import nothing_left, opens
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
@@ -212,30 +212,29 @@ def _silence(subject: Subject) -> Iterator[str]:
 def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
     name = subject.driver_class.__name__
     with subject.fresh_peer() as peer, Caller() as caller:
-        made: list[object] = []
+        made: list[tuple[object, list[str]]] = []
         for _ in range(2):
             make = partial(subject.make, peer, peer.link())  # a link may take longer to make
-            before, leaks = peer.look(), Leaks()
+            before = peer.look()
             try:
-                ended = caller.call(partial(_listened, make), AT_ONCE_S)
+                with nothing_left(f"after {name}(config, link)"):
+                    ended = caller.call(partial(_listened, make), AT_ONCE_S)
+                    made.append(ended.value)
             except Hung as hung:
                 yield f"the constructor {hung}"
                 return
             if ended.error is not None:
                 yield f"{name}(config, link) raises {described(ended.error)}"
                 return
-            driver, opened = ended.value
-            made.append(driver)
+            opened = ended.value[1]
             after = peer.look()
             if opened:
                 yield f"{name}(config, link) calls {', '.join(dict.fromkeys(opened))}"
-            elif left := leaks.left():
-                yield f"after {name}(config, link) {left}"
             elif (before.driven, before.energised, before.sent, before.acted) != (
                 after.driven, after.energised, after.sent, after.acted,
             ):  # fmt: skip
                 yield f"{name}(config, link) changes what the device does"
-        if made[0] is made[1]:
+        if made[0][0] is made[1][0]:
             yield "the class gives the same object twice"
 
 

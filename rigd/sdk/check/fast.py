@@ -19,9 +19,18 @@ from typing import Any, Final
 from rigd.model.channels import Channel
 from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, Bench, rest
-from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
-from rigd.sdk.check.sequences import Call, Drawing, Failed, Stalled, Step, Trial, first_failure
+from rigd.sdk.check.sequences import (
+    Call,
+    Drawing,
+    Failed,
+    Step,
+    Trial,
+    Walk,
+    expect,
+    first_failure,
+)
 from rigd.sdk.check.subject import FAILURES, Subject, described
 from rigd.sdk.check.watching import until
 from rigd.sdk.declaration import Declaration
@@ -52,7 +61,7 @@ HELD_S: Final = 0.3
 #: States: closed, open (not armed), armed, tripped (by the watchdog).
 CALLS: Final[Mapping[str, Call]] = {
     "open": Call("closed", 1, "open"),
-    "open again": Call("open", 0.3, "closed", 1),
+    "open again": Call("open armed", 0.4, "open", 1),
     "prove watchdog": Call("open", 0.3, "open", 1),
     "arm": Call("open", 4, "armed"),
     "arm and at once make safe": Call("open", 0.5, "open", 1),
@@ -75,6 +84,8 @@ OF_SETPOINTS: Final = {
     "write", "write unarmed", "write without a read", "go on", "hold", "arm and at once make safe",
 }  # fmt: skip
 OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill"}
+#: Those in which the driver may be silent for so long that the watchdog acts.
+SILENT: Final = {"prove watchdog", "wait for the watchdog", "kill", "open again"}
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
     *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
@@ -165,18 +176,12 @@ def any_order(subject: Subject) -> Iterator[str]:
 
     def play(trial: Trial) -> None:
         drawn = replace(subject, more=trial.options)
-        leaks = Leaks()
-        with leaks.catching():
-            with drawn.fresh_peer() as peer, Caller() as caller:
-                played = _Played(drawn, Bench(drawn, peer, caller))
-                played.play(trial)
-            if left := leaks.left():
-                failed = Failed(f"after close() {left}")
-                failed.at = len(trial.steps)
-                raise failed
-        del played
+        with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
+            played = _Played(drawn, Bench(drawn, peer, caller))  # kept: what it leaves is seen
+            played.play(trial)
 
-    yield from first_failure(play, Drawing(subject, calls_of, value).trials(TRIALS, STEPS))
+    trials = Drawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    yield from first_failure(play, trials, subject.notes)
 
 
 class _Played:
@@ -185,7 +190,6 @@ class _Played:
     def __init__(self, subject: Subject, found: Bench) -> None:
         self._subject = subject
         self._found = found
-        self._state = "closed"
         self._channels = found.driver.declaration.setpoints
         self._safe: Sequence[float] = found.fresh.driven
         #: What the device is to be driven with, and what was written last.
@@ -201,25 +205,16 @@ class _Played:
 
         Raises:
             Failed: the driver breaks a promise.
-            Stalled: it may be the machine.
+            Unjudged: it may be the machine, or the options.
         """
-        found = self._found
+        found, self._walk = self._found, Walk(trial, CALLS)
         with found.watcher:
             try:
-                for number, step in enumerate(trial.steps):
-                    call = CALLS[step.name]
-                    if self._state not in call.states.split():
-                        continue
-                    try:
-                        self._step(step)
-                    except Failed as failed:
-                        failed.at = number
-                        if self._stalled or self._stands():
-                            raise Stalled from failed
-                        if trial.options and "open raises" in str(failed):
-                            return  # the simulated device is not one of these options
-                        raise
-                    self._state = call.after or self._state
+                for step in self._walk:
+                    self._step(step)
+            except Failed as failed:
+                stalled = self._stalled or self._stands()
+                raise self._walk.verdict(failed, stalled=stalled) from failed
             finally:
                 found.call(found.driver.make_safe)
                 found.close()
@@ -234,8 +229,7 @@ class _Played:
         calls() if step.value is None else calls(step.value)
         if not self._observed or not self._channels:
             return
-        trips_expected = step.name in ("prove watchdog", "wait for the watchdog", "kill")
-        if self._found.look().trips != trips and not trips_expected:
+        if self._found.look().trips != trips and step.name not in SILENT:
             raise Failed(
                 "the watchdog of the device acts, though the driver is called all the time"
             )
@@ -262,10 +256,14 @@ class _Played:
         self._safe_now("after open()")
 
     def _open_again(self) -> None:
-        error = self._found.call(self._found.driver.open, OPEN_S).error
-        if error is not None and not isinstance(error, FAILURES):
-            raise Failed(f"open() of an open driver raises {described(error)}")
-        self._close()
+        """Open what is open: it is as before, or it is open anew and not armed."""
+        outcome = self._found.call(self._found.driver.open, OPEN_S)
+        if outcome.error is not None and not isinstance(outcome.error, FAILURES):
+            raise Failed(f"open() of an open driver raises {described(outcome.error)}")
+        if self._observed and not self._driven():
+            self._wanted = self._safe
+            self._still()
+        self._make_safe()
 
     def _prove_watchdog(self, times: str = "once") -> None:
         for _ in range(1 + (times == "twice")):
@@ -373,9 +371,10 @@ class _Played:
         end = time.monotonic() + ACTS_S
         reply: object = None
         while error is None and not reply and time.monotonic() < end:
-            if self._state == "armed":
+            armed = self._walk.state == "armed"
+            if armed:
                 self._wanted = self._clipped(self._last)
-            self._cycle(self._last if self._state == "armed" else ())
+            self._cycle(self._last if armed else ())
             outcome = found.call(found.driver.acted)
             reply, error = outcome.value, outcome.error
         if not isinstance(reply, str):
@@ -442,8 +441,7 @@ class _Played:
     # What must hold.
 
     def _must(self, what: str, outcome: CallOutcome) -> None:
-        if outcome.error is not None:
-            raise Failed(f"{what} raises {described(outcome.error)}")
+        expect(what, outcome.error)
 
     def _cycle(self, setpoints: Sequence[float], *, refused: bool = False) -> CallOutcome:
         """Go through a cycle, check its row, and return how it ended; it may refuse setpoints."""

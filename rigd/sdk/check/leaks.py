@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from rigd.sdk.check.sequences import Failed
+
 #: What is left gets this time to end, in s: threads end in their next turn.
 ENDS_S: Final = 1.5
 _LOOK_S: Final = 0.01
@@ -27,41 +29,34 @@ _opened: dict[int, list[str]] = {}  # by thread: what it opens, while it is watc
 _hooked = threading.Event()
 
 
-class Leaks:
-    """Compares what the process has open with what it had when this was made.
+@contextlib.contextmanager
+def nothing_left(when: str = "after close()") -> Iterator[None]:
+    """Compare what the process has open after the block with what it had before.
 
-    ``with leaks:`` also catches what is dropped without being closed, in any thread of a driver.
+    Raises:
+        Failed: something is left, or a driver drops what it has not closed.
     """
+    before = _held()
+    dropped: list[str] = []
 
-    def __init__(self) -> None:
-        self._before = _held()
-        self._dropped: list[str] = []
+    def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        if threading.current_thread().name == "driver under check":
+            dropped.append(str(message).partition("\n")[0])
 
-    @contextlib.contextmanager
-    def catching(self) -> Iterator[None]:
-        """Catch warnings of what is dropped without being closed, by the driver's own thread."""
-
-        def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-            if threading.current_thread().name == "driver under check":
-                self._dropped.append(str(message).partition("\n")[0])
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ResourceWarning)
-            warnings.filterwarnings("always", category=ResourceWarning)
-            warnings.showwarning = show
-            yield
-
-    def left(self) -> str:
-        """Return in words what is left now, after it had time to end; "" if there is nothing."""
-        if self._dropped:
-            return f"it drops what it has not closed: {self._dropped[0]}"
-        end = time.monotonic() + ENDS_S
-        while left := _held().items() - self._before.items():
-            if time.monotonic() > end:
-                return f"{', '.join(sorted(words for _, words in left))} left open"
-            gc.collect()
-            time.sleep(_LOOK_S)
-        return ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        warnings.filterwarnings("always", category=ResourceWarning)
+        warnings.showwarning = show
+        yield
+    if dropped:
+        raise Failed(f"{when} it drops what it has not closed: {dropped[0]}")
+    end = time.monotonic() + ENDS_S
+    while left := _held().items() - before.items():
+        if time.monotonic() > end:
+            words = ", ".join(sorted(words for _, words in left))
+            raise Failed(f"{when} {words} left open")
+        gc.collect()
+        time.sleep(_LOOK_S)
 
 
 def _held() -> dict[str, str]:

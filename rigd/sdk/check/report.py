@@ -41,11 +41,14 @@ class Report:
     skipped: Mapping[str, str] = field(default_factory=dict)
     #: What was drawn at random was drawn from it; None: nothing was.
     seed: int | None = None
+    #: What could not be judged in rules that were checked, and why.
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         seed = "" if self.seed is None else f", seed {self.seed}"
         lines = [f"{self.subject}: {len(self.checked)} rules checked{seed}"]
         lines += [f"  {finding}" for finding in self.findings]
+        lines += [f"  {note}" for note in self.notes]
         for why in dict.fromkeys(self.skipped.values()):
             rules = ", ".join(rule for rule, reason in self.skipped.items() if reason == why)
             lines.append(f"  not checked, for {why}: {rules}")
@@ -70,11 +73,12 @@ def examine(
     gates: Collection[str],
     only: Collection[str],
     seed: int | None = None,
+    notes: Sequence[str] = (),
 ) -> Report:
     """Apply rules stage by stage; a broken rule of ``gates`` prevents the following stages.
 
     ``problems`` applies a rule, ``missing`` returns why a rule cannot be applied, or "". ``only``
-    are names of the rules to apply; empty: all.
+    are names of the rules to apply; empty: all. ``notes`` are read at the end.
 
     Raises:
         ValueError: there is no such rule.
@@ -98,4 +102,4 @@ def examine(
                 findings += [Finding(rule.name, item, rule.demand) for item in problems(rule)]
             except (UnfitSubject, Hung, Failed) as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
-    return Report(subject, tuple(findings), tuple(checked), skipped, seed)
+    return Report(subject, tuple(findings), tuple(checked), skipped, seed, tuple(notes))

@@ -6,6 +6,7 @@ hold after it, is up to the bench that plays it.
 
 from __future__ import annotations
 
+import contextlib
 import random
 import time
 from collections import Counter
@@ -13,8 +14,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
+from rigd.model.errors import ProtocolError
 from rigd.sdk.check.caller import Hung
-from rigd.sdk.check.subject import Subject, UnfitSubject
+from rigd.sdk.check.subject import Subject, UnfitSubject, described
 
 #: How long a failing sequence is shortened, in s.
 SHORTEN_S: Final = 10.0
@@ -25,6 +27,10 @@ DESCRIBES: Final = (
     "; if this option describes the device itself, as its scale does, give it to check_driver: "
     "what is given is not drawn"
 )
+#: More steps than a sequence has.
+STEPS: Final = 10**6
+#: With these errors a driver refuses a device that is not one of its options, as they were drawn.
+REFUSALS: Final = (ProtocolError,)
 #: What was drawn less often than this before is drawn so many times more often.
 OFTEN: Final = 2
 SELDOM: Final = 5
@@ -50,9 +56,13 @@ class Trial:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        options = ", ".join(f"{name}: {value}" for name, value in self.options.items())
         steps = ", ".join(map(str, self.steps))
-        return f"with {options}: {steps}" if options else steps
+        return f"with {self.drawn}: {steps}" if self.options else steps
+
+    @property
+    def drawn(self) -> str:
+        """The options as text."""
+        return ", ".join(f"{name}: {value}" for name, value in self.options.items())
 
 
 class Call(NamedTuple):
@@ -99,44 +109,111 @@ class Drawing:
 
 
 class Failed(Exception):
-    """What was seen breaks a promise; the message states what, ``at`` counts the steps before."""
+    """What was seen breaks a promise; the message states what."""
 
-    at = 0
-
-
-class Stalled(Exception):
-    """The machine stood still: what was seen says nothing about the driver."""
+    at = STEPS  #: how many steps were made before; without a number, all
+    error: BaseException | None = None  #: what open() raised
 
 
-#: Plays a trial; raises Failed or Stalled.
+def expect(what: str, error: BaseException | None) -> None:
+    """Raise Failed if a call has raised an error."""
+    if error is not None:
+        failed = Failed(f"{what} raises {described(error)}")
+        failed.error = error if what == "open" else None
+        raise failed
+
+
+class Unjudged(Exception):
+    """What was seen says nothing about the driver; the message states why."""
+
+
+class Stalled(Unjudged):
+    """The machine stood still."""
+
+
+#: Plays a trial; raises Failed, Stalled or Unjudged.
 Play = Callable[[Trial], None]
 
 
-def first_failure(play: Play, trials: Iterable[Trial]) -> Iterator[str]:
+class Walk:
+    """Goes through the steps of a trial that are possible in the state that those before led to."""
+
+    def __init__(self, trial: Trial, calls: Mapping[str, Call]) -> None:
+        self._trial = trial
+        self._calls = calls
+        self._number = 0
+        self.state = "closed"
+
+    def __iter__(self) -> Iterator[Step]:
+        """Yield each step; the state changes once it is made."""
+        for number, step in enumerate(self._trial.steps):
+            self._number = number
+            call = self._calls[step.name]
+            if self.state in call.states.split():
+                yield step
+                self.state = call.after or self.state
+
+    def verdict(self, failed: Failed, *, stalled: bool) -> Exception:
+        """Return what a failure of the present step tells: of the driver, or nothing."""
+        failed.at = self._number
+        if stalled:
+            return Stalled("this machine stalled")
+        if self._trial.options and isinstance(failed.error, REFUSALS):
+            return Unjudged(f"with {self._trial.drawn} {failed}")
+        return failed
+
+
+def first_failure(play: Play, trials: Iterable[Trial], notes: list[str]) -> Iterator[str]:
     """Yield what the first trial that fails shows, behind the fewest steps that show it.
 
-    A failure counts if it shows itself twice: the machine may have stalled.
+    A failure counts if it shows itself twice: the machine may have stalled. ``notes`` gets what was
+    not judged. If the machine stalled in more than half of the trials, that is yielded.
     """
+    why: Counter[str] = Counter()
+    count = stalled = 0
     for trial in trials:
-        if _failure(play, trial) and (failed := _failure(play, trial)):
-            shortest, problem = _shortened(play, trial, failed)
-            yield f"{shortest}: {problem}{DESCRIBES if shortest.options else ''}"
-            return
+        count += 1
+        try:
+            once = _failure(play, trial)
+            if once and not (failed := _failure(play, trial)):
+                why[f"{once}, and not when it was played again"] += 1
+            elif once and failed:
+                shortest, problem = _shortened(play, trial, failed)
+                yield f"{shortest}: {problem}{DESCRIBES if shortest.options else ''}"
+                break
+        except Unjudged as unjudged:
+            why[str(unjudged)] += 1
+            if isinstance(unjudged, Stalled):
+                stalled += 1
+    notes += [f"{number} of {count} trials were not judged: {each}" for each, number in why.items()]
+    if stalled > count / 2:
+        yield f"{stalled} of {count} trials were not judged: this machine stalled; play them again"
 
 
 def _failure(play: Play, trial: Trial) -> Failed | None:
-    for _ in range(TRIES):
+    """Return how a trial fails, if it does.
+
+    Raises:
+        Unjudged: that cannot be told.
+    """
+    for turn in range(TRIES):
         try:
             play(trial)
         except Failed as failed:
             return failed
         except (UnfitSubject, Hung) as unfit:
-            shown = Failed(str(unfit))
-            shown.at = len(trial.steps)
-            return shown
+            return Failed(str(unfit))
         except Stalled:
+            if turn + 1 == TRIES:
+                raise
             continue
         return None
+    return None
+
+
+def _fails(play: Play, trial: Trial) -> Failed | None:
+    with contextlib.suppress(Unjudged):
+        return _failure(play, trial)
     return None
 
 
@@ -145,14 +222,14 @@ def _shortened(play: Play, trial: Trial, failed: Failed) -> tuple[Trial, Failed]
     end = time.monotonic() + SHORTEN_S
     trial = replace(trial, steps=trial.steps[: failed.at + 1])
     for shorter in _without_options(trial):
-        if time.monotonic() < end and (now := _failure(play, shorter)):
+        if time.monotonic() < end and (now := _fails(play, shorter)):
             trial, failed = replace(shorter, steps=shorter.steps[: now.at + 1]), now
     size = len(trial.steps) // 2
     while size and time.monotonic() < end:
         first = len(trial.steps) - 1 - size  # the last step is what fails
         while first >= 0 and time.monotonic() < end:
             shorter = replace(trial, steps=trial.steps[:first] + trial.steps[first + size :])
-            if now := _failure(play, shorter):
+            if now := _fails(play, shorter):
                 trial, failed = replace(shorter, steps=shorter.steps[: now.at + 1]), now
                 first = min(first, len(trial.steps) - 1)
             first -= size

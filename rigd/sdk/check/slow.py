@@ -18,10 +18,19 @@ from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.fast import Setpoints, near
-from rigd.sdk.check.leaks import Leaks
+from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import drawn_values, measure, row_problems, untrue
-from rigd.sdk.check.sequences import Call, Drawing, Failed, Stalled, Trial, first_failure
+from rigd.sdk.check.sequences import (
+    Call,
+    Drawing,
+    Failed,
+    Trial,
+    Unjudged,
+    Walk,
+    expect,
+    first_failure,
+)
 from rigd.sdk.check.stalls import Stalls
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
@@ -74,14 +83,11 @@ def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]])
         Failed: something is left open after it.
         Exception: what the coroutine raises.
     """
-    leaks = Leaks()
-    with leaks.catching():
+    with nothing_left():
         with subject.fresh_peer() as peer, Caller() as caller:
             outcome = caller.call(lambda: asyncio.run(play(peer)), SCENE_S)
         if outcome.error is not None:
             raise outcome.error
-        if left := leaks.left():
-            raise Failed(f"after close() {left}")
 
 
 def _tasks_left() -> str:
@@ -258,17 +264,13 @@ def any_order(subject: Subject) -> Iterator[str]:
 
         try:
             _played(drawn, main)
-        except Failed as failed:
-            failed.at = failed.at or len(trial.steps)
-            raise
-        except (Stalled, UnfitSubject, Hung):
+        except (Failed, Unjudged, UnfitSubject, Hung):
             raise
         except Exception as error:
-            shown = Failed(described(error))
-            shown.at = len(trial.steps)
-            raise shown from error
+            raise Failed(described(error)) from error
 
-    yield from first_failure(play, Drawing(subject, calls_of, value).trials(TRIALS, STEPS))
+    trials = Drawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    yield from first_failure(play, trials, subject.notes)
 
 
 class _Session:
@@ -280,7 +282,6 @@ class _Session:
         self._all: list[SlowDriver] = []
         self._new()
         self._watcher = Watcher(peer)
-        self._state = "closed"
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened, and what the device had sent until then
         self._sent: int | None = None
@@ -294,33 +295,24 @@ class _Session:
 
         Raises:
             Failed: the driver breaks a promise.
-            Stalled: it may be the machine.
+            Unjudged: it may be the machine, or the options.
         """
+        walk = Walk(trial, CALLS)
         with self._watcher:
             try:
-                for number, step in enumerate(trial.steps):
-                    call = CALLS[step.name]
-                    if self._state not in call.states.split():
-                        continue
+                for step in walk:
                     self._watcher.gap_s = 0.0
                     calls = getattr(self, "_" + step.name.replace(" ", "_"))
-                    try:
-                        await (calls() if step.value is None else calls(step.value))
-                        if self._wrong:
-                            raise self._wrong[0]
-                    except Failed as failed:
-                        failed.at = number
-                        if self._watcher.gap_s > STALL_S:
-                            raise Stalled from failed
-                        if trial.options and "open raises" in str(failed):
-                            return  # the simulated device is not one of these options
-                        raise
-                    self._state = call.after or self._state
+                    await (calls() if step.value is None else calls(step.value))
+                    if self._wrong:
+                        raise self._wrong[0]
+            except Failed as failed:
+                raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
             finally:
                 if self._task is not None:
                     self._task.cancel()
                     await asyncio.wait({self._task}, timeout=CANCEL_S)
-                if self._driver.declaration.setpoints and self._state != "closed":
+                if self._driver.declaration.setpoints and walk.state != "closed":
                     with contextlib.suppress(*FAILURES):
                         await self._driver.make_safe()
                 await self._driver.close()
@@ -483,8 +475,8 @@ class _Session:
     async def _must(self, what: str, call: Awaitable[Any]) -> Any:
         try:
             return await asyncio.wait_for(call, OPEN_S)
-        except Exception as error:
-            raise Failed(f"{what} raises {described(error)}") from error
+        except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
+            expect(what, error)
 
     async def _settled(self, wanted: Sequence[Sequence[float]]) -> Sequence[float] | None:
         """Return which of ``wanted`` the device is driven with, each value one of them."""

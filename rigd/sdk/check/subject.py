@@ -41,6 +41,8 @@ class Subject:
     seed: int = 1
     #: Options that were drawn, beside those of the author.
     more: Mapping[str, Any] = field(default_factory=dict)
+    #: What the report says beside the findings: what could not be judged.
+    notes: list[str] = field(default_factory=list)
 
     def drawn(self, rng: random.Random) -> Mapping[str, Any]:
         """Return options at random with which the driver can be declared; {} if there are none."""

@@ -88,6 +88,7 @@ def examine_driver(
         gates=GATES,
         only=only,
         seed=seed,
+        notes=subject.notes,
     )
 
 

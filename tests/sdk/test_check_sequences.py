@@ -1,0 +1,99 @@
+"""Random sequences of calls: what counts as a failure, and what could not be judged is stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import pytest
+from support.memory_motor import Good, motor
+
+from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk.check import examine_driver
+from rigd.sdk.check.sequences import TRIES, Failed, Stalled, Step, Trial, first_failure
+
+TRIALS = [Trial((Step("open"), Step("write", number)), {}) for number in range(5)]
+
+
+def examined(play: Callable[[int], None]) -> tuple[Sequence[str], Sequence[str]]:
+    """Findings and notes of five trials; ``play`` gets what is written, 0 to 4."""
+    notes: list[str] = []
+
+    def made(trial: Trial) -> None:
+        for step in trial.steps:
+            if step.name == "write":
+                play(step.value)
+
+    return list(first_failure(made, TRIALS, notes)), notes
+
+
+def stalling(*numbers: int) -> Callable[[int], None]:
+    def play(number: int) -> None:
+        if number in numbers:
+            raise Stalled("this machine stalled")
+
+    return play
+
+
+def test_trials_in_which_machine_stalled_are_stated() -> None:
+    assert examined(stalling(1, 3)) == (
+        [], ["2 of 5 trials were not judged: this machine stalled"],
+    )  # fmt: skip
+
+
+def test_mostly_stalled_trials_are_a_finding() -> None:
+    (finding,), notes = examined(stalling(0, 1, 3))
+    assert finding == "3 of 5 trials were not judged: this machine stalled; play them again"
+    assert len(notes) == 1
+
+
+def test_trial_that_stalls_seldom_is_judged() -> None:
+    played = iter(range(TRIES - 1))
+
+    def play(number: int) -> None:
+        if number == 2:
+            for _ in played:
+                raise Stalled("this machine stalled")
+            raise Failed("it drives on")
+
+    assert examined(play) == (["write 2: it drives on"], [])
+
+
+def test_failure_that_shows_only_once_is_stated() -> None:
+    failing = iter([Failed("it drives on")])
+
+    def play(number: int) -> None:
+        for failed in failing:
+            raise failed
+
+    assert examined(play) == (
+        [],
+        ["1 of 5 trials were not judged: it drives on, and not when it was played again"],
+    )
+
+
+class Choosy(Good):
+    """Opens with the range of its author alone, else it raises."""
+
+    error: Exception
+
+    def open(self) -> None:
+        if self.config.speed_range != 2.0:
+            raise self.error
+
+
+@pytest.mark.parametrize("error", [KeyError("gain"), LinkError("no"), DeviceError("no")])
+def test_drawn_options_excuse_no_other_error_at_open(error: Exception) -> None:
+    wrong = type("Wrong", (Choosy,), {"error": error, "__doc__": "Wrong."})
+    report = examine_driver(wrong, peer=motor, only=["any order of calls"])
+    (finding,) = report.findings
+    assert f"open raises {type(error).__name__}" in finding.problem
+    assert "with speed_range: " in finding.problem
+
+
+def test_device_that_is_not_as_drawn_is_stated() -> None:
+    error = ProtocolError("it is a motor for 2 m/s")
+    right = type("Right", (Choosy,), {"error": error, "__doc__": "Right."})
+    report = examine_driver(right, peer=motor, only=["any order of calls"])
+    assert report.findings == ()
+    assert "trials were not judged: with speed_range: " in str(report)
+    assert "open raises ProtocolError: it is a motor for 2 m/s" in str(report)
