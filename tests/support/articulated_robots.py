@@ -95,7 +95,7 @@ class Driven:
     def _advance(self, steps: int) -> None:
         kernel.integrate(
             self.robot, self.commands, self.state, self.slides, self.scratch, self.track,
-            self.steps, self.step_s, steps,
+            self.steps, self.step_s, steps, True,
         )  # fmt: skip
         self.steps += steps
 
@@ -135,7 +135,7 @@ class Driven:
         readings = np.zeros((self.m, 2))
         kernel.advance(
             self.robot, self.commands, self.state, self.slides, self.scratch, self.track,
-            self.steps, self.step_s, 0, readings, 0, 0,
+            self.steps, self.step_s, 0, True, readings, 0, 0,
         )  # fmt: skip
         return np.asarray(readings[self.driven, 1])
 

@@ -162,6 +162,7 @@ class Bench:
         return written
 
     def _timed(self, name: str, function: Callable[[], Any]) -> CallOutcome:
+        self.gap_s = max(self.gap_s, self.watcher.gap_s)  # since the call before
         self.watcher.gap_s = 0.0
         outcome = self.call(function)
         self.took.setdefault(name, []).append(outcome.took_s)

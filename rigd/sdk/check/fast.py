@@ -223,6 +223,7 @@ class _Played:
         """Make the calls of one step, and check the device while and after they are made."""
         self._stalled = False
         self._called_s = time.monotonic()
+        self._before_s = max(self._found.gap_s, self._found.watcher.gap_s)
         self._found.gap_s = self._found.watcher.gap_s = 0.0
         began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
         calls = getattr(self, "_" + step.name.replace(",", "").replace(" ", "_"))
@@ -247,7 +248,8 @@ class _Played:
     def _stands(self) -> bool:
         """Return whether the machine stood still for so long that the watchdog may have acted."""
         watchdog_s = self._found.driver.watchdog_s or 1.0
-        return max(self._found.gap_s, self._found.watcher.gap_s) > min(watchdog_s / 3, AGE_S / 2)
+        gap_s = max(self._found.gap_s, self._found.watcher.gap_s, self._before_s)
+        return gap_s > min(watchdog_s / 3, AGE_S / 2)
 
     # The calls of each step.
 

@@ -42,6 +42,8 @@ class PlantSubject:
     truth: str
     #: Share by which the energy may fail to balance, and a halved step may change the truth.
     accuracy: float
+    #: What is drawn at random is drawn from it.
+    seed: int = 1
 
     def config(self) -> PlantConfig:
         """Return the options, read."""
@@ -138,12 +140,6 @@ class PlantBench:
             self._cycle += at_once
             self._exchange(commands)
         return self.seen
-
-    def idle(self, cycles: int) -> None:
-        """Advance the plant by single cycles, without reading devices and without commands."""
-        for _ in range(cycles):
-            self._cycle += 1
-            self.plant.advance(self.now_ns)
 
     def make_safe(self) -> None:
         """Make every device safe; no commands follow."""

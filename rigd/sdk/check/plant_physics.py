@@ -65,20 +65,27 @@ def _balances(subject: PlantSubject) -> Iterator[str]:
     if not whole > 0.0:
         yield "no energy is turned over although every setpoint moves"
         return
-    first = energies[0]
+    if problem := unbalanced(energies, subject.accuracy):
+        yield problem
+
+
+def unbalanced(energies: Sequence[Energy], accuracy: float) -> str:
+    """Return by how much the energy does not balance within ``accuracy``; "" if it does."""
+    whole, first = turned_over(energies), energies[0]
     excess = [
         (energy.stored - first.stored)
         - (energy.supplied - first.supplied)
         + (energy.dissipated - first.dissipated)
         for energy in energies
     ]
-    at = max(range(len(excess)), key=lambda cycle: abs(excess[cycle]))
-    if not abs(excess[at]) <= subject.accuracy * whole:  # a NaN is a breach too
-        word = "created" if excess[at] > 0 else "lost"
-        yield (
-            f"{abs(excess[at]):.3g} J of {whole:.3g} J are {word} within {at} ms; at most "
-            f"{subject.accuracy:.3g} of it may be"
-        )
+    at = max(range(len(excess)), key=lambda look: abs(excess[look]))
+    if abs(excess[at]) <= accuracy * whole:  # a NaN is a breach too
+        return ""
+    word = "created" if excess[at] > 0 else "lost"
+    return (
+        f"{abs(excess[at]):.3g} J of {whole:.3g} J are {word} within {at} looks; at most "
+        f"{accuracy:.3g} of it may be"
+    )
 
 
 def _dissipates(subject: PlantSubject) -> Iterator[str]:

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 from rigd.sdk.check.plant_bench import Device, PlantSubject
 from rigd.sdk.check.plant_physics import RULES
 from rigd.sdk.check.plant_rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
+from rigd.sdk.check.plant_sequences import RULES as SEQUENCES
 from rigd.sdk.check.report import NonConforming, Report, examine
 from rigd.sdk.plant import Plant
 
-_STAGES: Final = (CLASS_RULES, CONSTRUCTOR, PLANT_RULES, RULES)
+_STAGES: Final = (CLASS_RULES, CONSTRUCTOR, PLANT_RULES, SEQUENCES, RULES)
 
 
 def check_plant(
@@ -24,6 +25,7 @@ def check_plant(
     truth: str = "",
     accuracy: float = 0.01,
     only: Collection[str] = (),
+    seed: int = 1,
 ) -> Report:
     """Put a plant to the test; return what was checked.
 
@@ -37,6 +39,7 @@ def check_plant(
         accuracy: share of the energy turned over by which it may fail to balance, and share of
             its range by which half the step may change the truth.
         only: names of the rules to apply, while one is being worked on; by default all.
+        seed: the sequences that are drawn at random are drawn from it; the report states it.
 
     Raises:
         NonConforming: the plant breaks rules; the message names all, with what to do.
@@ -44,7 +47,7 @@ def check_plant(
 
     """
     report = examine_plant(
-        plant_class, options, devices=devices, truth=truth, accuracy=accuracy, only=only
+        plant_class, options, devices=devices, truth=truth, accuracy=accuracy, only=only, seed=seed
     )
     if report.findings:
         raise NonConforming(report)
@@ -59,9 +62,10 @@ def examine_plant(
     truth: str = "",
     accuracy: float = 0.01,
     only: Collection[str] = (),
+    seed: int = 1,
 ) -> Report:
     """Return the report of :func:`check_plant`, without raising."""
-    subject = PlantSubject(plant_class, options or {}, devices or {}, truth, accuracy)
+    subject = PlantSubject(plant_class, options or {}, devices or {}, truth, accuracy, seed)
     if truth and truth not in subject.devices:
         raise ValueError(f"no device {truth!r}; there are {', '.join(subject.devices)}")
     try:
@@ -76,4 +80,5 @@ def examine_plant(
         lambda rule: rule.missing(subject),
         gates={CONSTRUCTOR[0].name},
         only=only,
+        seed=seed,
     )

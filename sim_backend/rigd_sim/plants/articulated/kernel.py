@@ -356,10 +356,12 @@ def keep_poses(track: Floats, row: int, beta: Floats, work: Floats, y: Floats, n
 @inlined
 def integrate(
     robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, track: Floats,
-    first: int, step: float, steps: int,
+    first: int, step: float, steps: int, anew: bool,
 ) -> None:  # fmt: skip
     """Advance ``state`` by ``steps`` of ``step`` s with ``commands`` held.
 
+    Without ``anew`` it goes on with the ``scratch`` of the call before, whose commands and last
+    state are these: bit for bit as if both were one call.
     The poses after step k are written to row ``(first + k) % rows`` of ``track``, if it has rows.
     A step in which contacts leave their branch is cut where the first does, by bisection.
     """
@@ -379,15 +381,16 @@ def integrate(
     t, e = scratch[at : at + 2 * m], scratch[at + 2 * m : at + 2 * m + 4 * n]
     u, s, none = commands, slides, None
 
-    refer(work, state, n, True)
-    evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
-    if c.law == PAPER and farthest(slides, e) > BEYOND:
-        sort_branches(slides, e, BEYOND)
+    if anew:
+        refer(work, state, n, True)
         evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
+        if c.law == PAPER and farthest(slides, e) > BEYOND:
+            sort_branches(slides, e, BEYOND)
+            evaluate(c, modules, spins, beta, gram, wheels, u, state, k1, s, e, t, work, none)
     for number in range(steps):
         rest, events = step, 0
         while rest > 0.0:
-            refer(work, state, n, number % ANEW == 0)
+            refer(work, state, n, (first + number) % ANEW == 0)
             h, low, high, searching = rest, 0.0, rest, False
             while True:
                 half, sixth = 0.5 * h, h / 6.0
@@ -432,14 +435,14 @@ def integrate(
 @kernel
 def advance(
     robot: Robot, commands: Floats, state: Floats, slides: Flags, scratch: Floats, track: Floats,
-    first: int, step: float, steps: int, readings: Floats, seed: int, t_ns: int,
+    first: int, step: float, steps: int, anew: bool, readings: Floats, seed: int, t_ns: int,
 ) -> None:  # fmt: skip
     """Take ``steps``, as :func:`integrate` does, and read the motors at ``t_ns``: one cycle.
 
     ``readings``, shape (m, 2), gets motor speed in rad/s and torque in N m, with their noise.
     """
     if steps > 0:
-        integrate(robot, commands, state, slides, scratch, track, first, step, steps)
+        integrate(robot, commands, state, slides, scratch, track, first, step, steps, anew)
     c, n, m = robot.constants[0], robot.modules.size, robot.spins.size
     for j in range(m):
         speed, torque = robot.spins[j].ratio * state[2 * n + 4 + j], 0.0

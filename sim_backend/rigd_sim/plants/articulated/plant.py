@@ -57,7 +57,8 @@ class ArticulatedPlant(Plant):
     """Physics of the articulated robot, its drives, and the poses that a camera sees.
 
     Time goes in steps of ``step_ns`` from the first call of :meth:`advance`; between two points of
-    that grid the state is that of the first. Devices write ``commands`` and read ``motors_at``.
+    that grid the state is that of the first, and the division of time into calls changes nothing.
+    Devices write ``commands`` and read ``motors_at``.
 
     Raises:
         ConfigError: the parameter file cannot be read or is not physical.
@@ -93,6 +94,8 @@ class ArticulatedPlant(Plant):
         #: Steps taken, and how often the robot was put to its start in this trial.
         self.steps = self.placed = 0
         self._slides, self._scratch = self._robot.slides(), self._robot.scratch()
+        self._aside = self._robot.scratch()  # what is shown leaves the steps as they are
+        self._held = b""  #: Commands of the last step; none if the robot was placed since.
         self._track = np.zeros((layout.HISTORY_STEPS, 3 * len(self.modules)))
         self._motors = np.zeros((len(self.commands), 2))
         self._shown = np.zeros(len(layout.TRUTH))
@@ -107,10 +110,14 @@ class ArticulatedPlant(Plant):
     def evolve(self, t_ns: int, elapsed_ns: int) -> None:
         """Take the steps up to ``t_ns``; see :class:`rigd.sdk.Plant`."""
         steps = t_ns // self.step_ns - self.steps
+        held = self.commands.tobytes()
         self._advance(
             self._robot, self.commands, self._state, self._slides, self._scratch, self._track,
-            self.steps, self.step_ns * 1e-9, steps, self._motors, self.seed, t_ns,
+            self.steps, self.step_ns * 1e-9, steps, held != self._held, self._motors, self.seed,
+            t_ns,
         )  # fmt: skip
+        if steps > 0:
+            self._held = held
         self.steps += steps
 
     def begin_trial(self, seed: int) -> None:
@@ -163,7 +170,7 @@ class ArticulatedPlant(Plant):
     def truth(self, module: int) -> list[float]:
         """Return the hidden state of a module, in the order of ``layout.TRUTH``."""
         self._show(
-            self._robot, self.commands, self._state, self._slides, self._scratch, module,
+            self._robot, self.commands, self._state, self._slides, self._aside, module,
             self._shown,
         )  # fmt: skip
         shown: list[float] = self._shown.tolist()
@@ -215,7 +222,7 @@ class ArticulatedPlant(Plant):
         # The motors have turned as far as before, and their energies are spent.
         counted = slice(self._energies - len(self.commands), self._energies + 2)
         state[counted] = self._state[counted]
-        self._state = state
+        self._state, self._held = state, b""
         centres = self._robot.centres(state)
         row = np.column_stack([centres, state[2 : 2 + count]]).ravel()
         self._track[self.steps % layout.HISTORY_STEPS] = row
