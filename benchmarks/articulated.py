@@ -84,7 +84,7 @@ def compiled_reference() -> Integrate:
 def ours(it: Driven) -> None:
     """Integrate by the kernel."""
     kernel.integrate(
-        it.robot, it.commands, it.state, it.slides, it.scratch, it.track, 0, STEP_S, STEPS
+        it.robot, it.commands, it.state, it.slides, it.scratch, it.track, 0, STEP_S, STEPS, True
     )
 
 
