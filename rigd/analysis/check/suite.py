@@ -22,7 +22,7 @@ from rigd.analysis.check.case import Case, SimulatedTrial, write_case
 from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.plan import check_plan
-from rigd.analysis.source import open_sweep
+from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit
@@ -38,8 +38,6 @@ Read = Callable[[Evaluation], Mapping[str, Interval]]
 _SURPRISE: Final = 2.0
 #: Half the interval over the truth: a wider one recovers nothing.
 _WIDEST: Final = 1.0
-#: The order of trials is drawn from it.
-_ORDER: Final = 1
 #: What checking a plan must not wait for.
 _HEAVY: Final = ("matplotlib", "numba", "scipy")
 _DECLARED: Final = "declares what it needs"
@@ -142,22 +140,28 @@ class _Bench:
         self._folder = folder
         self._read = read
         self._written = 0
-        self._first: dict[int, tuple[str, Evaluation]] = {}
+        self._first: dict[int, tuple[RecordedSweep, Evaluation]] = {}
 
     def evaluate(self, case: Case, *, complete: bool = True) -> Evaluation:
         """Return the evaluation of a recording of ``case``; raises as the analysis does."""
+        return self._evaluated(self._recorded(case, complete=complete))
+
+    def first(self, case: Case) -> tuple[RecordedSweep, Evaluation]:
+        """Return a whole recording of ``case`` and its evaluation, made once."""
+        if id(case) not in self._first:
+            sweep = self._recorded(case)
+            self._first[id(case)] = sweep, self._evaluated(sweep)
+        return self._first[id(case)]
+
+    def _recorded(self, case: Case, *, complete: bool = True) -> RecordedSweep:
         self._written += 1
         path = self._folder / f"case{self._written}.mcap"
         sweep = open_sweep(write_case(path, self._analysis, case, complete=complete))
         check_plan(sweep.plan, self._analysis)
-        return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
+        return sweep
 
-    def first(self, case: Case) -> tuple[str, Evaluation]:
-        """Return the name of a whole recording of ``case`` and its evaluation, made once."""
-        if id(case) not in self._first:
-            evaluation = self.evaluate(case)
-            self._first[id(case)] = f"case{self._written}", evaluation
-        return self._first[id(case)]
+    def _evaluated(self, sweep: RecordedSweep) -> Evaluation:
+        return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
 
     def declared(self) -> Iterator[tuple[str, str]]:
         needs = self._analysis.needs
@@ -230,8 +234,7 @@ class _Bench:
         """Look for what is taken from the first or the last trial: they come in another order."""
         if len(case.trials) < 2:
             return
-        rng = np.random.default_rng(_ORDER)
-        turned = replace(case, trials=[case.trials[i] for i in rng.permutation(len(case.trials))])
+        turned = replace(case, trials=[*case.trials[1:], case.trials[0]])  # none keeps its place
         try:
             found = self._read(self.evaluate(turned))
         except RigdError as error:
@@ -292,16 +295,16 @@ class _Bench:
 
     def repeatable(self, case: Case) -> Iterator[tuple[str, str]]:
         try:
-            (name, first), second = self.first(case), self.evaluate(case)
+            sweep, first = self.first(case)
+            second = self._evaluated(sweep)
         except RigdError:
             return  # reported by the rule on the truth
-        names = name, f"case{self._written}"
-        texts = [
-            json.dumps(item.to_json(), allow_nan=False).replace(path, "case")
-            for item, path in zip((first, second), names, strict=True)
-        ]
+        texts = [json.dumps(item.to_json(), allow_nan=False) for item in (first, second)]
         if texts[0] != texts[1]:
-            yield "two evaluations give two JSON objects", "seed what is drawn from `options.seed`"
+            yield (
+                "two evaluations of a recording give two JSON objects",
+                "seed what is drawn from `options.seed`, and leave what is given unchanged",
+            )
         yield from _ragged(first)
         page = first.report()
         if first.title not in page or "<html" not in page:

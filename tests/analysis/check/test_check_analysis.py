@@ -113,6 +113,29 @@ class Fickle(Mean):
         return {"mean": (low + shift, high + shift)}
 
 
+class Greedy(Mean):
+    """Changes what it is given."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        found = super().evaluate(sweeps, options, notify)
+        sweeps[0].plan.constants["offset"] += 1.0  # type: ignore[index]
+        return found
+
+
+class Hasty(Mean):
+    """Takes what the first trial shows for all."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        (sweep,) = sweeps
+        if not sweep.trials:
+            raise DataError("no trial came to its end", hint="run it again")
+        return MeanEvaluation(self.found(sweep.signals(sweep.trials[0])[1]["x"] - 5.0))
+
+
 class Trusting(Mean):
     """Accepts any data."""
 
@@ -198,6 +221,7 @@ def test_analysis_that_is_slow_to_import_is_found(
         (Missing, "recovers the truth (case 1)", "mean is not found"),
         (Boastful, "recovers the truth (case 1)", "which these data cannot hold"),
         (Fickle, "gives the same bytes for the same input (case 1)", "two JSON objects"),
+        (Greedy, "gives the same bytes for the same input (case 1)", "two JSON objects"),
         (Trusting, "refuses what it cannot read (case 1)", "no numbers gives mean"),
         (Crashing, "refuses what it cannot read (case 1)", "raises IndexError"),
         (Curt, "refuses what it cannot read (case 1)", "refused with 'no'"),
@@ -210,6 +234,22 @@ def test_each_broken_promise_is_found(
     assert any(finding.rule == rule and words in finding.problem for finding in report.findings), (
         str(report)
     )
+
+
+@pytest.mark.parametrize(("analysis", "found"), [(Mean, False), (Hasty, True)])
+def test_what_depends_on_trial_order_is_found(
+    analysis: type[Analysis], found: bool, tmp_path: Path
+) -> None:
+    trials = case().trials
+    apart = [
+        replace(trials[0], signals={"x": trials[0].signals["x"] + shift}) for shift in (0.0, 1, -1)
+    ]
+    of_three = Case(apart, {"offset": 5.0}, {"mean": TRUTH})
+    rule = "does not depend on the order of trials"
+    report = examine_analysis(
+        analysis, [of_three], tmp_path, read=read, only=["recovers the truth", rule]
+    )
+    assert [finding.rule for finding in report.findings] == [f"{rule} (case 1)"] * found
 
 
 def test_broken_promise_is_raised_with_its_report(tmp_path: Path) -> None:

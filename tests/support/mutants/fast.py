@@ -53,7 +53,7 @@ MUTANTS = (
     ),
     Mutant(
         "arm moves",
-        "opens and arms",
+        "any order of calls",
         "        self._flags = protocol.ENABLE\n        self._send(0.0)\n",
         "        self._flags = protocol.ENABLE\n        self._send(0.3)\n",
     ),
