@@ -120,8 +120,8 @@ class CardFrequency(Driver[CardFrequencyConfig, Card]):
         Raises:
             LinkError: the card has no such counter, or times no pulses.
         """
+        self.reserve()  # if it is refused, as of an open one, all stays as it is
         self._forget()
-        self.reserve()
         self.identity = self.link.identity
         until = time.monotonic() + 2 * self._longest_s
         while self.config.width and not self._frequency and time.monotonic() < until:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import pytest
 from support.memory_motor import Good, motor
 
-from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.model.errors import LinkError, ProtocolError
 from rigd.sdk.check import examine_driver
 from rigd.sdk.check.sequences import TRIES, Failed, Stalled, Step, Trial, first_failure
 
@@ -81,7 +81,7 @@ class Choosy(Good):
             raise self.error
 
 
-@pytest.mark.parametrize("error", [KeyError("gain"), LinkError("no"), DeviceError("no")])
+@pytest.mark.parametrize("error", [KeyError("gain"), LinkError("no")])
 def test_drawn_options_excuse_no_other_error_at_open(error: Exception) -> None:
     wrong = type("Wrong", (Choosy,), {"error": error, "__doc__": "Wrong."})
     report = examine_driver(wrong, peer=motor, only=["any order of calls"])

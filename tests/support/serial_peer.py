@@ -33,7 +33,8 @@ def serial_peer(
             run(device.start())
             try:
                 yield Peer(
-                    options={"port": str(path)},
+                    # A pseudo-terminal has no other data bits and parity.
+                    options={"port": str(path), "data_bits": 8, "parity": "none"},
                     faults={
                         "dead": lambda: run(inject("unplug")),
                         "silent": lambda: run(inject("silent")),

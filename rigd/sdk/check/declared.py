@@ -230,8 +230,8 @@ def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
             after = peer.look()
             if opened:
                 yield f"{name}(config, link) calls {', '.join(dict.fromkeys(opened))}"
-            elif (before.driven, before.energised, before.sent, before.acted) != (
-                after.driven, after.energised, after.sent, after.acted,
+            elif (before.driven, before.energised, before.acted) != (
+                after.driven, after.energised, after.acted,
             ):  # fmt: skip
                 yield f"{name}(config, link) changes what the device does"
         if made[0][0] is made[1][0]:

@@ -15,6 +15,8 @@ from rigd.sdk.declaration import Declaration
 STATUS_LIMIT = 1 << 31
 #: A channel without a range is given values up to this, in its unit.
 LARGEST: Final = 100.0
+#: A small change of what a device measures, as part of its range.
+SMALL_STEP: Final = 0.04
 #: A value may differ from what the device measures by this part of it: its noise, its resolution.
 TRUE_PART = 0.02
 
@@ -84,10 +86,25 @@ def drawn_values(declared: Declaration, rng: random.Random) -> tuple[float, ...]
     """Return a value for each channel, within its range."""
     values = []
     for channel in declared.channels:
-        low = channel.low if math.isfinite(channel.low) else min(channel.high, LARGEST) - LARGEST
-        high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
+        low, high = _ends(channel)
         values.append(low + (high - low) * rng.choice((0.02, 0.98, rng.random(), rng.random())))
     return tuple(values)
+
+
+def _ends(channel: Channel) -> tuple[float, float]:
+    """Return the range in which values of a channel are drawn."""
+    low = channel.low if math.isfinite(channel.low) else min(channel.high, LARGEST) - LARGEST
+    high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
+    return low, high
+
+
+def nearby(declared: Declaration, values: Sequence[float]) -> tuple[float, ...]:
+    """Return values that differ from ``values`` by a small step towards the middle."""
+    near = []
+    for channel, value in zip(declared.channels, values, strict=True):
+        low, high = _ends(channel)
+        near.append(value + math.copysign(SMALL_STEP * (high - low), low + high - 2 * value))
+    return tuple(near)
 
 
 def measure(peer: Peer, declared: Declaration, values: Sequence[float]) -> None:

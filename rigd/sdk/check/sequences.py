@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
-from rigd.model.errors import ProtocolError
+from rigd.model.errors import DeviceError, ProtocolError
 from rigd.sdk.check.caller import Hung
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 
@@ -29,8 +29,8 @@ DESCRIBES: Final = (
 )
 #: More steps than a sequence has.
 STEPS: Final = 10**6
-#: With these errors a driver refuses a device that is not one of its options, as they were drawn.
-REFUSALS: Final = (ProtocolError,)
+#: With these errors a driver refuses a device that answers, and is not one of the options drawn.
+REFUSALS: Final = (ProtocolError, DeviceError)
 #: What was drawn less often than this before is drawn so many times more often.
 OFTEN: Final = 2
 SELDOM: Final = 5

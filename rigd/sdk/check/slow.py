@@ -20,7 +20,7 @@ from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.fast import Setpoints, near
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import drawn_values, measure, row_problems, untrue
+from rigd.sdk.check.rows import drawn_values, measure, nearby, row_problems, untrue
 from rigd.sdk.check.sequences import (
     Call,
     Drawing,
@@ -368,8 +368,10 @@ class _Session:
                 raise Failed(f"run() gives no row for {within_s:.3g} s")
 
     async def _measure(self, values: tuple[float, ...]) -> None:
-        await asyncio.to_thread(measure, self._peer, self._driver.declaration, values)
-        await self._wait_for_rows()
+        declared = self._driver.declaration
+        for given in (values, nearby(declared, values)):
+            await asyncio.to_thread(measure, self._peer, declared, given)
+            await self._wait_for_rows()
 
     async def _act(self, action: str) -> None:
         before = self._watcher.look().acted

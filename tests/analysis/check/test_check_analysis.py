@@ -120,7 +120,7 @@ class Greedy(Mean):
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         found = super().evaluate(sweeps, options, notify)
-        sweeps[0].plan.constants["offset"] += 1.0  # type: ignore[index]
+        sweeps[0].plan.constants["offset"] += 1.0  # type: ignore[index, operator]
         return found
 
 
