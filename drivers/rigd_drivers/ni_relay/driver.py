@@ -228,7 +228,9 @@ class NiRelay(Driver[NiRelayConfig, None]):
     def _check_one_shot(self, seen: Seen | None, *, up: bool) -> None:
         """Raise if it was down since it came up, however short: the relay opened meanwhile."""
         if not self._up_ns:
-            self._up_ns = max(self._armed_ns, seen.looked_ns if seen else 0) if up else 0
+            ours = self.config.watchdog is None or (seen and seen.edge_ns > self._armed_ns)
+            if up and ours:  # by a pulse of now: by one before it would drop
+                self._up_ns = max(self._armed_ns, seen.looked_ns if seen else 0)
         elif self.config.watchdog and seen and seen.down_ns > self._up_ns:
             self._up_ns = 0
             raise DeviceError(

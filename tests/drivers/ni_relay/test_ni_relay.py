@@ -279,6 +279,21 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     armed(driver)
 
 
+def test_armed_while_one_shot_drops_comes_up_anew(rig: Rig) -> None:
+    driver = armed(rig.opened())
+    driver.make_safe()
+    driver.arm()  # it is up still, by the pulses before
+
+    def down() -> bool:
+        driver.read(time.monotonic_ns())
+        return not rig.bench.one_shot.up
+
+    wait(down)
+    assert not driver.ready()
+    cycles(driver, 0.0, driver.ready)
+    cycles(driver, 1.0, lambda: rig.bench.closed)
+
+
 def test_hanging_server_does_not_delay_other_devices(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
