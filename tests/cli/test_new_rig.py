@@ -254,7 +254,7 @@ def test_interlock_sees_every_setpoint_of_first_procedure(tmp_path: Path) -> Non
         ("high: 250 degC", "high: 400 degC", "123:11", "400 degC is above 350 degC"),
         ("high: 45 N", "high: 60 N", "117:11", "60 N is above 50 N, the limit of what"),
         ("high: 350 degC", "high: 350", "55:13", "write '350 degC' or '350 K'"),
-        ("scale: 5 N/V # from", "scale: 5 V/N # from", "88:11", "write '0.2 N/V'"),
+        ("scale: 5 N/V # from", "scale: 5 V/N # from", "91:18", "write '0.2 N/V'"),
         ("scale: 5 N/V}", "scale: 5 V/N}", "101:41", "it is upside down: write '0.2 N/V'"),
         ("unit: degC\n", "unit: C\n", "94:11", "did you mean 'degC'?"),
         ("load: 1 kg", "load: 2 N m", "18:13", "a mass or a force, such as '2 kg' or '20 N'"),
