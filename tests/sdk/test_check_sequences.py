@@ -9,16 +9,23 @@ from support.memory_motor import Good, motor
 
 from rigd.model.errors import LinkError, ProtocolError
 from rigd.sdk.check import examine_driver
-from rigd.sdk.check.sequences import TRIES, Failed, Stalled, Step, Trial, first_failure
+from rigd.sdk.check.sequences import (
+    TRIES,
+    DrawnStep,
+    DrawnTrial,
+    Stalled,
+    StepFailed,
+    first_failure,
+)
 
-TRIALS = [Trial((Step("open"), Step("write", number)), {}) for number in range(5)]
+TRIALS = [DrawnTrial((DrawnStep("open"), DrawnStep("write", number)), {}) for number in range(5)]
 
 
 def examined(play: Callable[[int], None]) -> tuple[Sequence[str], Sequence[str]]:
     """Findings and notes of five trials; ``play`` gets what is written, 0 to 4."""
     notes: list[str] = []
 
-    def made(trial: Trial) -> None:
+    def made(trial: DrawnTrial) -> None:
         for step in trial.steps:
             if step.name == "write":
                 play(step.value)
@@ -53,13 +60,13 @@ def test_trial_that_stalls_seldom_is_judged() -> None:
         if number == 2:
             for _ in played:
                 raise Stalled("this machine stalled")
-            raise Failed("it drives on")
+            raise StepFailed("it drives on")
 
     assert examined(play) == (["write 2: it drives on"], [])
 
 
 def test_failure_that_shows_only_once_is_stated() -> None:
-    failing = iter([Failed("it drives on")])
+    failing = iter([StepFailed("it drives on")])
 
     def play(number: int) -> None:
         for failed in failing:

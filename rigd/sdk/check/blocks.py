@@ -21,7 +21,15 @@ from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import beyond_range, drawn_values, measure, untrue
-from rigd.sdk.check.sequences import Call, Drawing, Failed, Trial, Walk, expect, first_failure
+from rigd.sdk.check.sequences import (
+    DrawnTrial,
+    KindOfStep,
+    RandomWalk,
+    SequenceDrawing,
+    StepFailed,
+    expect,
+    first_failure,
+)
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import Block, BlockDriver
@@ -151,22 +159,22 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
 
 
 #: States: closed, open, started.
-CALLS: Final[Mapping[str, Call]] = {
-    "open": Call("closed", 1, "open"),
-    "open again": Call("open", 0.3, "closed"),
-    "start": Call("open", 4, "started"),
-    "read blocks": Call("started", 3),
-    "measure": Call("started", 4),
-    "pause": Call("started", 1.5),
-    "close": Call("open started", 2.5, "closed"),
-    "new driver": Call("closed", 0.2),
+CALLS: Final[Mapping[str, KindOfStep]] = {
+    "open": KindOfStep("closed", 1, "open"),
+    "open again": KindOfStep("open", 0.3, "closed"),
+    "start": KindOfStep("open", 4, "started"),
+    "read blocks": KindOfStep("started", 3),
+    "measure": KindOfStep("started", 4),
+    "pause": KindOfStep("started", 1.5),
+    "close": KindOfStep("open started", 2.5, "closed"),
+    "new driver": KindOfStep("closed", 0.2),
 }
 
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
 
-    def play(trial: Trial) -> None:
+    def play(trial: DrawnTrial) -> None:
         drawn = replace(subject, more=trial.options)
         with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
             played = _Played(drawn, peer, caller)  # what it leaves open stays to be seen
@@ -175,7 +183,7 @@ def any_order(subject: Subject) -> Iterator[str]:
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
 
-    drawing = Drawing(subject, lambda _: CALLS, value)
+    drawing = SequenceDrawing(subject, lambda _: CALLS, value)
     yield from first_failure(play, drawing.trials(TRIALS, STEPS), subject.notes)
 
 
@@ -197,21 +205,21 @@ class _Played:
         self._last_ns = 0
         self._before: tuple[Block, Block] | None = None  # the last block, and a copy of it
 
-    def play(self, trial: Trial) -> None:
+    def play(self, trial: DrawnTrial) -> None:
         """Make the calls.
 
         Raises:
             Failed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
-        walk = Walk(trial, CALLS)
+        walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
                 for step in walk:
                     self._watcher.gap_s = 0.0
                     calls = getattr(self, "_" + step.name.replace(" ", "_"))
                     calls() if step.value is None else calls(step.value)
-            except Failed as failed:
+            except StepFailed as failed:
                 raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
             finally:
                 self._caller.call(self._driver.close, OPEN_S)
@@ -224,7 +232,7 @@ class _Played:
     def _open_again(self) -> None:
         error = self._caller.call(self._driver.open, OPEN_S).error
         if error is not None and not isinstance(error, FAILURES):
-            raise Failed(f"open() of an open driver raises {described(error)}")
+            raise StepFailed(f"open() of an open driver raises {described(error)}")
         self._close()
 
     def _start(self) -> None:
@@ -245,11 +253,13 @@ class _Played:
                 blocks += 1
                 late = self._late() if blocks % count == 0 else late
             if time.monotonic() > end:
-                raise Failed(late or f"{blocks} blocks with rows in {BLOCKS_S:g} s")
+                raise StepFailed(late or f"{blocks} blocks with rows in {BLOCKS_S:g} s")
         span_s = (time.monotonic_ns() - self._began_ns) * 1e-9
         apart_s, rate_hz = float(np.median(self._steps)) * 1e-9, self._driver.rate_hz
         if span_s > GATHER_S and not abs(apart_s * rate_hz - 1) <= TIMES_PART:
-            raise Failed(f"the rows are {apart_s * 1e3:g} ms apart, and rate_hz is {rate_hz:g} Hz")
+            raise StepFailed(
+                f"the rows are {apart_s * 1e3:g} ms apart, and rate_hz is {rate_hz:g} Hz"
+            )
 
     def _late(self) -> str:
         """Return why the last blocks come too late; "" if they do not."""
@@ -276,7 +286,7 @@ class _Played:
         before = self._watcher.look().sent
         time.sleep(ENDS_S)
         if self._watcher.look().sent != before:
-            raise Failed("the device goes on sending after close()")
+            raise StepFailed("the device goes on sending after close()")
 
     def _new_driver(self) -> None:
         self._driver: BlockDriver = self._subject.make(self._peer, self._peer.link())
@@ -292,50 +302,52 @@ class _Played:
         outcome: CallOutcome = self._caller.call(function, OPEN_S)
         expect(what, outcome.error)
         if what == "read_block" and outcome.took_s > TIMEOUT_S + ROOM_S:
-            raise Failed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
+            raise StepFailed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
         return outcome.value
 
     def _check(self, block: Block) -> None:
         """Check a block that came just now."""
         now_ns, look = time.monotonic_ns(), self._watcher.look()
         for problem in _block_problems(self._driver, block):
-            raise Failed(problem)
+            raise StepFailed(problem)
         if self._before is not None:
             before, as_it_came = self._before
             if not (
                 np.array_equal(before.times_ns, as_it_came.times_ns)
                 and np.array_equal(before.values, as_it_came.values)
             ):
-                raise Failed("the block before changes when the next one is read")
+                raise StepFailed("the block before changes when the next one is read")
         self._before = block, Block(block.times_ns.copy(), block.values.copy())
         times, period_ns = block.times_ns, 1e9 / self._driver.rate_hz
         self._rows += len(times)
         if self._sent is not None:
             kept = (look.sent or 0) - self._sent - self._rows
             if kept < 0:
-                raise Failed(f"{-kept} rows more than the device has sent")
+                raise StepFailed(f"{-kept} rows more than the device has sent")
             self._kept.append(kept)
         if self._last_ns:
             times = np.concatenate([[self._last_ns], times])
         steps = np.diff(times)
         if np.any(steps <= 0):
-            raise Failed("the times of the rows do not increase from row to row, block to block")
+            raise StepFailed(
+                "the times of the rows do not increase from row to row, block to block"
+            )
         self._steps += steps.tolist()
         if len(steps) and np.max(steps) > LOST_PERIODS * period_ns:
-            raise Failed("the times have a gap, and the device has lost nothing")
+            raise StepFailed("the times have a gap, and the device has lost nothing")
         self._last_ns = int(times[-1])
         age_s = (now_ns - self._last_ns) * 1e-9
         if age_s < 0:
-            raise Failed(f"the times of rows are {-age_s:.3g} s after they came")
+            raise StepFailed(f"the times of rows are {-age_s:.3g} s after they came")
         if times[0] < self._began_ns - AGE_S * 1e9:
-            raise Failed("a row is of a time before start()")
+            raise StepFailed("a row is of a time before start()")
         self._ages.append(age_s)
         for index in (0, len(block.values) // 2, -1):
             began_s = block.times_ns[index] * 1e-9 - AGE_S
             looks = [item.measured for item in self._watcher.since(began_s)]
             if looks[-1]:
                 for problem in untrue(self._driver.declaration, block.values[index], looks):
-                    raise Failed(problem)
+                    raise StepFailed(problem)
 
 
 def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:

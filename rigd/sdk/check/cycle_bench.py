@@ -12,7 +12,7 @@ from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import row_problems, untrue
-from rigd.sdk.check.sequences import Failed
+from rigd.sdk.check.sequences import StepFailed
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import Driver
@@ -181,24 +181,24 @@ class Bench:
             return
         now_s, declared = time.monotonic(), self.driver.declaration
         for problem in row_problems(declared, row):
-            raise Failed(problem)
+            raise StepFailed(problem)
         self.rows += 1
         taken_ns = self.driver.taken_ns
         if taken_ns is not None:
             if taken_ns > now_s * 1e9:
-                raise Failed("taken_ns of a row is after the cycle that read it")
+                raise StepFailed("taken_ns of a row is after the cycle that read it")
             if self._last_ns is not None and taken_ns <= self._last_ns:
-                raise Failed("taken_ns of a row is not after that of the row before")
+                raise StepFailed("taken_ns of a row is not after that of the row before")
             self._last_ns = taken_ns
         look = self.look()
         if self._sent is not None and self.rows > (look.sent or 0) - self._sent:
-            raise Failed(f"row {self.rows} is read, and the device has sent fewer readings")
+            raise StepFailed(f"row {self.rows} is read, and the device has sent fewer readings")
         if look.measured:
             age_s = AGE_S + (0.0 if declared.every_cycle else declared.silent_s)
             for problem in untrue(
                 declared, row, [item.measured for item in self.watcher.since(now_s - age_s)]
             ):
-                raise Failed(problem)
+                raise StepFailed(problem)
 
     def cycles(self, for_s: float) -> Iterator[CallOutcome]:
         """Go through cycles for a while, until one fails."""

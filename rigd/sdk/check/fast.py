@@ -22,12 +22,12 @@ from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, Bench, rest
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.sequences import (
-    Call,
-    Drawing,
-    Failed,
-    Step,
-    Trial,
-    Walk,
+    DrawnStep,
+    DrawnTrial,
+    KindOfStep,
+    RandomWalk,
+    SequenceDrawing,
+    StepFailed,
     expect,
     first_failure,
 )
@@ -59,25 +59,25 @@ HELD_PART: Final = 1.4
 HELD_S: Final = 0.3
 
 #: States: closed, open (not armed), armed, tripped (by the watchdog).
-CALLS: Final[Mapping[str, Call]] = {
-    "open": Call("closed", 1, "open"),
-    "open again": Call("open armed", 0.4, "open", 1),
-    "prove watchdog": Call("open", 0.3, "open", 1),
-    "arm": Call("open", 4, "armed"),
-    "arm and at once make safe": Call("open", 0.5, "open", 1),
-    "write": Call("armed", 10),
-    "write unarmed": Call("open", 1.5, "", 2),
-    "write without a read": Call("armed", 1),
-    "go on": Call("armed", 2),
-    "hold": Call("armed", 0.6, "", 1),
-    "cycle without a write": Call("armed open", 1),
-    "act": Call("open armed", 0.6, "", 3),
-    "wait for the watchdog": Call("armed", 0.4, "tripped", 1),
-    "make safe": Call("open armed tripped", 2.5, "open"),
-    "close": Call("open", 0.6, "closed"),
-    "new driver": Call("closed", 0.3),
-    "kill": Call("armed", 0.5, "closed", 1),
-    "kill and rescue": Call("armed", 0.8, "closed", 2),
+CALLS: Final[Mapping[str, KindOfStep]] = {
+    "open": KindOfStep("closed", 1, "open"),
+    "open again": KindOfStep("open armed", 0.4, "open", 1),
+    "prove watchdog": KindOfStep("open", 0.3, "open", 1),
+    "arm": KindOfStep("open", 4, "armed"),
+    "arm and at once make safe": KindOfStep("open", 0.5, "open", 1),
+    "write": KindOfStep("armed", 10),
+    "write unarmed": KindOfStep("open", 1.5, "", 2),
+    "write without a read": KindOfStep("armed", 1),
+    "go on": KindOfStep("armed", 2),
+    "hold": KindOfStep("armed", 0.6, "", 1),
+    "cycle without a write": KindOfStep("armed open", 1),
+    "act": KindOfStep("open armed", 0.6, "", 3),
+    "wait for the watchdog": KindOfStep("armed", 0.4, "tripped", 1),
+    "make safe": KindOfStep("open armed tripped", 2.5, "open"),
+    "close": KindOfStep("open", 0.6, "closed"),
+    "new driver": KindOfStep("closed", 0.3),
+    "kill": KindOfStep("armed", 0.5, "closed", 1),
+    "kill and rescue": KindOfStep("armed", 0.8, "closed", 2),
 }
 #: Those that a driver without setpoints, without a watchdog, a second link, actions does not know.
 OF_SETPOINTS: Final = {
@@ -93,7 +93,7 @@ KINDS: Final = (
 )
 
 
-def calls_of(subject: Subject) -> Mapping[str, Call]:
+def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
     """Return the calls that are possible with a driver of the present options."""
     declared = subject.declare()
     left_out: set[str] = set()
@@ -174,13 +174,13 @@ def any_order(subject: Subject) -> Iterator[str]:
             return rng.choice([*subject.declare().actions, "no_such_action"])
         return "twice" if name == "prove watchdog" and next(proofs) == 0 else None
 
-    def play(trial: Trial) -> None:
+    def play(trial: DrawnTrial) -> None:
         drawn = replace(subject, more=trial.options)
         with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
             played = _Played(drawn, Bench(drawn, peer, caller))  # kept: what it leaves is seen
             played.play(trial)
 
-    trials = Drawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
     yield from first_failure(play, trials, subject.notes)
 
 
@@ -200,26 +200,26 @@ class _Played:
         self._called_s = 0.0  # when the last command was sent
         self._stalled = False
 
-    def play(self, trial: Trial) -> None:
+    def play(self, trial: DrawnTrial) -> None:
         """Make the calls.
 
         Raises:
             Failed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
-        found, self._walk = self._found, Walk(trial, CALLS)
+        found, self._walk = self._found, RandomWalk(trial, CALLS)
         with found.watcher:
             try:
                 for step in self._walk:
                     self._step(step)
-            except Failed as failed:
+            except StepFailed as failed:
                 stalled = self._stalled or self._stands()
                 raise self._walk.verdict(failed, stalled=stalled) from failed
             finally:
                 found.call(found.driver.make_safe)
                 found.close()
 
-    def _step(self, step: Step) -> None:
+    def _step(self, step: DrawnStep) -> None:
         """Make the calls of one step, and check the device while and after they are made."""
         self._stalled = False
         self._called_s = time.monotonic()
@@ -231,7 +231,7 @@ class _Played:
         if not self._observed or not self._channels:
             return
         if self._found.look().trips != trips and step.name not in SILENT:
-            raise Failed(
+            raise StepFailed(
                 "the watchdog of the device acts, though the driver is called all the time"
             )
         for look in self._found.watcher.since(began_s):
@@ -241,7 +241,7 @@ class _Played:
                 )  # fmt: skip
                 room = NEAR * (channel.high - channel.low)
                 if not min(ends) - room <= look.driven[index] <= max(ends) + room:
-                    raise Failed(
+                    raise StepFailed(
                         f"meanwhile the device is driven at {look.driven[index]:g} {channel.unit}"
                     )
 
@@ -261,7 +261,7 @@ class _Played:
         """Open what is open: it is as before, or it is open anew and not armed."""
         outcome = self._found.call(self._found.driver.open, OPEN_S)
         if outcome.error is not None and not isinstance(outcome.error, FAILURES):
-            raise Failed(f"open() of an open driver raises {described(outcome.error)}")
+            raise StepFailed(f"open() of an open driver raises {described(outcome.error)}")
         if self._observed and not self._driven():
             self._wanted = self._safe
             self._still()
@@ -278,9 +278,11 @@ class _Played:
         least_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0)
         if not least_s < outcome.value <= promised + ROOM_S / 4:
             of = f", and the device acts after {before.watchdog_s:g} s" if before.watchdog_s else ""
-            raise Failed(f"it returns {outcome.value!r} s, and watchdog_s is {promised:g} s{of}")
+            raise StepFailed(
+                f"it returns {outcome.value!r} s, and watchdog_s is {promised:g} s{of}"
+            )
         if before.trips is not None and self._found.look().trips == before.trips:
-            raise Failed(f"it returns {outcome.value:g} s, and the watchdog did not act")
+            raise StepFailed(f"it returns {outcome.value:g} s, and the watchdog did not act")
         self._safe_now("after prove_watchdog()")
 
     def _arm(self) -> None:
@@ -295,13 +297,13 @@ class _Played:
             if ready.value:
                 break
             if time.monotonic() > end:
-                raise Failed("it never becomes ready")
+                raise StepFailed("it never becomes ready")
             self._cycle(self._last)
         energised = found.look().energised
         if self._enables is None:
             self._enables = energised
         elif self._enables and not energised:
-            raise Failed("ready() returns True, and the device is not energised")
+            raise StepFailed("ready() returns True, and the device is not energised")
         if self._observed:  # it is at rest as before, or as the setpoint zero has it
             driven = found.look().driven
             nearer = [
@@ -319,7 +321,7 @@ class _Played:
         outcome = self._cycle(setpoints, refused=not self._within(setpoints))
         if outcome.error is None:
             if any(map(math.isnan, setpoints)):
-                raise Failed("write() takes NaN as if it were a setpoint")
+                raise StepFailed("write() takes NaN as if it were a setpoint")
             self._last, self._wanted = setpoints, self._clipped(setpoints)
         self._settle()
 
@@ -356,7 +358,7 @@ class _Played:
             self._cycle(self._last)
             cycles += 1
         if cycles > 50 and declared.channels and self._found.rows == rows:
-            raise Failed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
+            raise StepFailed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
         self._settle()
 
     def _cycle_without_a_write(self) -> None:
@@ -368,7 +370,7 @@ class _Played:
         before, error = found.look().acted, found.call(lambda: found.driver.act(action)).error
         if action not in found.driver.declaration.actions:
             if not isinstance(error, ValueError):
-                raise Failed("it is none of its actions, and raises no ValueError")
+                raise StepFailed("it is none of its actions, and raises no ValueError")
             return
         end = time.monotonic() + ACTS_S
         reply: object = None
@@ -381,9 +383,9 @@ class _Played:
             reply, error = outcome.value, outcome.error
         if not isinstance(reply, str):
             words = "no reply" if error is None else described(error)
-            raise Failed(f"a healthy device gives {words}")
+            raise StepFailed(f"a healthy device gives {words}")
         if before is not None and list(found.look().acted or ()) != [*before, action]:
-            raise Failed("the device has not done it")
+            raise StepFailed("the device has not done it")
 
     def _wait_for_the_watchdog(self) -> None:
         if not self._observed:
@@ -397,12 +399,12 @@ class _Played:
         while time.monotonic() < end:
             outcome = self._found.cycle(self._last)
             if self._found.look().energised:
-                raise Failed("the next setpoint drives the device again")
+                raise StepFailed("the next setpoint drives the device again")
             if outcome.error is not None:
                 if not isinstance(outcome.error, FAILURES):
-                    raise Failed(f"a cycle raises {described(outcome.error)}")
+                    raise StepFailed(f"a cycle raises {described(outcome.error)}")
                 return
-        raise Failed("the watchdog has switched the device off, and read() does not report it")
+        raise StepFailed("the watchdog has switched the device off, and read() does not report it")
 
     def _make_safe(self) -> None:
         found = self._found
@@ -451,7 +453,7 @@ class _Played:
         if outcome.error is None:
             self._found.check_row(outcome.value)
         elif not refused or not isinstance(outcome.error, (*FAILURES, ValueError)):
-            raise Failed(f"a cycle raises {described(outcome.error)}")
+            raise StepFailed(f"a cycle raises {described(outcome.error)}")
         now_s = time.monotonic()
         if setpoints:
             self._stalled |= now_s - self._called_s > (self._found.driver.watchdog_s or 9.0) / 2
@@ -480,7 +482,7 @@ class _Played:
         """Check that the device is driven as it is to be."""
         if self._observed and self._channels and not self._driven():
             driven = self._found.look().driven
-            raise Failed(f"the device is driven at {self._shown(driven)}")
+            raise StepFailed(f"the device is driven at {self._shown(driven)}")
 
     def _safe_now(self, when: str) -> None:
         """Check that the device is and stays safe, for as long as what was sent needs to arrive."""
@@ -490,9 +492,9 @@ class _Played:
         time.sleep(ARRIVES_S)
         for look in self._found.watcher.since(began_s):
             if look.energised:
-                raise Failed(f"{when} the device is energised")
+                raise StepFailed(f"{when} the device is energised")
             if not self._driven(look):
-                raise Failed(f"{when} the device is driven at {self._shown(look.driven)}")
+                raise StepFailed(f"{when} the device is driven at {self._shown(look.driven)}")
 
     def _await_safe(self, when: str, trips: int | None) -> None:
         """Check that the device becomes safe, and not by its watchdog."""
@@ -504,16 +506,16 @@ class _Played:
         until(lambda: not self._found.look().energised, within_s)
         after = self._found.look()
         if after.trips != trips:
-            raise Failed(f"{when} only the watchdog of the device has made it safe")
+            raise StepFailed(f"{when} only the watchdog of the device has made it safe")
         if after.energised:
-            raise Failed(f"{when} the device is still driven at {self._shown(after.driven)}")
+            raise StepFailed(f"{when} the device is still driven at {self._shown(after.driven)}")
 
     def _let_it_act(self) -> None:
         """Wait until the watchdog has switched the device off; nothing is called meanwhile."""
         within_s = (self._found.driver.watchdog_s or 0.0) + ROOM_S
         if not until(lambda: not self._found.look().energised, within_s):
             driven = self._shown(self._found.look().driven)
-            raise Failed(f"{within_s:g} s after the last call the device is driven at {driven}")
+            raise StepFailed(f"{within_s:g} s after the last call the device is driven at {driven}")
 
     def _driven(self, look: Observed | None = None) -> bool:
         driven = (self._found.look() if look is None else look).driven

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.sdk.check.sequences import Failed
+from rigd.sdk.check.sequences import StepFailed
 
 #: What is left gets this time to end, in s: threads end in their next turn.
 ENDS_S: Final = 1.5
@@ -49,12 +49,12 @@ def nothing_left(when: str = "after close()") -> Iterator[None]:
         warnings.showwarning = show
         yield
     if dropped:
-        raise Failed(f"{when} it drops what it has not closed: {dropped[0]}")
+        raise StepFailed(f"{when} it drops what it has not closed: {dropped[0]}")
     end = time.monotonic() + ENDS_S
     while left := _held().items() - before.items():
         if time.monotonic() > end:
             words = ", ".join(sorted(words for _, words in left))
-            raise Failed(f"{when} {words} left open")
+            raise StepFailed(f"{when} {words} left open")
         gc.collect()
         time.sleep(_LOOK_S)
 

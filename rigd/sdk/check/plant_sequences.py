@@ -28,7 +28,7 @@ TRIALS: Final = 0.1
 
 
 @dataclass(frozen=True)
-class Part:
+class TimePart:
     """A part of the time, in cycles, and what happens before it."""
 
     cycles: int
@@ -36,10 +36,10 @@ class Part:
     change: tuple[str, float | str] | None = None
 
 
-def _drawn(subject: PlantSubject, rng: random.Random) -> Iterator[Part]:
+def _drawn(subject: PlantSubject, rng: random.Random) -> Iterator[TimePart]:
     changes = list(changes_of(subject.config().settings()))
     for number in range(PARTS):
-        yield Part(
+        yield TimePart(
             rng.choice(SIZES),
             number if rng.random() < TRIALS else None,
             rng.choice(changes) if changes and rng.random() < CHANGES else None,
@@ -54,7 +54,7 @@ class _Run:
         self._bench = PlantBench(subject, subject.make(seed=seed))
         self._rng = random.Random(seed) if divided else None
 
-    def play(self, part: Part) -> Played:
+    def play(self, part: TimePart) -> Played:
         """Play a part, divided at random if so is this run; return all that was seen."""
         bench = self._bench
         if part.trial is not None:

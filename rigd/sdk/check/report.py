@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from rigd.sdk.check.caller import Hung
-from rigd.sdk.check.sequences import Failed
+from rigd.sdk.check.sequences import StepFailed
 from rigd.sdk.check.subject import NamedRule, UnfitSubject
 
 R = TypeVar("R", bound=NamedRule)
@@ -100,6 +100,6 @@ def examine(
             checked.append(rule.name)
             try:
                 findings += [Finding(rule.name, item, rule.demand) for item in problems(rule)]
-            except (UnfitSubject, Hung, Failed) as unfit:
+            except (UnfitSubject, Hung, StepFailed) as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
     return Report(subject, tuple(findings), tuple(checked), skipped, seed, tuple(notes))

@@ -36,7 +36,7 @@ OFTEN: Final = 2
 SELDOM: Final = 5
 
 
-class Step(NamedTuple):
+class DrawnStep(NamedTuple):
     """A call, or some of one kind: its name, and what it is given."""
 
     name: str
@@ -49,10 +49,10 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trial:
+class DrawnTrial:
     """Steps for a new driver with a new device, and the options that were drawn for it."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[DrawnStep, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class Trial:
         return ", ".join(f"{name}: {value}" for name, value in self.options.items())
 
 
-class Call(NamedTuple):
+class KindOfStep(NamedTuple):
     """A kind of step: the states in which it is possible, how often it is drawn among others."""
 
     states: str  # separated by blanks
@@ -75,26 +75,26 @@ class Call(NamedTuple):
 
 
 @dataclass
-class Drawing:
+class SequenceDrawing:
     """Draws sequences; what was drawn seldom in those before comes sooner in those after.
 
     ``value(name, options, rng)`` returns what a step is given.
     """
 
     subject: Subject
-    calls: Callable[[Subject], Mapping[str, Call]]
+    calls: Callable[[Subject], Mapping[str, KindOfStep]]
     value: Callable[[str, Subject, random.Random], Any]
     used: Counter[str] = field(default_factory=Counter)
 
-    def trials(self, count: int, steps: int) -> Iterator[Trial]:
+    def trials(self, count: int, steps: int) -> Iterator[DrawnTrial]:
         """Yield sequences of so many steps, the first with the options of the author alone."""
         for number in range(count):
             rng = random.Random(f"{self.subject.seed} {number}")
             options = self.subject.drawn(rng) if number else {}
             subject = replace(self.subject, more=options)
-            yield Trial(tuple(self._steps(subject, steps, rng)), options)
+            yield DrawnTrial(tuple(self._steps(subject, steps, rng)), options)
 
-    def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[Step]:
+    def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[DrawnStep]:
         calls = self.calls(subject)
         left = {name: call.most for name, call in calls.items()}
         state = "closed"
@@ -104,11 +104,11 @@ class Drawing:
             (name,) = rng.choices(names, weights) if number else ["open"]
             left[name] -= 1
             self.used[name] += 1
-            yield Step(name, self.value(name, subject, rng))
+            yield DrawnStep(name, self.value(name, subject, rng))
             state = calls[name].after or state
 
 
-class Failed(Exception):
+class StepFailed(Exception):
     """What was seen breaks a promise; the message states what."""
 
     at = STEPS  #: how many steps were made before; without a number, all
@@ -116,9 +116,9 @@ class Failed(Exception):
 
 
 def expect(what: str, error: BaseException | None) -> None:
-    """Raise Failed if a call has raised an error."""
+    """Raise StepFailed if a call has raised an error."""
     if error is not None:
-        failed = Failed(f"{what} raises {described(error)}")
+        failed = StepFailed(f"{what} raises {described(error)}")
         failed.error = error if what == "open" else None
         raise failed
 
@@ -131,20 +131,20 @@ class Stalled(Unjudged):
     """The machine stood still."""
 
 
-#: Plays a trial; raises Failed, Stalled or Unjudged.
-Play = Callable[[Trial], None]
+#: Plays a trial; raises StepFailed, Stalled or Unjudged.
+Play = Callable[[DrawnTrial], None]
 
 
-class Walk:
+class RandomWalk:
     """Goes through the steps of a trial that are possible in the state that those before led to."""
 
-    def __init__(self, trial: Trial, calls: Mapping[str, Call]) -> None:
+    def __init__(self, trial: DrawnTrial, calls: Mapping[str, KindOfStep]) -> None:
         self._trial = trial
         self._calls = calls
         self._number = 0
         self.state = "closed"
 
-    def __iter__(self) -> Iterator[Step]:
+    def __iter__(self) -> Iterator[DrawnStep]:
         """Yield each step; the state changes once it is made."""
         for number, step in enumerate(self._trial.steps):
             self._number = number
@@ -153,7 +153,7 @@ class Walk:
                 yield step
                 self.state = call.after or self.state
 
-    def verdict(self, failed: Failed, *, stalled: bool) -> Exception:
+    def verdict(self, failed: StepFailed, *, stalled: bool) -> Exception:
         """Return what a failure of the present step tells: of the driver, or nothing."""
         failed.at = self._number
         if stalled:
@@ -163,7 +163,7 @@ class Walk:
         return failed
 
 
-def first_failure(play: Play, trials: Iterable[Trial], notes: list[str]) -> Iterator[str]:
+def first_failure(play: Play, trials: Iterable[DrawnTrial], notes: list[str]) -> Iterator[str]:
     """Yield what the first trial that fails shows, behind the fewest steps that show it.
 
     A failure counts if it shows itself twice: the machine may have stalled. ``notes`` gets what was
@@ -190,7 +190,7 @@ def first_failure(play: Play, trials: Iterable[Trial], notes: list[str]) -> Iter
         yield f"{stalled} of {count} trials were not judged: this machine stalled; play them again"
 
 
-def _failure(play: Play, trial: Trial) -> Failed | None:
+def _failure(play: Play, trial: DrawnTrial) -> StepFailed | None:
     """Return how a trial fails, if it does.
 
     Raises:
@@ -199,10 +199,10 @@ def _failure(play: Play, trial: Trial) -> Failed | None:
     for turn in range(TRIES):
         try:
             play(trial)
-        except Failed as failed:
+        except StepFailed as failed:
             return failed
         except (UnfitSubject, Hung) as unfit:
-            return Failed(str(unfit))
+            return StepFailed(str(unfit))
         except Stalled:
             if turn + 1 == TRIES:
                 raise
@@ -211,13 +211,13 @@ def _failure(play: Play, trial: Trial) -> Failed | None:
     return None
 
 
-def _fails(play: Play, trial: Trial) -> Failed | None:
+def _fails(play: Play, trial: DrawnTrial) -> StepFailed | None:
     with contextlib.suppress(Unjudged):
         return _failure(play, trial)
     return None
 
 
-def _shortened(play: Play, trial: Trial, failed: Failed) -> tuple[Trial, Failed]:
+def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[DrawnTrial, StepFailed]:
     """Return the shortest trial that was found to fail, and how it fails."""
     end = time.monotonic() + SHORTEN_S
     trial = replace(trial, steps=trial.steps[: failed.at + 1])
@@ -237,7 +237,7 @@ def _shortened(play: Play, trial: Trial, failed: Failed) -> tuple[Trial, Failed]
     return trial, failed
 
 
-def _without_options(trial: Trial) -> Iterator[Trial]:
+def _without_options(trial: DrawnTrial) -> Iterator[DrawnTrial]:
     if trial.options:
         yield replace(trial, options={})
     for name in trial.options if len(trial.options) > 1 else ():

@@ -22,12 +22,12 @@ from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import drawn_values, measure, nearby, row_problems, untrue
 from rigd.sdk.check.sequences import (
-    Call,
-    Drawing,
-    Failed,
-    Trial,
+    DrawnTrial,
+    KindOfStep,
+    RandomWalk,
+    SequenceDrawing,
+    StepFailed,
     Unjudged,
-    Walk,
     expect,
     first_failure,
 )
@@ -116,7 +116,7 @@ def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[
 
         try:
             _played(subject, main)
-        except (UnfitSubject, Failed) as unfit:
+        except (UnfitSubject, StepFailed) as unfit:
             problems.add(str(unfit))
         except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
             problems.add(described(error))
@@ -202,26 +202,26 @@ async def _rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
 
 
 #: States: closed, open, running, armed (and running).
-CALLS: Final[Mapping[str, Call]] = {
-    "open": Call("closed", 3, "open"),
-    "open and cancel": Call("closed", 0.5, "closed", 2),
-    "run": Call("open", 4, "running"),
-    "run and at once act": Call("open", 1, "running"),
-    "wait for rows": Call("running armed", 2),
-    "measure": Call("running armed", 4),
-    "act": Call("running armed", 1),
-    "cancel": Call("running", 1.5, "open"),
-    "close": Call("open", 1, "closed"),
-    "new driver": Call("closed", 0.5),
-    "arm": Call("running", 3, "armed"),
-    "write": Call("armed", 8),
-    "make safe": Call("running armed", 2, "running"),
-    "kill and rescue": Call("armed", 0.5, "closed", 1),
+CALLS: Final[Mapping[str, KindOfStep]] = {
+    "open": KindOfStep("closed", 3, "open"),
+    "open and cancel": KindOfStep("closed", 0.5, "closed", 2),
+    "run": KindOfStep("open", 4, "running"),
+    "run and at once act": KindOfStep("open", 1, "running"),
+    "wait for rows": KindOfStep("running armed", 2),
+    "measure": KindOfStep("running armed", 4),
+    "act": KindOfStep("running armed", 1),
+    "cancel": KindOfStep("running", 1.5, "open"),
+    "close": KindOfStep("open", 1, "closed"),
+    "new driver": KindOfStep("closed", 0.5),
+    "arm": KindOfStep("running", 3, "armed"),
+    "write": KindOfStep("armed", 8),
+    "make safe": KindOfStep("running armed", 2, "running"),
+    "kill and rescue": KindOfStep("armed", 0.5, "closed", 1),
 }
 OF_SETPOINTS: Final = {"arm", "write", "make safe", "kill and rescue"}
 
 
-def calls_of(subject: Subject) -> Mapping[str, Call]:
+def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
     """Return the calls that are possible with a driver of the present options."""
     declared = subject.declare()
     left_out = set() if declared.setpoints else set(OF_SETPOINTS)
@@ -254,7 +254,7 @@ def any_order(subject: Subject) -> Iterator[str]:
             return rng.choice([*declared.actions, "no_such_action"])
         return rng.choice(CANCEL_STEPS) if "cancel" in name else None
 
-    def play(trial: Trial) -> None:
+    def play(trial: DrawnTrial) -> None:
         drawn = replace(subject, more=trial.options)
         kept: list[_Session] = []  # what its drivers leave open stays to be seen
 
@@ -264,12 +264,12 @@ def any_order(subject: Subject) -> Iterator[str]:
 
         try:
             _played(drawn, main)
-        except (Failed, Unjudged, UnfitSubject, Hung):
+        except (StepFailed, Unjudged, UnfitSubject, Hung):
             raise
         except Exception as error:
-            raise Failed(described(error)) from error
+            raise StepFailed(described(error)) from error
 
-    trials = Drawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
     yield from first_failure(play, trials, subject.notes)
 
 
@@ -285,19 +285,19 @@ class _Session:
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened, and what the device had sent until then
         self._sent: int | None = None
-        self._wrong: list[Failed] = []  # what emit() saw
+        self._wrong: list[StepFailed] = []  # what emit() saw
         self._came = asyncio.Event()
         self._safe = self._wanted = self._watcher.look().driven
         self._observed = bool(self._safe)  # the peer shows its actuators
 
-    async def play(self, trial: Trial) -> None:
+    async def play(self, trial: DrawnTrial) -> None:
         """Make the calls.
 
         Raises:
             Failed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
-        walk = Walk(trial, CALLS)
+        walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
                 for step in walk:
@@ -306,7 +306,7 @@ class _Session:
                     await (calls() if step.value is None else calls(step.value))
                     if self._wrong:
                         raise self._wrong[0]
-            except Failed as failed:
+            except StepFailed as failed:
                 raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
             finally:
                 if self._task is not None:
@@ -317,7 +317,7 @@ class _Session:
                         await self._driver.make_safe()
                 await self._driver.close()
         if left := _tasks_left():
-            raise Failed(f"tasks go on after close(): {left}")
+            raise StepFailed(f"tasks go on after close(): {left}")
 
     # The calls of each step.
 
@@ -333,7 +333,7 @@ class _Session:
         task.cancel()
         await asyncio.wait({task}, timeout=CANCEL_S)
         if not task.done():
-            raise Failed(f"it goes on {CANCEL_S:g} s after it was cancelled")
+            raise StepFailed(f"it goes on {CANCEL_S:g} s after it was cancelled")
         await self._must("close", self._driver.close())
 
     async def _run(self) -> None:
@@ -363,9 +363,9 @@ class _Session:
             if self._task.done():
                 error = self._task.exception()
                 how = "returns" if error is None else f"raises {described(error)}"
-                raise Failed(f"run() {how}")
+                raise StepFailed(f"run() {how}")
             if not self._came.is_set():
-                raise Failed(f"run() gives no row for {within_s:.3g} s")
+                raise StepFailed(f"run() gives no row for {within_s:.3g} s")
 
     async def _measure(self, values: tuple[float, ...]) -> None:
         declared = self._driver.declaration
@@ -381,13 +381,15 @@ class _Session:
             except ValueError:
                 return
             except Exception as error:
-                raise Failed(f"it is none of its actions, and raises {described(error)}") from error
-            raise Failed(f"it is none of its actions, and returns {reply!r}")
+                raise StepFailed(
+                    f"it is none of its actions, and raises {described(error)}"
+                ) from error
+            raise StepFailed(f"it is none of its actions, and returns {reply!r}")
         reply = await self._must("act", self._driver.act(action))
         if not isinstance(reply, str) or not reply:
-            raise Failed(f"it returns {reply!r}, expected the reply of the device")
+            raise StepFailed(f"it returns {reply!r}, expected the reply of the device")
         if before is not None and list(self._watcher.look().acted or ()) != [*before, action]:
-            raise Failed("the device has not done it")
+            raise StepFailed("the device has not done it")
 
     async def _cancel(self, steps: int = 1) -> None:
         for _ in range(steps):
@@ -396,11 +398,11 @@ class _Session:
         self._task.cancel()
         await asyncio.wait({self._task}, timeout=CANCEL_S)
         if not self._task.done():
-            raise Failed(f"run() goes on {CANCEL_S:g} s after it was cancelled")
+            raise StepFailed(f"run() goes on {CANCEL_S:g} s after it was cancelled")
         if not self._task.cancelled():
             error = self._task.exception()
             how = "returns" if error is None else f"raises {described(error)}"
-            raise Failed(f"run() {how} when it is cancelled")
+            raise StepFailed(f"run() {how} when it is cancelled")
         self._task = None
 
     async def _close(self) -> None:
@@ -411,11 +413,11 @@ class _Session:
         before = self._watcher.look().sent
         await asyncio.sleep(ENDS_S)
         if self._rows > rows:
-            raise Failed("run() still gives rows after it was cancelled")
+            raise StepFailed("run() still gives rows after it was cancelled")
         if self._watcher.look().sent != before:
-            raise Failed("the device goes on sending after close()")
+            raise StepFailed("the device goes on sending after close()")
         if left := _tasks_left():
-            raise Failed(f"tasks go on after close(): {left}")
+            raise StepFailed(f"tasks go on after close(): {left}")
 
     async def _new_driver(self) -> None:
         self._new()
@@ -428,14 +430,14 @@ class _Session:
         if self._observed:
             driven = await self._settled([self._safe, rest])
             if driven is None:
-                raise Failed(f"the device is driven at {self._watcher.look().driven}")
+                raise StepFailed(f"the device is driven at {self._watcher.look().driven}")
             self._wanted = driven
 
     async def _write(self, setpoints: tuple[float, ...]) -> None:
         await self._must("write", self._driver.write(setpoints))
         self._wanted = setpoints
         if self._observed and await self._settled([setpoints]) is None:
-            raise Failed(f"the device is driven at {self._watcher.look().driven}")
+            raise StepFailed(f"the device is driven at {self._watcher.look().driven}")
 
     async def _make_safe(self) -> None:
         for turn in ("make_safe", "make_safe again"):
@@ -472,7 +474,7 @@ class _Session:
             problems += untrue(declared, row, looks)
         if self._sent is not None and self._rows > (look.sent or 0) - self._sent:
             problems.append(f"row {self._rows} comes, and the device has sent fewer readings")
-        self._wrong += map(Failed, problems)
+        self._wrong += map(StepFailed, problems)
 
     async def _must(self, what: str, call: Awaitable[Any]) -> Any:
         try:
@@ -502,7 +504,7 @@ class _Session:
         await asyncio.sleep(ARRIVES_S)
         for look in self._watcher.since(began_s):
             if look.energised or not self._is_safe(look):
-                raise Failed(f"{when} the device is driven at {look.driven}")
+                raise StepFailed(f"{when} the device is driven at {look.driven}")
 
     def _is_safe(self, look: Observed) -> bool:
         return all(
