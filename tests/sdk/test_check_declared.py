@@ -84,6 +84,15 @@ class Undocumented(Good):
     Config = UndocumentedConfig
 
 
+class UnreadConfig(DriverConfig):  # of no other: what is beside a class that it has counts, too
+    turns: Annotated[float, In("rev")] = 1.0
+    """Turns of the winding."""
+
+
+class Unread(Good):
+    Config = UnreadConfig
+
+
 class BareConfig(MotorConfig):
     gain: float | None = None
     """A number of what?"""
@@ -228,7 +237,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("safe is described", Unexplained, "no docstring states what safe means"),
     ("options strict", Lax, "unknown option is accepted"),
     ("options documented", Undocumented, "option turns"),
-    ("options are read", Undocumented, "nothing reads option turns"),
+    ("options are read", Unread, "nothing reads option turns"),
     ("options have units", Bare, "option gain is a bare float"),
     ("declares", Undeclared, "expected a Declaration"),
     ("declares", Refusing, "fields load, speed; the channels are speed, load"),
