@@ -108,7 +108,7 @@ UNCHECKED = {
     "approach_angle.md": 0,
     "validation.md": 1,
     "compare.md": 0,
-    "drivers.md": 3,
+    "drivers.md": 4,
     "analyses.md": 0,
     "friction_laws.md": 1,
     "new_rig.md": 0,
