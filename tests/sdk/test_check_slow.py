@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import socket
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -174,6 +177,13 @@ class Leaky(Good):
         self.ours = True  # not reached when cancelled: it stays taken
 
 
+class Keeping(Good):
+    async def open(self) -> None:
+        await super().open()
+        self.kept: list[Any] = [*socket.socketpair()]
+        self.kept.append(self.kept)  # closed once they are collected
+
+
 class Deaf(Good):
     async def act(self, action: str) -> str:
         raise DeviceError("cannot")
@@ -295,3 +305,12 @@ def test_no_rule_is_without_driver_that_breaks_it() -> None:
     assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD} | mutants - {
         "constructor opens nothing", "safe and closed before open",
     }  # fmt: skip
+
+
+def test_what_a_faulty_driver_left_is_collected() -> None:
+    report = examine_driver(Keeping, peer=thermometer, only=["any order of calls"])
+    assert any("left open" in finding.problem for finding in report.findings), str(report)
+    with warnings.catch_warnings(record=True) as later:
+        warnings.simplefilter("always")
+        gc.collect()
+    assert later == []

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from rigd.sdk.check import declared
+from rigd.sdk.check import declared, leaks
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
@@ -80,7 +80,7 @@ def examine_driver(
     )  # fmt: skip
     subject, faults = _subject(driver_class, {} if options is None else options, peer, seed)
     # A driver that cannot be constructed, or opened, has nothing else to show.
-    return examine(
+    report = examine(
         driver_class.__name__,
         stages,
         lambda rule: rule.check(subject),
@@ -90,6 +90,9 @@ def examine_driver(
         seed=seed,
         notes=subject.notes,
     )
+    if report.findings:
+        leaks.let_go()
+    return report
 
 
 def _missing(rule: Rule, faults: frozenset[str] | None, *, observes: bool) -> str:
