@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import itertools
 import threading
 from collections.abc import Iterator, Sequence
@@ -84,13 +85,17 @@ class Undocumented(Good):
     Config = UndocumentedConfig
 
 
-class UnreadConfig(DriverConfig):  # of no other: what is beside a class that it has counts, too
+class UnreadConfig(DriverConfig):
     turns: Annotated[float, In("rev")] = 1.0
     """Turns of the winding."""
 
 
 class Unread(Good):
     Config = UnreadConfig
+
+
+# All tests are one package, in which others read options; these stand in a module that does not.
+UnreadConfig.__module__ = Unread.__module__ = colorsys.__name__
 
 
 class BareConfig(MotorConfig):
