@@ -110,7 +110,7 @@ def bench(
     """Put a new driver before a new device, started; also yield what begins ``fault``.
 
     Raises:
-        Failed: the driver leaves something open.
+        StepFailed: the driver leaves something open.
     """
     with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
         found = BlockBench(subject.make(peer, peer.link()), caller, peer)
@@ -209,7 +209,7 @@ class _Played:
         """Make the calls.
 
         Raises:
-            Failed: the driver breaks a promise.
+            StepFailed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
         walk = RandomWalk(trial, CALLS)

@@ -175,7 +175,7 @@ class Bench:
         """Check a row of a healthy device that was read just now; None is none.
 
         Raises:
-            Failed: it is not as declared, not true, or no reading of the device is behind it.
+            StepFailed: it is not as declared, not true, or no reading of the device is behind it.
         """
         if row is None:
             return
@@ -245,7 +245,7 @@ def bench(subject: Subject, fault: str = "") -> Iterator[Bench]:
     ``fault`` is one that the device has from the beginning.
 
     Raises:
-        Failed: the driver leaves something open.
+        StepFailed: the driver leaves something open.
     """
     with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
         found = Bench(subject, peer, caller)

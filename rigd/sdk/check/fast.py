@@ -204,7 +204,7 @@ class _Played:
         """Make the calls.
 
         Raises:
-            Failed: the driver breaks a promise.
+            StepFailed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
         found, self._walk = self._found, RandomWalk(trial, CALLS)

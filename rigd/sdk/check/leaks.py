@@ -34,7 +34,7 @@ def nothing_left(when: str = "after close()") -> Iterator[None]:
     """Compare what the process has open after the block with what it had before.
 
     Raises:
-        Failed: something is left, or a driver drops what it has not closed.
+        StepFailed: something is left, or a driver drops what it has not closed.
     """
     before = _held()
     dropped: list[str] = []

@@ -80,7 +80,7 @@ def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]])
     """Play a coroutine on a loop of its own, before a new device.
 
     Raises:
-        Failed: something is left open after it.
+        StepFailed: something is left open after it.
         Exception: what the coroutine raises.
     """
     with nothing_left():
@@ -294,7 +294,7 @@ class _Session:
         """Make the calls.
 
         Raises:
-            Failed: the driver breaks a promise.
+            StepFailed: the driver breaks a promise.
             Unjudged: it may be the machine, or the options.
         """
         walk = RandomWalk(trial, CALLS)
