@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 from support.browser import Watched
 from support.page import given, in_control, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
-from support.played_campaign import TRIP
+from support.played_campaign import TRIP, run_line
 from support.played_rig import PlayedRig
 from support.stalls import witnessed
 
@@ -203,6 +203,26 @@ def test_list_of_runs_shows_specimen_and_values(panel: ServedPanel, watched: Wat
     turn_to(page, "Runs")
     first = page.locator(".run-list tbody tr").first
     expect(first.locator("td .quiet")).to_have_text("W7, floor=pvc, current=0.9 A")
+
+
+def test_list_and_sheet_state_file_of_run(watched: Watched) -> None:
+    rig = PlayedRig()
+    said = {"": "written by rigd, not checked since", "damaged": "damaged",
+            "valid": "valid, written by another program"}  # fmt: skip
+    rig.runs = [
+        run_line(f"2026-11-0{day}_a.mcap", condition=condition)
+        for day, condition in enumerate(said, 1)
+    ]
+    with ServedPanel(rig) as panel:
+        page = watched.enter(panel.links["observer"])
+        turn_to(page, "Runs")
+        rows = page.locator(".run-list tbody tr")
+        for condition, words in said.items():
+            row = rows.nth(list(said).index(condition))
+            cell = row.locator("td").nth(2)
+            expect(cell).to_have_text(f"complete{f', file {condition}' if condition else ''}")
+            row.get_by_role("button").click()
+            expect(page.locator(".sheet > .quiet")).to_have_text(re.compile(rf"mcap: {words}$"))
 
 
 def test_runs_are_searched_by_a_condition(panel: ServedPanel, watched: Watched) -> None:

@@ -115,7 +115,8 @@ export function mountRuns(root) {
       el("td", {}, mark),
       el("th", { scope: "row" }, choose),
       el("td", {}, words(item.procedure), el("span", { class: "quiet", title: given }, given)),
-      el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state))),
+      el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state)),
+        item.condition ? el("small", { title: fileWords(item) }, `, file ${item.condition}`) : null),
       el("td", { class: "value" }, `${item.trials_done}/${item.trials_total}`),
       el("td", { class: "value" }, duration(item.duration_s)));
     return row;
@@ -220,12 +221,23 @@ function drawRun(root, item, refresh) {
       el("a", { class: "button", href: `${path}/recording`, download: item.run }, icon("down"), `Recording (${bytes(item.size)})`),
       draw, item.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
       make, own, canResume ? resumeButton(item.run, hasControl()) : null, note),
-    el("p", { class: "quiet" }, file(item.run)),
+    el("p", { class: "quiet" }, file(item.run), `: ${fileWords(item)}`),
     item.problem === null ? null : el("p", { class: "problem" }, item.problem),
     report);
   if (item.has_report) show("identification");
   else if (item.has_page) show("run");
   else fill(report, el("p", { class: "empty" }, empty(item)));
+}
+
+/**
+ * What the file of a recording is: whole, valid or damaged.
+ * @param {Api.RunLine} item
+ */
+function fileWords(item) {
+  if (item.state === "running") return "being written";
+  if (item.condition === "valid") return "valid, written by another program";
+  if (item.condition) return item.condition;
+  return item.problem === null ? "written by rigd, not checked since" : "cannot be read";
 }
 
 /** @param {Api.RunLine} item */
