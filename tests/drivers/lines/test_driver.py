@@ -88,11 +88,15 @@ def sound(row: Sequence[float]) -> bool:
 
 
 def test_line_between_question_and_identity_is_none() -> None:
+    ended = asyncio.Event()
+
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readline()
         writer.write(b"*IDN?\r\n4.25 20.0\r\nACME,G1\r\n4.25 20.0\r\n")
         await reader.read()
         writer.close()
+        await writer.wait_closed()
+        ended.set()
 
     async def main() -> None:
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
@@ -108,6 +112,7 @@ def test_line_between_question_and_identity_is_none() -> None:
         assert driver.identity == "ACME,G1"
         await driver.close()
         server.close()
+        await ended.wait()
 
     asyncio.run(main())
 
