@@ -17,6 +17,7 @@ from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
 from rigd.cli.shown import outlive_output
 from rigd.daemon.execute import RecordedRun, RunRequest, execute
 from rigd.daemon.provenance import trial_label
+from rigd.daemon.waiting import what_waits
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.result import Progress, TimeLeft
 from rigd.model.errors import Exit, ProcedureError, RigdError
@@ -107,7 +108,7 @@ def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
             # The remaining time passes on the wall clock, also in virtual time.
             on_wall = replace(progress, run_s=time.monotonic() - begun_s)
             time_left.watch(on_wall)
-            display.show(_position(progress, request.procedure, time_left.left_s(on_wall)))
+            display.show(_position(progress, request, time_left, on_wall))
 
         answers: Answers = OwnAnswers()
         if by_person:
@@ -122,9 +123,9 @@ def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
 
 
 def _position(
-    progress: Progress, procedure: CompiledProcedure, left_s: float | None
+    progress: Progress, request: RunRequest, time_left: TimeLeft, on_wall: Progress
 ) -> RunPosition:
-    trial = progress.trial
+    trial, procedure = progress.trial, request.procedure
     return RunPosition(
         state=progress.state.name.lower(),
         trial=None if trial is None else trial.number,
@@ -132,7 +133,10 @@ def _position(
         step=progress.step,
         trials_done=progress.trials_done,
         trials_total=progress.trials_total,
-        left_s=left_s,
+        left_s=time_left.left_s(on_wall),
+        pause_in_s=time_left.until_pause_s(on_wall, procedure),
+        waits=what_waits(progress, request),
+        coming_to_rest=progress.coming_to_rest,
     )
 
 

@@ -20,7 +20,8 @@ class RunPosition:
     """The part of the progress of a run that the display shows.
 
     ``label`` names the point of the sweep that is played, "" if there is only one. ``left_s`` is
-    the time until the run ends, in s, or None if unknown.
+    the time until the run ends, in s, or None if unknown; ``pause_in_s`` is when a pause that was
+    asked for begins at the latest. ``waits`` says what the setpoints do in a pause.
     """
 
     state: str
@@ -30,6 +31,9 @@ class RunPosition:
     trials_done: int
     trials_total: int
     left_s: float | None
+    pause_in_s: float | None = None
+    waits: str = ""
+    coming_to_rest: bool = False  #: whether rows go on after the end of the run
 
 
 class RunDisplay:
@@ -55,6 +59,7 @@ class RunDisplay:
         self._task = self._bar.add_task("preflight", total=1, left="")
         self._trial: int | None = None
         self._state = ""
+        self._resting = False
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -92,13 +97,18 @@ class RunDisplay:
             named = "" if number == place else f" (number {number})"
             which = f"trial {place}/{position.trials_total}{named}"
             self._console.print(escape(f"{which}: {label}"))
-        if position.state in ("held", "paused") and position.state != self._state:
-            self.report(f"{position.state}; {self._paused}")
+        if position.state != self._state:
+            self._report_state(position)
+        if position.coming_to_rest and not self._resting:
+            self._resting = True
+            self.announce("coming to rest: rows are recorded on")
         self._trial, self._state = number, position.state
-        title, left = position.state, ""
+        title, left = "coming to rest" if position.coming_to_rest else position.state, ""
         if number is not None:
             title = f"{label} · {position.step}" if position.step else label
             left = "" if position.left_s is None else f"{position.left_s:.0f} s left"
+            if position.pause_in_s is not None:
+                left = f"pauses in {position.pause_in_s:.0f} s at the latest"
         self._bar.update(
             self._task,
             total=max(position.trials_total, 1),
@@ -106,6 +116,17 @@ class RunDisplay:
             description=escape(title),
             left=left,
         )
+
+    def _report_state(self, position: RunPosition) -> None:
+        """Show a line about a pause that was asked for, or that has begun."""
+        if position.state in ("held", "paused"):
+            does = f": {position.waits}" if position.waits else ""
+            self.report(f"{position.state}{does}; {self._paused}")
+        elif position.state == "pausing":
+            within = position.pause_in_s
+            self.report(
+                "pausing" if within is None else f"pausing, in {within:.0f} s at the latest"
+            )
 
     def show_silence(self, silent_s: float) -> None:
         """Show that the progress on the screen is old."""

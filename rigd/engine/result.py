@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rigd.engine.interlocks import Trip
 from rigd.model.errors import Exit
 from rigd.model.states import RunState
-from rigd.procedure.program import TrialPlan
+from rigd.procedure.program import CompiledProcedure, CycleProgram, Prompt, TrialPlan
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Progress:
     run_s: float  #: time since the preflight was passed, in s
     trips: tuple[Trip, ...] = ()  #: all trips so far
     waited_s: float = 0.0  #: how much of that time a person was awaited, by a prompt
+    ending: str = ""  #: how the run ends, by its name in the recording; "" until that is known
+    coming_to_rest: bool = False  #: whether rows go on after the end, until the rig rests
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,13 @@ class TimeLeft:
         self._trial: int | None = None
         self._since_s = 0.0
         self._held_s: float | None = None  # when the step was held that still is
+        self._step = ""
+        self._step_s = 0.0  # when the step began
 
     def watch(self, progress: Progress) -> None:
         """Note the progress of the run; a pause counts to no trial, a prompt does."""
+        if progress.step != self._step:
+            self._step, self._step_s = progress.step, progress.run_s
         if progress.state is RunState.HELD:
             self._held_s = progress.run_s if self._held_s is None else self._held_s
         elif self._held_s is not None:
@@ -74,6 +80,8 @@ class TimeLeft:
 
     def left_s(self, progress: Progress) -> float | None:
         """Return the estimated time until the last trial ends in s, or None."""
+        if progress.ending:
+            return None
         if not self._took_s:
             expected = self._expected_s
             if expected is None:
@@ -83,3 +91,29 @@ class TimeLeft:
         remaining = progress.trials_total - progress.trials_done
         begun_s = 0.0 if self._trial is None else progress.run_s - self._since_s
         return max(remaining * mean_s - min(begun_s, mean_s), 0.0)
+
+    def until_pause_s(self, progress: Progress, procedure: CompiledProcedure) -> float | None:
+        """Return in how many s a pause that is asked for begins at the latest, or None if unknown.
+
+        It begins with the next step that can be held, or at the end of the trial. A step that
+        waits for a condition counts with its timeout; how long a person takes is not known.
+        """
+        if progress.state is not RunState.PAUSING:
+            return None
+        trial = progress.trial
+        left_s: float | None = None
+        for step in procedure.prepare if trial is None else (*trial.steps, *trial.after):
+            if isinstance(step, Prompt) and left_s is not None:
+                return None
+            for segment in step.segments if isinstance(step, CycleProgram) else ():
+                if left_s is None:
+                    if segment.name != progress.step:
+                        continue
+                    left_s = self._step_s - progress.run_s
+                elif segment.hold is not None:
+                    return max(left_s, 0.0)
+                longest_s = segment.timeout_s if segment.duration_s is None else segment.duration_s
+                if longest_s is None:
+                    return None
+                left_s += longest_s
+        return None if left_s is None else max(left_s, 0.0)

@@ -70,6 +70,8 @@ class Run:
     _trial: TrialPlan | None = None
     _begun_s: float | None = None  #: time of the host when the preflight was passed
     _end_s: float | None = None  #: time of the host when the rig had been made safe
+    _ending: str = ""  #: how the run ends, once that is known
+    _coming_to_rest: bool = False
     _armed: bool = False
     _waited_s: float = 0.0  #: for answers, until the present prompt
     _asked_s: float | None = None  #: time of the host when the present prompt was shown
@@ -94,6 +96,8 @@ class Run:
             0.0 if self._begun_s is None else (self._end_s or self.host.run_s) - self._begun_s,
             tuple(self.host.trips),
             self._waited_s + self._waiting_s,
+            self._ending,
+            self._coming_to_rest,
         )
 
     @property
@@ -137,7 +141,10 @@ class Run:
         """Record on after a run that did not reach its end: does the rig stand still now?"""
         self._end_s = self.host.run_s
         if self._armed and way is not BROKEN and way.exit_code is not Exit.OK:
+            self._coming_to_rest = True
+            self.watch(self.progress)
             self.host.read_on(READ_ON_S)
+            self._coming_to_rest = False
 
     def _live(self) -> tuple[WayOut, str]:
         """Return how the run ended, and why; its state is then final."""
@@ -154,6 +161,7 @@ class Run:
                 reason = reason if barred in reason else f"{reason}; {barred}"
             if way.finishes:
                 way, reason = self._finish(way, reason)
+        self._ending = way.ending
         self._reach(way)
         return self._judge(reason) if way.exit_code is Exit.OK else (way, reason)
 

@@ -17,6 +17,11 @@ declare namespace Api {
     prompt_id: number;
     value: number | string | boolean;
   }
+  interface CertificateView {
+    whose: "daemon" | "authority" | "client";
+    name: string;
+    until_ns: number;
+  }
   interface CheckReport {
     ok: boolean;
     problems: ProblemView[];
@@ -257,6 +262,10 @@ declare namespace Api {
     trials_total: number;
     run_s: number;
     left_s: number | null;
+    pause_in_s: number | null;
+    waits: string;
+    ending: string;
+    coming_to_rest: boolean;
     prompt: PagePrompt | null;
     lease: LeaseView;
     trips: TripView[];
@@ -264,6 +273,7 @@ declare namespace Api {
     last: LastRun | null;
     refused: RefusedCounts;
     notices: OperatorNotice[];
+    certificates: CertificateView[];
   }
   interface PageStream {
     number: number;

@@ -15,6 +15,7 @@ from rigd.engine.sink import Rows
 from rigd.model.errors import DeviceError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
+from rigd.model.states import RunState
 from rigd.sdk import Link, LinkConfig
 
 
@@ -119,6 +120,20 @@ def test_rows_go_on_after_a_stop(severity: Severity) -> None:
     assert after[0][0] == bench.end_ns + PERIOD_NS  # without a gap
     assert after[-1][1] < 0.2 < after[0][1]  # one sees it come to rest
     assert {setpoint for *_, setpoint in after} == {0.0}
+
+
+def test_run_comes_to_rest_under_its_ending() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.axis.stop = lambda: bench.control.request(Severity.ABORT, "asked")
+    run = bench.run(procedure([move("one", 0.5, 0.2)]))
+    seen: list[tuple[str, bool, bool]] = []
+    run.watch = lambda progress: seen.append(
+        (progress.ending, progress.coming_to_rest, progress.state is RunState.DONE)
+    )
+    run.execute()
+    assert seen[0] == ("", False, False)
+    assert ("", False, True) not in seen  # never "done" alone
+    assert seen[-1] == ("aborted", True, True)
 
 
 def test_nothing_is_written_after_devices_are_safe() -> None:

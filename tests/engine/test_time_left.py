@@ -8,7 +8,7 @@ import pytest
 
 from rigd.engine.result import Progress, TimeLeft
 from rigd.model.states import RunState
-from rigd.procedure.program import TrialPlan
+from rigd.procedure.program import CompiledProcedure, CycleProgram, Hold, Prompt, Segment, TrialPlan
 
 
 def at(run_s: float, trial: int | None, done: int, total: int = 4) -> Progress:
@@ -52,3 +52,42 @@ def test_trials_completed_by_earlier_run_are_not_counted() -> None:
     left.watch(at(0.0, 3, 2))
     left.watch(at(8.0, None, 3))
     assert left.left_s(at(8.0, None, 3)) == pytest.approx(8.0)
+
+
+def test_nothing_is_left_of_an_ended_run() -> None:
+    left = TimeLeft(expected_s=60.0)
+    left.watch(at(1.0, 1, 0))
+    assert left.left_s(replace(at(5.0, None, 0), ending="tripped")) is None
+
+
+def step(name: str, duration_s: float | None, *, held: bool = False) -> CycleProgram:
+    hold = Hold({}, 60.0) if held else None
+    return CycleProgram((Segment(name, {}, duration_s=duration_s, hold=hold),))
+
+
+def pause_in_s(
+    *steps: CycleProgram | Prompt, now: str = "sine", ran_s: float = 3.0
+) -> float | None:
+    """Return when a pause begins that is asked for in the step ``now``, which began ran_s ago."""
+    trial = TrialPlan(1, 1, {}, steps, (step("back", 5.0),))
+    whole = CompiledProcedure("p", "", {}, {}, (), (trial,), (), {})
+    left = TimeLeft()
+    begun = Progress(RunState.RUNNING, now, 0, 1, trial, 10.0)
+    left.watch(begun)
+    assert left.until_pause_s(begun, whole) is None
+    return left.until_pause_s(replace(begun, state=RunState.PAUSING, run_s=10.0 + ran_s), whole)
+
+
+def test_pause_begins_at_the_latest_after_trial() -> None:
+    assert pause_in_s(step("go", 9.0), step("sine", 1200.0), step("end", 2.0)) == pytest.approx(
+        1204
+    )
+
+
+def test_pause_begins_with_next_step_that_holds() -> None:
+    assert pause_in_s(step("sine", 20.0), step("hold", 7.0, held=True)) == pytest.approx(17.0)
+
+
+def test_begin_of_pause_is_unknown_behind_a_person() -> None:
+    assert pause_in_s(step("sine", 20.0), Prompt("ready", "Ready?")) is None
+    assert pause_in_s(step("sine", None)) is None

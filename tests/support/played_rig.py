@@ -90,6 +90,8 @@ TICK_S = 1 / 30
 LEASE_S = 600.0
 EVENTS_OF_ANSWER = 100  #: a daemon bounds them too, by their bytes
 RUN = "2026-11-21T14-02-11_constant_current.mcap"
+#: What its setpoints do in a pause, and what follows.
+WAITS = "setpoints at rest: wheel_servo.current 0 A; then trial 2 of 10, current 0.2 A"
 TITLE = "LuGre omni-wheel rig, simulated"
 
 
@@ -282,6 +284,8 @@ class PlayedRig:
             trial=trial if plays and not self._waiting else None,
             trials_done=played.trial - 1 if plays else 0, trials_total=10 if plays else 0,
             run_s=run_s, left_s=max(0.0, 95.0 - run_s) if plays else None,
+            pause_in_s=12.0 if self.state == "pausing" else None,
+            waits=WAITS if self.state in ("held", "paused") else "",
             prompt=self.prompt, lease=self.lease.view(),
             trips=tuple(self.trips), interrupted=self.interrupted, last=self.last,
         )  # fmt: skip

@@ -92,7 +92,7 @@ def test_pause_waits_between_trials_and_resume_continues(tmp_path: Path) -> None
     )
     run.wait_for("trial 1/3")
     run.signal(signal.SIGUSR1)
-    run.wait_for("paused; Ctrl-Z resumes")
+    run.wait_for("; Ctrl-Z resumes, Ctrl-C stops")
     run.signal(signal.SIGUSR1)
     run.wait_for("trial 2/3")
     run.signal(signal.SIGINT)

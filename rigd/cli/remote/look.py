@@ -85,6 +85,12 @@ def _print(status: Status, target_options: str) -> None:
             f"  {status.trials_done} of {status.trials_total} trials done in "
             f"{_duration(status.run_s)}{left}{step}"
         )
+        if status.pause_in_s is not None:
+            write(f"  pauses in {_duration(status.pause_in_s)} at the latest")
+        if status.waits:
+            write(f"  {status.waits}")
+        if status.coming_to_rest:
+            write(f"  {status.ending}, coming to rest: rows are recorded on")
     if status.prompt is not None:
         write(f"  a prompt waits for an answer: {status.prompt.text}", "yellow")
         write(

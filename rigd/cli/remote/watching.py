@@ -198,9 +198,12 @@ class Watch:
                 trials_done=status.trials_done,
                 trials_total=status.trials_total,
                 left_s=status.left_s,
+                pause_in_s=status.pause_in_s,
+                waits=status.waits,
+                coming_to_rest=status.coming_to_rest,
             )
         )
-        if status.state != self._state and status.state in ("pausing", "held", "stopping"):
+        if status.state != self._state and status.state == "stopping":
             self._display.report(status.state)
         self._state = status.state
         asked_by = status.lease.asked_by

@@ -166,7 +166,13 @@ class Running:
 
 def _place(progress: Progress) -> tuple[object, ...]:
     """Return the progress of a run, without values that change all the time."""
-    return progress.state, progress.step, progress.trial, progress.trials_done
+    return (
+        progress.state,
+        progress.step,
+        progress.trial,
+        progress.trials_done,
+        progress.coming_to_rest,
+    )
 
 
 def _last(run: str, ending: str, reason: str, code: Exit) -> LastRun:

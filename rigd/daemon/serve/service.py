@@ -15,6 +15,7 @@ from rigd import __version__
 from rigd.daemon.provenance import trial_label
 from rigd.daemon.serve.handlers import Parts, bind_handlers
 from rigd.daemon.serve.running import Running, loss_of
+from rigd.daemon.waiting import what_waits
 from rigd.model.errors import ConfigError, RigdError
 from rigd.procedure.program import CompiledProcedure, TrialPlan
 from rigd.remote.protocol import (
@@ -187,19 +188,23 @@ class RigService:
 
 def _progress(running: Running) -> dict[str, Any]:
     """Return the progress of a run for the status."""
-    progress = running.progress
+    progress, request = running.progress, running.request
     trial, answers = progress.trial, running.answers
     return {
         "state": progress.state.name.lower(),
-        "procedure": running.request.procedure.name,
+        "procedure": request.procedure.name,
         "run": running.recording.name,
         "step": progress.step or None,
         "can_hold": progress.step in running.can_be_held,
-        "trial": None if trial is None else _trial(trial, running.request.procedure),
+        "trial": None if trial is None else _trial(trial, request.procedure),
         "trials_done": progress.trials_done,
         "trials_total": progress.trials_total,
         "run_s": max(progress.run_s, 0.0),
         "left_s": running.left.left_s(progress),
+        "pause_in_s": running.left.until_pause_s(progress, request.procedure),
+        "waits": what_waits(progress, request),
+        "ending": progress.ending,
+        "coming_to_rest": progress.coming_to_rest,
         "prompt": None if answers is None else answers.view(),
     }
 

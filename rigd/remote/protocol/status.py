@@ -153,6 +153,16 @@ class OperatorNotice(Message):
     text: DaemonText
 
 
+class CertificateView(Message):
+    """A certificate that expires soon, or has expired: clients cannot connect by it any more."""
+
+    whose: Literal["daemon", "authority", "client"]
+    name: DaemonText
+    """Of its file; of a client its name."""
+    until_ns: Nanoseconds
+    """When it expires, in ns since the Unix epoch."""
+
+
 class Status(Message):
     """Everything about a rig that is not a sample."""
 
@@ -179,7 +189,15 @@ class Status(Message):
     run_s: Annotated[float, Field(ge=0)] = 0.0
     """Since the run began."""
     left_s: Annotated[float, Field(ge=0)] | None = None
-    """Estimated time until it ends; null if unknown."""
+    """Estimated time until it ends; null if unknown, or if it has ended."""
+    pause_in_s: Annotated[float, Field(ge=0)] | None = None
+    """While `pausing`: the time after which the pause has begun at the latest; null if unknown."""
+    waits: DaemonText = ""
+    """While `held` or `paused`: what the setpoints do, and what `resume` plays next."""
+    ending: DaemonText = ""
+    """How the run in progress ends, once that is known, as in `LastRun`; the rig is made safe."""
+    coming_to_rest: bool = False
+    """Whether rows are recorded on after the end of the run in progress, until the rig rests."""
     prompt: PromptView | None = None
     lease: LeaseView = LeaseView()
     trips: tuple[TripView, ...] = ()
@@ -188,6 +206,8 @@ class Status(Message):
     refused: RefusedCounts = RefusedCounts()
     notices: tuple[OperatorNotice, ...] = ()
     """The newest 20, the newest last."""
+    certificates: tuple[CertificateView, ...] = ()
+    """Those that expire within 14 days, or have expired; of clients, of those that were seen."""
 
 
 class RigEvent(Message):

@@ -128,7 +128,7 @@ def test_ctrl_z_pauses_and_resumes(remote: Served, terminal: Terminal) -> None:
     terminal.process.send_signal(signal.SIGTSTP)
     terminal.expect("pausing; Ctrl-Z resumes")
     remote.rig.become("paused")
-    terminal.expect("paused; ")
+    terminal.expect("paused: setpoints at rest")
     terminal.process.send_signal(signal.SIGTSTP)
     terminal.expect("resuming")
     assert remote.rig.verbs()[-2:] == ["pause", "resume"]
