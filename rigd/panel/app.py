@@ -17,11 +17,11 @@ from rigd.panel.feed import PageSocket
 from rigd.panel.files import Files
 from rigd.panel.guard import PanelAddress, RequestGuard
 from rigd.panel.hub import Hub
-from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Rig
 from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Sessions
 from rigd.panel.stop_line import StopLine
+from rigd.remote.rates import BucketByClient
 
 STATIC: Final = Path(__file__).parent / "static"
 #: Attempts to log in, of all clients together.
@@ -41,7 +41,7 @@ def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) ->
     """Return the panel of ``rig``, which browsers reach at ``place``."""
     hub = Hub(rig)
     secure = place.scheme == "https"
-    logins = BucketByAddress(LOGINS_PER_S, LOGINS_BURST)
+    logins = BucketByClient(LOGINS_PER_S, LOGINS_BURST)
     api = PanelApi(rig, sessions, f"rigd-{port}", secure, logins)
 
     async def page(_: Request) -> FileResponse:

@@ -11,9 +11,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rigd.panel.hub import Hub
 from rigd.panel.outbox import Outbox
-from rigd.panel.rates import Bucket
 from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Session
+from rigd.remote.rates import Bucket
 
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
 NO_SESSION: Final = 4401

@@ -18,8 +18,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from rigd.panel.rates import BucketByAddress
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
+from rigd.remote.rates import BucketByClient
 
 #: The header of every request except a plain read.
 OWN_HEADER: Final = "x-rigd"
@@ -49,7 +49,7 @@ class RequestGuard:
     def __init__(self, app: ASGIApp, place: PanelAddress) -> None:
         self._app = app
         self._place = place
-        self._requests = BucketByAddress(PER_S, BURST)
+        self._requests = BucketByClient(PER_S, BURST)
         socket = "wss" if place.scheme == "https" else "ws"
         # Older browsers do not accept 'self' for a WebSocket; no browser accepts an IPv6 address
         # here.

@@ -333,6 +333,7 @@ declare namespace Api {
     oversized: number;
     replayed: number;
     forbidden: number;
+    too_many: number;
   }
   interface Reported {
     run: string;

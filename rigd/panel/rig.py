@@ -29,6 +29,12 @@ class Rig(Protocol):
         """
         ...
 
+    async def request_apart(
+        self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
+    ) -> R:
+        """Make a request that the daemon gives up when this is cancelled; see :meth:`request`."""
+        ...
+
     def statuses(self) -> AsyncIterator[Status]:
         """Yield the status at every change and twice a second; continue after an interruption."""
         ...

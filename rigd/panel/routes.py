@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
+from typing import Any
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -23,11 +25,31 @@ from rigd.panel.messages import (
     VerbRequest,
     complete,
 )
-from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Rig
 from rigd.panel.sessions import Session, Sessions
 from rigd.remote.protocol import VERBS, Code, Kind, Message, Refusal, as_json
 from rigd.remote.protocol.results import Nothing, Stopped
+from rigd.remote.rates import BucketByClient
+
+
+async def _while_connected(request: Request, asking: Coroutine[Any, Any, Message]) -> Message:
+    """Return what is asked for; cancel that when the page has gone.
+
+    Raises:
+        Refusal: the page has gone.
+        RigdError: as ``asking`` raises.
+    """
+    asked = asyncio.create_task(asking)
+    gone = asyncio.create_task(request.receive())  # of a request that is read: its end
+    try:
+        await asyncio.wait([asked, gone], return_when=asyncio.FIRST_COMPLETED)
+        if not asked.done():
+            raise Refusal(Code.REFUSED, "the page that asked has gone")
+        return asked.result()
+    finally:
+        for task in (asked, gone):
+            task.cancel()
+        await asyncio.wait([asked, gone])
 
 
 @dataclass(frozen=True)
@@ -38,7 +60,7 @@ class PanelApi:
     sessions: Sessions
     cookie: str  #: name of the session's cookie; contains the port
     secure: bool  #: whether browsers reach the page by TLS
-    logins: BucketByAddress  #: attempts to log in
+    logins: BucketByClient  #: attempts to log in
 
     def routes(self) -> list[Route]:
         """Return the routes."""
@@ -120,6 +142,9 @@ class PanelApi:
         if to_us and not self.sessions.may_hold_lease(str(args.get("user", ""))):
             raise Refusal(Code.NOT_FOUND, "that user is no operator with a page open here")
         kind = COMMANDS[verb].result
+        if verb == "dry_run":
+            asking = self.rig.request_apart(Kind.COMMAND, verb, args, kind, session.name)
+            return complete(await _while_connected(request, asking))
         return complete(await self.rig.request(Kind.COMMAND, verb, args, kind, session.name))
 
     async def stop(self, request: Request, session: Session) -> Message:

@@ -17,8 +17,8 @@ from time import monotonic
 from typing import Final
 
 from rigd.panel.messages import Role
-from rigd.panel.rates import Bucket
 from rigd.panel.session_store import SessionStore, StoredSession
+from rigd.remote.rates import Bucket
 
 #: How long a code opens a session, in s.
 CODE_S: Final = 15 * 60.0

@@ -17,8 +17,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from rigd.model.errors import ConfigError
 from rigd.panel import sessions
-from rigd.panel.rates import Bucket
 from rigd.panel.server import Listen
+from rigd.remote.rates import Bucket
 
 
 @pytest.fixture

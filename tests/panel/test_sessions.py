@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from rigd.panel.messages import Role
-from rigd.panel.rates import MOST_ADDRESSES, Bucket, BucketByAddress
 from rigd.panel.session_store import SessionStore
 from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
+from rigd.remote.rates import MOST_CLIENTS, Bucket, BucketByClient
 
 
 class Clock:
@@ -148,10 +148,10 @@ def test_bucket_permits_a_burst_then_the_rate() -> None:
 
 
 def test_address_asking_too_often_blocks_no_other() -> None:
-    buckets = BucketByAddress(per_s=1e-9, burst=2.0)
+    buckets = BucketByClient(per_s=1e-9, burst=2.0)
     assert [buckets.take("10.0.0.1") for _ in range(3)] == [True, True, False]
     assert buckets.take("10.0.0.2")
-    for number in range(MOST_ADDRESSES):  # the least recent is forgotten, so memory is bounded
+    for number in range(MOST_CLIENTS):  # the least recent is forgotten, so memory is bounded
         buckets.take(f"other {number}")
     assert buckets.take("10.0.0.1")
 

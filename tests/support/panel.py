@@ -46,6 +46,16 @@ class Line:
     async def request(
         self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
     ) -> R:
+        await self._pass(verb)
+        return await self.connection.request(kind, verb, args, result, user)
+
+    async def request_apart(
+        self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
+    ) -> R:
+        await self._pass(verb)
+        return await self.connection.request_apart(kind, verb, args, result, user)
+
+    async def _pass(self, verb: str) -> None:
         self.verbs.append(verb)
         if verb == self.held:
             async with self._turn:  # they go on in the order in which they came
@@ -53,7 +63,6 @@ class Line:
                     await asyncio.sleep(0.01)
         if self.is_cut:
             raise LinkError("the daemon does not answer", hint="is it running?")
-        return await self.connection.request(kind, verb, args, result, user)
 
     async def statuses(self) -> AsyncIterator[Status]:
         async for status in self.connection.statuses():

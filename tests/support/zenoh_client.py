@@ -112,10 +112,17 @@ class ZenohClient:
         """Return how many samples came by key, after waiting for ``least`` of them."""
         return dict(self._order(do="received", least=least, within_s=within_s))
 
-    def flood(self, key: str, payload: bytes, seconds: float) -> None:
-        """Query as fast as it goes, for some time; returns once the first ten are sent."""
+    def flood(self, key: str, payload: bytes, seconds: float, per_s: float = 0.0) -> None:
+        """Query as fast as it goes, or ``per_s`` times a second, for some time.
+
+        Returns once the first ten are sent.
+        """
         self._order(
-            do="flood", key=key, payload=base64.b64encode(payload).decode(), seconds=seconds
+            do="flood",
+            key=key,
+            payload=base64.b64encode(payload).decode(),
+            seconds=seconds,
+            per_s=per_s,
         )
 
     def freeze(self) -> None:
@@ -209,16 +216,21 @@ class _Session:
             self._came.wait_for(lambda: self._count.total() >= least, within_s)
             return dict(self._count)
 
-    def flood(self, key: str, payload: str, seconds: float) -> None:
+    def flood(self, key: str, payload: str, seconds: float, per_s: float) -> None:
         data = base64.b64decode(payload)
-        end_s = time.monotonic() + seconds
+        begun_s = time.monotonic()
 
         def once() -> None:
             self._session.get(key, lambda reply: None, payload=data, timeout=1.0)
 
         def run() -> None:
-            while time.monotonic() < end_s:
+            sent = 0
+            while (passed_s := time.monotonic() - begun_s) < seconds:
+                if per_s and sent >= passed_s * per_s:
+                    time.sleep(0.002)
+                    continue
                 once()
+                sent += 1
 
         for _ in range(10):
             once()

@@ -189,6 +189,11 @@ def _compose(
     stack.callback(checks.close)
     comparing = CalculationWorker()
     stack.callback(comparing.close)
+
+    def settle() -> None:
+        aside.cancel("dry_run", "a run begins")  # its result comes too late
+        interruptions.settle(folder)
+
     steering = Steering(
         rig,
         folder,
@@ -201,7 +206,7 @@ def _compose(
         looks=IdleRig(rig, folder, feed, monitored=options.monitored, notify=notices.note),
         changed=changed,
         ended=lambda last: interruptions.ended(last.run),
-        settle=lambda: interruptions.settle(folder),
+        settle=settle,
     )
     stack.callback(steering.close)
     audit.write("rigd", "serve", {"listen": list(rig.remote.listen)})

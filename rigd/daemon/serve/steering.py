@@ -70,7 +70,7 @@ class Steering:
 
     ``runs`` is the folder of recordings. ``changed`` is called when the status has changed,
     ``ended`` when a run has ended, ``settle`` before a run begins: it saves the data of an earlier
-    run.
+    run, and ends what is calculated for a start.
     """
 
     def __init__(

@@ -46,6 +46,8 @@ class CalculationWorker:
         self._memory = memory
         self._lock = threading.Lock()
         self._child: Child | None = None
+        self._doing = ""  # what the child calculates
+        self._cancelled = ""  # why it was cancelled
         self._closed = False
 
     def dry_run(
@@ -102,6 +104,13 @@ class CalculationWorker:
         }
         return _Page.model_validate_json(json.dumps(self._do("compare", job))).text
 
+    def cancel(self, what: str, why: str) -> None:
+        """Cancel the present calculation if it is ``what``, such as a dry run."""
+        with self._lock:
+            if self._child is not None and self._doing == what and not self._cancelled:
+                self._cancelled = why
+                self._child.fence(0.0)  # the thread that waits for its output sees its end
+
     def close(self) -> None:
         """Cancel the present calculation; no other begins."""
         with self._lock:
@@ -110,15 +119,18 @@ class CalculationWorker:
                 self._child.fence(0.0)  # the thread that waits for its output sees its end
 
     def _do(self, what: str, job: Mapping[str, object]) -> object:
-        child = self._start()
+        child = self._start(what)
+        cancelled = ""
         try:
             order = json.dumps({"do": what, "memory": self._memory, **job})
             out, errors = self._wait(child, what, order)
         finally:
             with self._lock:
-                self._child = None
+                self._child, cancelled = None, self._cancelled
         if self._closed:
             raise Refusal(Code.CONFLICT, "the daemon is ending")
+        if cancelled:
+            raise Refusal(Code.REFUSED, f"{what} was cancelled: {cancelled}")
         if child.code == -signal.SIGABRT:  # compiled code ends so if it gets no memory
             raise Refusal(Code.REFUSED, _too_much(what, self._memory))
         if (
@@ -155,12 +167,13 @@ class CalculationWorker:
             took = "its client is gone" if gone else f"it took longer than {self._patience_s:g} s"
             raise Refusal(Code.REFUSED, f"{what} was cancelled: {took}")
 
-    def _start(self) -> Child:
+    def _start(self, what: str) -> Child:
         with self._lock:
             if self._closed:
                 raise Refusal(Code.CONFLICT, "the daemon is ending")
             if self._child is not None:
                 raise Refusal(Code.BUSY, "another calculation is under way", hint="ask again")
+            self._doing, self._cancelled = what, ""
             self._child = Child(
                 module(__name__),
                 tied=True,

@@ -11,6 +11,7 @@ import json
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Coroutine, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, Final, Generic, Self, TypeVar
 
 import zenoh
@@ -31,6 +32,7 @@ from rigd.remote.client.session import (
 from rigd.remote.client.target import Target
 from rigd.remote.protocol import (
     PATIENCE_S,
+    Code,
     Keys,
     Kind,
     Message,
@@ -56,6 +58,8 @@ SILENCE_S: Final = 5.0
 #: How often to check the connection and the daemon, in s.
 _RECONNECTED_S: Final = 0.05
 _STILL_THERE_S: Final = 1.0
+#: A question that the daemon refuses because others wait is put again after this, in s.
+_ASK_AGAIN_S: Final = 0.2
 #: How many payloads wait for their reader; beyond that the oldest are dropped.
 STATUSES: Final = 32
 EVENTS: Final = 1024
@@ -176,7 +180,7 @@ class Connection:
         """
         wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
         request = new_request(wanted, user)
-        found = await self._insist(kind, verb, encode_request(request))
+        found = await self._patiently(kind, verb, encode_request(request))
         if len(found) != 1:
             raise ProtocolError(
                 f"{verb} got {len(found)} answers, expected one",
@@ -189,6 +193,16 @@ class Connection:
         if reply.id != request.id:
             raise ProtocolError(f"{verb} got the reply to another request ({reply.id})")
         return reply.result
+
+    async def request_apart(
+        self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
+    ) -> R:
+        """Make a request over a connection of its own; see :meth:`request`.
+
+        If this is cancelled, the connection ends, and the daemon cancels a calculation for it.
+        """
+        async with await type(self).open(replace(self._target, rig=self.rig)) as connection:
+            return await connection.request(kind, verb, args, result, user)
 
     def listen(self, key: str, size: int) -> AsyncGenerator[bytes, None]:
         """Subscribe; yield payloads until closed. At most ``size`` wait: the oldest are dropped."""
@@ -210,6 +224,15 @@ class Connection:
         """Yield the frames of all streams; those that come too fast are left out."""
         async for payload in self.listen(self.keys.every_live, FRAMES):
             yield payload
+
+    async def _patiently(self, kind: Kind, verb: str, payload: bytes) -> list[QueryReply]:
+        """Return the answers to a request; a question that comes too early is put again."""
+        found = await self._insist(kind, verb, payload)
+        give_up_s = time.monotonic() + PATIENCE_S[find_verb(kind, verb).rule.lane]
+        while kind is Kind.ASK and _is_busy(found) and time.monotonic() < give_up_s:
+            await asyncio.sleep(_ASK_AGAIN_S)
+            found = await self._insist(kind, verb, payload)
+        return found
 
     async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[QueryReply]:
         """Return the answers to a request; send it again if there were none.
@@ -296,6 +319,10 @@ class Connection:
 
     def _hear(self, _: bytes) -> None:
         self._heard_s = time.monotonic()
+
+
+def _is_busy(found: list[QueryReply]) -> bool:
+    return any(not item.ok and decode_refusal(item.payload).code is Code.BUSY for item in found)
 
 
 def _reply_kind(result: type[R]) -> type[_ReplyOf[R]]:

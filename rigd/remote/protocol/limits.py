@@ -34,6 +34,11 @@ HEARTBEAT_S: Final = 0.5
 #: Frames of one stream per second, at most.
 LIVE_HZ: Final = 30.0
 
+#: Questions of one client that are answered: so many at once, and per second in the long run. A
+#: page asks 25 when it opens, and one per second then; a question costs a daemon 0.5 ms.
+ASK_BURST: Final = 400.0
+ASK_PER_S: Final = 100.0
+
 #: How long the control lease holds without being renewed, and how often its holder renews it: four
 #: requests in a row may be lost, or wait on a busy computer.
 LEASE_S: Final = 6.0

@@ -143,6 +143,8 @@ class RefusedCounts(Message):
     oversized: Count = 0
     replayed: Count = 0
     forbidden: Count = 0
+    too_many: Count = 0
+    """Questions of clients that asked more than they may."""
 
 
 class OperatorNotice(Message):

@@ -4,10 +4,11 @@ The dispatcher checks, in this order:
 
 1. the key, which states the client and its request;
 2. the role of the client;
-3. the message itself;
-4. whether the request was carried out before;
-5. the age of the request;
-6. the lease (the right to command the rig).
+3. of a question: whether the client asks too many;
+4. the message itself;
+5. whether the request was carried out before;
+6. the age of the request;
+7. the lease (the right to command the rig).
 """
 
 from __future__ import annotations
@@ -42,11 +43,12 @@ from rigd.remote.protocol import (
     request_kind,
 )
 from rigd.remote.protocol.arguments import ReasonArguments
-from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
+from rigd.remote.protocol.limits import ASK_BURST, ASK_PER_S, MAX_REQUEST_BYTES
 from rigd.remote.protocol.message import check_size
 from rigd.remote.protocol.verbs import PATIENCE_S
+from rigd.remote.rates import BucketByClient
 from rigd.remote.server.lease import Lease
-from rigd.remote.server.refused import Refused
+from rigd.remote.server.refused import Refused, TooManyQuestions
 from rigd.remote.server.requests import Requests, StoredReply
 from rigd.remote.server.service import Service
 
@@ -102,14 +104,19 @@ class Dispatcher:
         self._lease = lease
         self._refused = refused
         self._clock = clock
+        self._questions = BucketByClient(ASK_PER_S, ASK_BURST, lambda: clock() * 1e-9)
         self._requests: Mapping[Lane, Requests] = {
             lane: Requests(wait_s=_WAIT_S.get(lane, 0.0), clock=clock, wall=wall) for lane in Lane
         }
 
-    def sort(self, key: str, payload: bytes) -> RoutedRequest:
+    def sort(self, key: str, payload: bytes, session: str = "") -> RoutedRequest:
         """Return the parsed request, with the lane in which it must be answered.
 
+        ``session`` is the id of the session from which it came, if that is known. Without
+        certificates it stands for the client, which can give itself any name.
+
         Raises:
+            TooManyQuestions: its sender asks more than it may.
             Refusal: the key is not one that its sender may use, or the request is too large.
         """
         check_size(payload, MAX_REQUEST_BYTES)
@@ -123,8 +130,20 @@ class Dispatcher:
             )
         verb = find_verb(address.kind, address.verb)
         check_role(role, verb)
+        if address.kind is Kind.ASK:
+            self.check_rate(address.identity, session)
         stops = self._service.stops
         return RoutedRequest(key, address, role, verb, payload, self._clock(), stops)
+
+    def check_rate(self, identity: str, session: str) -> None:
+        """Count a question, of ``identity`` or of its session if it has no certificate.
+
+        Raises:
+            TooManyQuestions: it asks more than it may.
+        """
+        sender = session if session and self._setup.tls is None else identity
+        if not self._questions.take(sender):
+            raise TooManyQuestions(identity)
 
     def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
         """Return the answer to a refused request, and count it."""

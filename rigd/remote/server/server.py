@@ -127,7 +127,7 @@ class Server:
         for lane in Lane:
             self._thread(f"remote-{lane.value}", partial(self._work, dispatcher, lane))
         self._thread("remote-beat", partial(self._beat, service))
-        self._answer(self._keys.status, self._show)
+        self._answer(self._keys.status, partial(self._show, dispatcher))
         for kind in Kind:
             self._answer(self._keys.every_request(kind), partial(self._receive, dispatcher, kind))
         self.admission.watch()
@@ -204,7 +204,7 @@ class Server:
         key = str(query.key_expr)
         payload = b"" if query.payload is None else query.payload.to_bytes()
         try:
-            routed = dispatcher.sort(key, payload)
+            routed = dispatcher.sort(key, payload, _session_of(query))
         except Refusal as refusal:
             _reply(query, key, dispatcher.refuse(key, refusal))
             return False
@@ -215,8 +215,16 @@ class Server:
             return False
         return True
 
-    def _show(self, query: zenoh.Query) -> None:
+    def _show(self, dispatcher: Dispatcher, query: zenoh.Query) -> None:
         """Send the newest status to a client that has just connected; on zenoh's thread."""
+        begun_s = time.thread_time()
+        session = _session_of(query) or "a client"
+        try:
+            dispatcher.check_rate(session, session)
+        except Refusal as refusal:
+            _reply(query, self._keys.status, dispatcher.refuse(self._keys.status, refusal))
+            _rest(begun_s)
+            return
         _reply(query, self._keys.status, StoredReply(True, self.publisher.newest_status))
 
     def _work(self, dispatcher: Dispatcher, lane: Lane) -> None:
@@ -260,6 +268,12 @@ def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
             f"cannot listen on {addresses}: {_IN_SOURCE.sub('', str(error))}",
             hint="look at 'remote' in the rig file: the address, and the certificates",
         ) from error
+
+
+def _session_of(query: zenoh.Query) -> str:
+    """Return the id of the session from which a request came, if it names it; or ""."""
+    source = query.source_info
+    return "" if source is None else str(source.source_id.zid)
 
 
 def _rest(begun_s: float) -> None:

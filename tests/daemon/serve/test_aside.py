@@ -227,6 +227,26 @@ def test_killed_calculation_is_reported(tmp_path: Path, monkeypatch: pytest.Monk
         CalculationWorker().identify(tmp_path / "run.mcap")
 
 
+def test_dry_run_ends_when_a_run_begins() -> None:
+    rig, aside, ended = load_rig("lugre-1"), CalculationWorker(), list[Refusal]()
+
+    def long() -> None:
+        try:
+            while True:  # one is under way, however long it takes
+                aside.dry_run(rig.source.text, rig.source.path, QUICK, "quick", {})
+        except Refusal as refusal:
+            ended.append(refusal)
+
+    work = threading.Thread(target=long)
+    work.start()
+    deadline = time.monotonic() + 60
+    while work.is_alive() and time.monotonic() < deadline:
+        aside.cancel("identify", "nobody asked")
+        aside.cancel("dry_run", "a run begins")
+        work.join(0.05)
+    assert [item.message for item in ended] == ["dry_run was cancelled: a run begins"]
+
+
 def test_one_calculation_at_time_and_none_outlives_daemon() -> None:
     rig, aside, ended = load_rig("lugre-1"), CalculationWorker(), list[Refusal]()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -12,9 +13,9 @@ from support.served_rig import key, request
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import Keys
-from rigd.remote.protocol.limits import FRESH_S
+from rigd.remote.protocol.limits import ASK_BURST, ASK_PER_S, FRESH_S
 from rigd.remote.server.dispatcher import Dispatcher
-from rigd.remote.server.refused import Refused
+from rigd.remote.server.refused import Refused, TooManyQuestions
 
 
 class Desk:
@@ -70,3 +71,31 @@ def test_dry_run_may_wait_for_another(desk: Desk) -> None:
 def test_start_that_waited_too_long_is_refused(desk: Desk) -> None:
     assert desk.code("start", sent(desk, "start"), waits_s=FRESH_S + 1) == "replayed"
     assert desk.rig.verbs() == []
+
+
+def asked(desk: Desk, count: int, identity: str = "eve", session: str = "") -> int:
+    """Return how many of some questions, asked at once, are answered."""
+    answered = 0
+    for _ in range(count):
+        with suppress(TooManyQuestions):
+            desk.dispatcher.sort(key("ask", identity, "latest"), b"", session)
+            answered += 1
+    return answered
+
+
+def test_client_beyond_its_rate_hinders_no_other(desk: Desk) -> None:
+    assert asked(desk, 2000) == ASK_BURST
+    assert asked(desk, 10, "bob") == 10
+    desk.pass_s(1.0)
+    assert asked(desk, 2000) == pytest.approx(ASK_PER_S, abs=1)
+    assert desk.code("pause", sent(desk, "pause"), waits_s=0.0) == ""  # commands have no rate
+
+
+def test_session_without_certificate_has_one_rate(desk: Desk) -> None:
+    assert sum(asked(desk, 100, f"mallory{number}", "ab") for number in range(20)) == ASK_BURST
+    assert asked(desk, 10, "mallory1", "cd") == 10
+
+
+def test_stops_have_no_rate(desk: Desk) -> None:
+    for _ in range(2000):
+        desk.dispatcher.sort(key("stop", "eve", "stop"), b"")

@@ -8,7 +8,7 @@ import pytest
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.status import RefusedCounts
-from rigd.remote.server.refused import Refused
+from rigd.remote.server.refused import Refused, TooManyQuestions
 
 
 def test_flood_is_counted_fully_and_logged_each_second(
@@ -40,3 +40,19 @@ def test_text_of_client_cannot_break_log_lines(
     Refused().count("a\nb" * 200, Refusal(Code.BAD_REQUEST, "args.a\nb: unknown" * 200))
     assert "\n" not in caplog.records[0].getMessage()
     assert len(caplog.records[0].getMessage()) < 700
+
+
+def test_clients_asking_too_much_are_named_each_minute(caplog: pytest.LogCaptureFixture) -> None:
+    now_ns = 0
+    refused = Refused(clock=lambda: now_ns)
+    with caplog.at_level(logging.WARNING):
+        for name in ("mallory", "eve", "eve"):
+            refused.count("rigd/a/ask/x/latest", TooManyQuestions(name))
+        now_ns = 60_000_000_000
+        refused.count("rigd/a/ask/x/latest", TooManyQuestions("eve"))
+    assert refused.counts() == RefusedCounts(too_many=4)
+    said = [record.getMessage() for record in caplog.records]
+    assert [text.partition(": ")[2].partition(";")[0] for text in said] == [
+        "1 of mallory",
+        "3 of eve",
+    ]

@@ -1,4 +1,4 @@
-"""Limits the rate of requests of HTTP clients."""
+"""Limits the rate of requests of each client."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Final
 
-#: Most addresses that are kept: the newest.
-MOST_ADDRESSES: Final = 1024
+#: Most clients whose rate is kept: the newest.
+MOST_CLIENTS: Final = 1024
 
 
 class Bucket:
@@ -32,17 +32,19 @@ class Bucket:
         return True
 
 
-class BucketByAddress:
-    """A bucket for each address, so that one client does not use up the rate of others."""
+class BucketByClient:
+    """A bucket for each client, so that one client does not use up the rate of others."""
 
-    def __init__(self, per_s: float, burst: float) -> None:
-        self._per_s, self._burst = per_s, burst
+    def __init__(self, per_s: float, burst: float, now: Callable[[], float] = monotonic) -> None:
+        self._per_s, self._burst, self._now = per_s, burst, now
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
 
-    def take(self, address: str) -> bool:
-        """Return whether another request from ``address`` may pass, and count it."""
-        bucket = self._buckets.setdefault(address, Bucket(self._per_s, self._burst))
-        self._buckets.move_to_end(address)
-        if len(self._buckets) > MOST_ADDRESSES:
+    def take(self, client: str) -> bool:
+        """Return whether another request of ``client`` may pass, and count it."""
+        bucket = self._buckets.get(client)
+        if bucket is None:
+            bucket = self._buckets[client] = Bucket(self._per_s, self._burst, self._now)
+        self._buckets.move_to_end(client)
+        if len(self._buckets) > MOST_CLIENTS:
             self._buckets.popitem(last=False)
         return bucket.take()
