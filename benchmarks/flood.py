@@ -102,7 +102,8 @@ def timed(daemon: Daemon, theirs: zenoh.Session) -> Timed:
     rows = Recording.open(path).read("wheel_servo")
     moved = np.flatnonzero(rows["current_setpoint"])
     first_ns, zero_ns = rows["t_ns"][moved[0]], rows["t_ns"][moved[-1] + 1]
-    return Timed((first_ns - begun_ns) / 1e6, (zero_ns - stopped_ns) / 1e6, took_ms)
+    start_ms, stop_ms = (first_ns - begun_ns) / 1e6, (zero_ns - stopped_ns) / 1e6
+    return Timed(float(start_ms), float(stop_ms), took_ms)
 
 
 def report(case: str, found: list[Timed], quiet: list[Timed]) -> None:

@@ -40,7 +40,7 @@ async def _while_connected(request: Request, asking: Coroutine[Any, Any, Message
         RigdError: as ``asking`` raises.
     """
     asked = asyncio.create_task(asking)
-    gone = asyncio.create_task(request.receive())  # of a request that is read: its end
+    gone = asyncio.ensure_future(request.receive())  # of a request that is read: its end
     try:
         await asyncio.wait([asked, gone], return_when=asyncio.FIRST_COMPLETED)
         if not asked.done():

@@ -6,6 +6,9 @@ the daemon gets no notice of it. The files at one end show most reasons.
 
 from __future__ import annotations
 
+import socket
+import ssl
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
@@ -19,11 +22,13 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from rigd.config.remote import TlsFiles
+from rigd.config.remote import Endpoint, TlsFiles
 from rigd.model.errors import ConfigError
 
 #: A notice appears so long before a certificate expires.
 SOON: Final = timedelta(days=30)
+#: How long a daemon may take to show its certificate, in s.
+_SHOWN_S: Final = 2.0
 #: The hint for a certificate that has expired.
 RENEW: Final = (
     "in the folder with ca.key, remove it and its key; rigd remote setup-tls then makes another "
@@ -67,15 +72,47 @@ def distrusted(files: TlsFiles) -> str | None:
     return None
 
 
-def expires_soon(files: TlsFiles, now: datetime | None = None) -> str | None:
-    """Return which of two usable certificates expires first, if that is soon."""
-    now = now or datetime.now(UTC)
-    until, path = min(
-        (_read(path).not_valid_after_utc, path) for path in (files.certificate, files.ca)
-    )
-    if until - now > SOON:
+def end_of(path: Path) -> datetime:
+    """Return when a certificate expires, UTC.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    return _read(path).not_valid_after_utc
+
+
+def refused_daemon(endpoint: str, files: TlsFiles) -> str | None:
+    """Return why this end refuses the certificate that the daemon at ``endpoint`` shows, or None.
+
+    Connects once, and blocks while it does.
+    """
+    place = Endpoint.read(endpoint)
+    if place is None:
         return None
-    return f"{path} expires on {until:%Y-%m-%d}: no client can connect from then on"
+    trusting = ssl.create_default_context(cafile=str(files.ca))
+    blind = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    blind.check_hostname, blind.verify_mode = False, ssl.CERT_NONE
+    try:
+        _shown(place, trusting)
+    except ssl.SSLCertVerificationError as error:
+        with suppress(OSError, ValueError):
+            shown = x509.load_der_x509_certificate(_shown(place, blind))
+            until = shown.not_valid_after_utc
+            if until < datetime.now(UTC):
+                return f"the certificate of the daemon expired on {until:%Y-%m-%d}; {RENEW}"
+        return f"the certificate of the daemon is refused: {error.verify_message}"
+    except (OSError, ValueError):  # it does not let this client in: its reason is another
+        pass
+    return None
+
+
+def _shown(place: Endpoint, context: ssl.SSLContext) -> bytes:
+    """Return the certificate that a server shows (DER)."""
+    with (
+        socket.create_connection((place.host, place.port), _SHOWN_S) as plain,
+        context.wrap_socket(plain, server_hostname=place.host) as secure,
+    ):
+        return secure.getpeercert(binary_form=True) or b""
 
 
 def _read(path: Path) -> x509.Certificate:

@@ -17,6 +17,7 @@ from support import file_axis
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.handlers import Parts
@@ -175,6 +176,7 @@ class ServedAxis:
                 CalculationWorker(),
                 ComparedPages(CalculationWorker()),
                 self.descriptors,
+                CertificateWatch(self.rig.remote, self.notices.note),
             ),
             RefusedCounts,
             self.notifications.set,

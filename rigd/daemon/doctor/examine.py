@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.calibration import examine_calibration
+from rigd.daemon.doctor.certificates import examine_certificates
 from rigd.daemon.doctor.check import OnCheck
 from rigd.daemon.doctor.machine import examine_machine
 from rigd.daemon.doctor.rig import examine_rig
@@ -45,6 +46,8 @@ def examine(what: Examination, on_check: OnCheck) -> bool:
     if rig is None:
         return True
     for check in examine_calibration(rig, datetime.now(UTC).date()):
+        on_check(check)
+    for check in examine_certificates(rig, datetime.now(UTC)):
         on_check(check)
     control = Control()
     with handle_signals(control):

@@ -15,6 +15,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.handlers import Parts
@@ -35,7 +36,6 @@ from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
 from rigd.model.channels import Stream
 from rigd.record.events import Event
-from rigd.remote.certificates import expires_soon
 from rigd.remote.server import Lease, Server
 
 #: The daemon does its periodic work this often, and at once if something has changed; in s.
@@ -173,9 +173,7 @@ def _compose(
         raw, happened = foxglove.show, foxglove.happened
     feed = stack.enter_context(Feed(rig, server.publisher, raw=raw, happened=happened))
     notices = Notices(changed)
-    soon = None if rig.remote.tls is None else expires_soon(rig.remote.tls)
-    if soon is not None:
-        notices.note(soon, "warning")
+    certificates = CertificateWatch(rig.remote, notices.note)
     name = folder_name(rig.name)
     trips = TripMemory(runs / f"{name}.trips.json")
     interruptions = Interruptions(rig.name, recordings, notices)
@@ -226,6 +224,7 @@ def _compose(
         checks,
         ComparedPages(comparing),
         descriptors,
+        certificates,
     )
     return parts, server
 

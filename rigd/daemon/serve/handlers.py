@@ -8,6 +8,7 @@ from pathlib import Path
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.descriptors import Descriptors
@@ -62,6 +63,7 @@ class Parts:
     checks: CalculationWorker
     compared: ComparedPages
     descriptors: Descriptors
+    certificates: CertificateWatch
 
     @property
     def under_way(self) -> str | None:

@@ -76,6 +76,7 @@ class RigService:
             last=parts.steering.last,
             refused=self._refused(),
             notices=parts.notices.views(),
+            certificates=parts.certificates.views(),
         )
 
     @property
@@ -110,6 +111,7 @@ class RigService:
         :meth:`tend` logs stops and what changes the lease: a disk that hangs must delay no estop
         after a stop, and no renewal of the lease.
         """
+        self._parts.certificates.seen(requester.identity, requester.certificate_until_ns)
         if verb.rule.kind is Kind.COMMAND:
             return self._command(verb, requester, args)
         result = verb.carry_out(self._handlers, requester, args)
@@ -139,9 +141,12 @@ class RigService:
     def tend(self) -> None:
         """Do periodic work: act on an expired lease, then audit what waits."""
         audit = self._parts.audit
+        self._parts.certificates.tend()
         for holder in self._parts.lease.lost():
             done = self._parts.steering.client_lost(holder)
-            self._parts.notices.note(f"{loss_of(holder)}: {done}", "warning")
+            expired = self._parts.certificates.expired(holder.identity)
+            why = f" ({expired})" if expired else ""
+            self._parts.notices.note(f"{loss_of(holder)}{why}: {done}", "warning")
             self._unwritten.append(
                 partial(audit.write, holder.identity, "lease_lost", {}, done, user=holder.user)
             )

@@ -25,6 +25,7 @@ from rigd.remote.client.session import (
     QueryReply,
     TimedOut,
     close_session,
+    doubt,
     is_connected,
     listen,
     open_session,
@@ -179,7 +180,7 @@ class Connection:
             ProtocolError: the answer is invalid.
         """
         wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
-        request = new_request(wanted, user)
+        request = new_request(wanted, user, self._target.certificate_until_ns)
         found = await self._patiently(kind, verb, encode_request(request))
         if len(found) != 1:
             raise ProtocolError(
@@ -299,10 +300,10 @@ class Connection:
         give_up_s = time.monotonic() + RECONNECT_S
         while not is_connected(self._session):
             if time.monotonic() > give_up_s:
+                why = await asyncio.to_thread(doubt, self._target)
                 raise LinkError(
                     f"the connection to {self.rig} at {self._target.endpoint} is lost",
-                    hint="is its daemon running, and the network there? The client connects again "
-                    "by itself",
+                    hint=f"{why} The client connects again by itself",
                 )
             await asyncio.sleep(_RECONNECTED_S)
 

@@ -12,7 +12,6 @@ from typing import Final
 
 import zenoh
 
-from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote.client.target import Target
 from rigd.remote.network import client_config
@@ -47,9 +46,7 @@ def open_session(target: Target) -> zenoh.Session:
     try:
         session = zenoh.open(client_config([target.endpoint], target.tls))
     except zenoh.ZError as error:
-        hint = f"{target.note}is the daemon running there (rigd serve), and is the address right?"
-        if target.tls is not None:
-            hint = f"{target.note}{_doubt(target.tls)}"
+        hint = f"{target.note}{doubt(target)}"
         raise LinkError(f"no daemon admits this client at {target.endpoint}", hint=hint) from error
     _opened[id(session)] = session
     return session
@@ -71,18 +68,23 @@ def _close_all() -> None:
         close_session(session)
 
 
-def _doubt(tls: TlsFiles) -> str:
-    """Return the possible reasons of a refused connection, which TLS does not report."""
-    from rigd.remote.certificates import check_usable, distrusted
+def doubt(target: Target) -> str:
+    """Return the possible reasons why no daemon admits a client; TLS does not tell it. Blocks."""
+    tls = target.tls
+    if tls is None:
+        return "is the daemon running there (rigd serve), and is the address right?"
+    from rigd.remote.certificates import check_usable, distrusted, refused_daemon
 
     try:
         check_usable(tls)
     except ConfigError as error:
-        return error.one_line
-    return distrusted(tls) or (
-        "is the daemon running there (rigd serve), and is the address right? Does it trust "
-        f"{tls.ca}, which signed {tls.certificate.name}? Is its own certificate signed by that "
-        "too, and made for the name in the address?"
+        return f"your certificate: {error.one_line}"
+    return (
+        distrusted(tls)
+        or refused_daemon(target.endpoint, tls)
+        or "is the daemon running there (rigd serve), and is the address right? Does it trust "
+        f"{tls.ca}, which signed {tls.certificate.name}, and does its rig file give this name a "
+        "role?"
     )
 
 

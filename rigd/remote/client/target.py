@@ -36,6 +36,8 @@ class Target:
     tls: TlsFiles | None
     identity: str
     """The name under which the daemon knows the client."""
+    certificate_until_ns: int = 0
+    """When its certificate expires, in ns since the Unix epoch; 0 without one."""
     note: str = ""
     """Why this address was tried; for the error if no rig is found."""
 
@@ -107,9 +109,11 @@ def make_target(
         )
     if rig is not None:
         check_name(rig, "rig name")
+    until_ns = 0
     if tls is not None:
-        identity = _certified(tls, identity)
-    return Target(rig, endpoint, tls, check_name(identity or _user(), "name of the client"))
+        identity, until_ns = _certified(tls, identity)
+    name = check_name(identity or _user(), "name of the client")
+    return Target(rig, endpoint, tls, name, until_ns)
 
 
 def find_target(
@@ -191,7 +195,14 @@ def _keep(path: Path, known: Mapping[str, object]) -> None:
 
 
 def name_in(certificate: Path) -> str:
-    """Return the common name in a certificate (PEM), to which the rig file gives a role.
+    """Return the common name in a certificate; see :func:`name_and_end_in`."""
+    return name_and_end_in(certificate)[0]
+
+
+def name_and_end_in(certificate: Path) -> tuple[str, int]:
+    """Return the common name in a certificate (PEM), and its end in ns since the Unix epoch.
+
+    The rig file gives a role to the name.
 
     Raises:
         ConfigError: it cannot be read, or has none.
@@ -206,10 +217,11 @@ def name_in(certificate: Path) -> str:
     names = read.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     if len(names) != 1:
         raise ConfigError(f"{certificate} has {len(names)} common names, expected one")
-    return str(names[0].value)
+    return str(names[0].value), round(read.not_valid_after_utc.timestamp()) * 10**9
 
 
-def _certified(tls: TlsFiles, identity: str | None) -> str:
+def _certified(tls: TlsFiles, identity: str | None) -> tuple[str, int]:
+    """Return the name in the certificate of a client, and when that expires."""
     for path in (tls.ca, tls.certificate, tls.key):
         if not path.is_file():
             raise ConfigError(
@@ -217,13 +229,13 @@ def _certified(tls: TlsFiles, identity: str | None) -> str:
                 hint="ask the person who ran rigd remote setup-tls for ca.crt, and for your own "
                 "NAME.crt and NAME.key",
             )
-    own = name_in(tls.certificate)
+    own, until_ns = name_and_end_in(tls.certificate)
     if identity not in (None, own):
         raise ConfigError(
             f"{tls.certificate} is the certificate of {own}, not of {identity}",
             hint="the name in the certificate is the one that counts",
         )
-    return own
+    return own, until_ns
 
 
 def _user() -> str:

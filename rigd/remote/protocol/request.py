@@ -30,6 +30,8 @@ class RemoteRequest(Message, Generic[A]):
     args: A
     user: User = ""
     """The user of a client that acts for several people, and vouches for them; else empty."""
+    certificate_until_ns: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """When the client's certificate expires, in ns since the Unix epoch; 0: it does not say."""
 
 
 class Reply(Message):
@@ -65,10 +67,16 @@ def request_kind(arguments: type[A]) -> type[RemoteRequest[A]]:
     return RemoteRequest[arguments]  # type: ignore[valid-type]  # made at run time, from the verb table
 
 
-def new_request(args: A, user: str = "") -> RemoteRequest[A]:
+def new_request(args: A, user: str = "", certificate_until_ns: int = 0) -> RemoteRequest[A]:
     """Return a request made now, with an id of its own."""
-    kind = request_kind(type(args))
-    return kind(v=VERSION, id=secrets.token_hex(16), sent_ns=time.time_ns(), args=args, user=user)
+    return request_kind(type(args))(
+        v=VERSION,
+        id=secrets.token_hex(16),
+        sent_ns=time.time_ns(),
+        args=args,
+        user=user,
+        certificate_until_ns=certificate_until_ns,
+    )
 
 
 def encode_request(request: RemoteRequest[A]) -> bytes:

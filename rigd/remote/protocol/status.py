@@ -209,7 +209,7 @@ class Status(Message):
     notices: tuple[OperatorNotice, ...] = ()
     """The newest 20, the newest last."""
     certificates: tuple[CertificateView, ...] = ()
-    """Those that expire within 14 days, or have expired; of clients, of those that were seen."""
+    """Those that expire within 30 days, or have expired; of clients, of those that were seen."""
 
 
 class RigEvent(Message):

@@ -92,6 +92,7 @@ class Requester:
     user: str = ""
     role: Role = Role.OBSERVER
     stops: int = 0  #: how many stops the daemon had carried out when the request came
+    certificate_until_ns: int = 0  #: when its certificate expires, as it says; 0: unknown
 
     @property
     def client(self) -> ClientUser:

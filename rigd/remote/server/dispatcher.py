@@ -185,7 +185,9 @@ class Dispatcher:
     def _carry_out(self, routed: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         try:
             identity = routed.address.identity
-            requester = Requester(identity, request.user, routed.role, routed.stops)
+            requester = Requester(
+                identity, request.user, routed.role, routed.stops, request.certificate_until_ns
+            )
             if routed.verb.rule.needs_lease:
                 self._lease.check(requester.client)
             result = self._service.answer(routed.verb, requester, request.args)
