@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
-from rigd.engine.realtime import as_program
+from rigd.engine.realtime import as_program, preferring
 from rigd.model.other_process import child_ending, how_ended
 from rigd.model.parent import end_with
 
@@ -35,6 +35,7 @@ class Child:
         tied: whether it ends with this process, however this process ends.
         stdin: whether it reads the input of :meth:`wake` or :meth:`talk`; else it has no input.
         output: whether :meth:`talk` returns its output.
+        preferred: whether it gets more time than ordinary programs: what a run waits for.
         environment: variables added to the environment of this process.
 
     Raises:
@@ -50,6 +51,7 @@ class Child:
         tied: bool = False,
         stdin: bool = False,
         output: bool = False,
+        preferred: bool = False,
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._log, self._log_began = log, 0
@@ -59,6 +61,8 @@ class Child:
                 file = stack.enter_context(log.open("ab"))
                 self._log_began, printed = file.tell(), file.fileno()
             stack.enter_context(as_program())
+            if preferred:
+                stack.enter_context(preferring())
             self._process = subprocess.Popen(
                 [*module(__name__, str(os.getpid())), *command] if tied else command,
                 stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,

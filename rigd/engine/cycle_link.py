@@ -53,7 +53,9 @@ class CycleLink:
         with theirs:
             fd = theirs.fileno()
             command = module("rigd.engine.cycle_process", str(folder.path), str(fd))
-            self._child = Child(command, log=folder.path / LOG, fds=(fd, folder.lock_fd))
+            self._child = Child(
+                command, log=folder.path / LOG, fds=(fd, folder.lock_fd), preferred=True
+            )
         self._board[Word.PID_CYCLE] = self._child.pid
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)

@@ -37,7 +37,8 @@ SIMULATED_PRIORITY: Final = 70
 #: wait for them. All its threads have it: they share the interpreter's lock, and the thread of a
 #: stop waits for the thread that holds it.
 DAEMON_PRIORITY: Final = 1
-#: nice(2) of what keeps a run alive beside the daemon: nine times the weight of ordinary programs.
+#: nice(2) of what keeps a run alive beside the daemon, and of a cycle until its devices are open:
+#: nine times the weight of ordinary programs.
 PREFERRED: Final = -10
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2
@@ -155,6 +156,17 @@ def prefer() -> None:
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, PREFERRED)
+
+
+@contextmanager
+def preferring() -> Iterator[None]:
+    """Let this thread, and everything that it starts inside, be preferred; see :func:`prefer`."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    prefer()
+    try:
+        yield
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, before)
 
 
 @contextmanager

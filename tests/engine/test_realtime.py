@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 
-from rigd.engine.realtime import as_program, before_programs
+from rigd.engine.realtime import PREFERRED, as_program, before_programs, preferring
 
 ENTER_AND_LEAVE = """
 import json, os
@@ -48,3 +48,13 @@ def test_a_program_started_by_the_daemon_is_ordinary() -> None:
             assert policy_of_a_process() == os.SCHED_OTHER
         assert os.sched_getscheduler(0) == within
     assert os.sched_getscheduler(0) == before
+
+
+def test_process_that_a_run_waits_for_is_preferred() -> None:
+    code = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with as_program(), preferring():
+        within = os.getpriority(os.PRIO_PROCESS, 0)
+        assert int(subprocess.check_output([sys.executable, "-c", code], timeout=60)) == within
+    assert within in (PREFERRED, before)  # the kernel may refuse it
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before

@@ -18,6 +18,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from rigd.config.remote import RemoteSetup
@@ -71,6 +72,12 @@ class RoutedRequest:
     payload: bytes
     came_ns: int  #: on the monotonic clock
     stops: int  #: how many stops had been carried out when it came
+
+
+@lru_cache
+def _refusal_of_flood(identity: str) -> bytes:
+    """Return the reply to a question that is beyond the rate of a client: it is made once."""
+    return encode_refusal("", TooManyQuestions(identity))
 
 
 def role_of(setup: RemoteSetup, identity: str) -> Role | None:
@@ -148,6 +155,8 @@ class Dispatcher:
     def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
         """Return the answer to a refused request, and count it."""
         self._refused.count(key, refusal)
+        if isinstance(refusal, TooManyQuestions) and not request_id:
+            return StoredReply(False, _refusal_of_flood(refusal.identity))
         return StoredReply(False, encode_refusal(request_id, refusal))
 
     def answer(self, routed: RoutedRequest) -> StoredReply:
