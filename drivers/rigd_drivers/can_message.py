@@ -76,6 +76,7 @@ class CanMessage(Driver[CanMessageConfig, CanBus]):
     Config: ClassVar[type[DriverConfig]] = CanMessageConfig
     title: ClassVar[str] = "sensor on CAN, by a message of a DBC file"
     link_kind: ClassVar[str] = "can"
+    reads_when_safe: ClassVar[bool] = True
 
     def __init__(self, config: CanMessageConfig, link: CanBus) -> None:
         super().__init__(config, link)

@@ -33,6 +33,7 @@ class CanSensor(Driver[SensorConfigT, CanBus]):
     """A node that gives its value at every SYNC; it only measures, so it is always safe."""
 
     link_kind = "can"
+    reads_when_safe = True
     noun: ClassVar[str]  #: what messages call it
     number: ClassVar[int]  #: of its device profile: low word of 1000h
     busy: ClassVar[str]  #: what stands behind the node in a message while its action is under way

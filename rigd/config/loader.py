@@ -138,7 +138,9 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
         links={name: link for name, link in links.items() if link is not None},
         simulation=_simulation(document, source, problems),
         supervision=Supervision(
-            source.supervision.cycle_silence, source.supervision.daemon_silence
+            source.supervision.cycle_silence,
+            source.supervision.daemon_silence,
+            source.supervision.rest,
         ),
         calibration=read_setup(source.calibration, document.path.parent, problems),
         remote=read_remote(document, source.remote, problems),

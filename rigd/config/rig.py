@@ -64,10 +64,14 @@ class LinkSetup:
 
 @dataclass(frozen=True)
 class Supervision:
-    """The seconds of silence after which a process counts as dead."""
+    """The seconds of silence after which a process counts as dead.
+
+    ``rest_s`` is how long rows go on after a run that did not reach its end.
+    """
 
     cycle_silence_s: float = 0.05
     daemon_silence_s: float = 1.0
+    rest_s: float = 2.0
 
 
 @dataclass(frozen=True)

@@ -114,12 +114,14 @@ class LinkSource(Source):
 
 
 class SupervisionSource(Source):
-    """The silence after which a process counts as dead."""
+    """The silence after which a process counts as dead, and how long the rig needs to rest."""
 
     cycle_silence: Annotated[float, In("s"), Ge(0.005), Le(5)] = 0.05
     """The cycle: the daemon kills its process and makes the rig safe over a second link."""
     daemon_silence: Annotated[float, In("s"), Ge(0.1), Le(60)] = 1.0
     """The daemon: the cycle makes the rig safe and ends."""
+    rest: Annotated[float, In("s"), Ge(2), Le(60)] = 2.0
+    """How long rows go on after a run that did not reach its end, for the rig to come to rest."""
 
 
 class TlsSource(Source):

@@ -63,6 +63,15 @@ def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
     """Discard events before the cycle is connected."""
 
 
+def _succeeds(call: Callable[[int], None], t_ns: int) -> bool:
+    """Call a part of a link, after every device is safe; return whether it succeeded."""
+    try:
+        call(t_ns)
+    except Exception:  # noqa: BLE001 - boundary: the rig is safe, and this link is left alone
+        return False
+    return True
+
+
 def _why_silent(link: object) -> str:
     """Return what may be the cause that a device on ``link`` gives no row."""
     lost = link.lost if isinstance(link, Link) else 0
@@ -157,6 +166,7 @@ class Cycle:
         self._slot = -1
         self._cut: frozenset[int] = frozenset()
         self._reading_on = False  #: after the end of the run
+        self._ending: list[Link] = []  #: links that send what asks their devices then
 
     @property
     def t_ns(self) -> int:
@@ -275,40 +285,68 @@ class Cycle:
         self._push(t_ns, slot, began)
         return outcome
 
-    def reads_on(self) -> bool:
+    def reads_on(self, *, asking: bool) -> bool:
         """Return whether a device can be read after :meth:`make_safe`; from then on only those are.
 
-        They are simulated on a plant, or their link says that reading sends nothing.
+        They are simulated on a plant, or their link says that reading sends nothing. With
+        ``asking`` also those whose drivers say that they stay safe while they are asked: what is
+        sent feeds their watchdogs, so that all must have become safe before.
         """
         if not self._reading_on:
             self._reading_on = True
-            self._links = tuple(item for item in self._links if item[1].reads_on)
-            on = {id(link) for _, link in self._links}
+            drivers = [places.driver for _, places in self._reads]
+            on = {
+                id(link): link.reads_on
+                for _, link in self._links
+                if link.reads_on
+                or (asking and all(d.reads_when_safe for d in drivers if d.link is link))
+            }
+            self._links = tuple(item for item in self._links if id(item[1]) in on)
+            self._ending = [link for _, link in self._links if not on[id(link)]]
             self._reads = [
                 (index, places)
                 for index, places in self._reads
-                if isinstance(places.driver.link, Plant) or id(places.driver.link) in on
+                if isinstance(places.driver.link, Plant)
+                or id(places.driver.link) in on
+                or (asking and places.driver.link is None and places.driver.reads_when_safe)
             ]
             self._rows.keep({index for index, _ in self._reads})
         return bool(self._reads)
 
     def read_on(self) -> bool:
-        """Read and record in the next slot, after :meth:`make_safe`; nothing is written.
+        """Read and record in the next slot, after :meth:`reads_on`; nothing is written.
 
-        No interlock acts, and no cycle is counted. The setpoints in the rows are those at rest.
-        Returns whether that may go on: not after a device has failed.
+        No interlock acts, and no cycle is counted. The setpoints in the rows are those at rest. A
+        device that fails, or whose link does, is read no more: whether any is left is returned.
         """
-        if not self.reads_on():
-            return False
         self._slot = slot = self.clock.next_slot()
         t_ns = self.clock.start_ns + slot * self.clock.period_ns
-        try:
-            if self._read(t_ns) is not None:
-                return False
-        except Exception:  # noqa: BLE001 - boundary: the rig is safe, and its rows end here
-            return False
+        lost = [link for _, link in self._links if not _succeeds(link.begin, t_ns)]
+        gone = []
+        for index, (_, driver, places, _) in self._reads:
+            try:
+                row = None if driver.link in lost else driver.read(t_ns)
+            except Exception:  # noqa: BLE001 - boundary: the rig is safe, and this device is left alone
+                row = None
+                gone.append(index)
+            self._fresh[index] = row is not None
+            if row is not None:
+                self._values[places] = row[:]
+                self._stamps[index] = driver.taken_ns or t_ns
+        lost += [
+            link for link in self._ending if link not in lost and not _succeeds(link.end, t_ns)
+        ]
+        if lost or gone:
+            self._links = tuple(item for item in self._links if item[1] not in lost)
+            self._ending = [link for link in self._ending if link not in lost]
+            self._reads = [
+                item
+                for item in self._reads
+                if item[0] not in gone and item[1].driver.link not in lost
+            ]
+            self._rows.keep({index for index, _ in self._reads})
         self._rows.push(t_ns, slot, self._values, self._rest, self._stamps, self._fresh)
-        return True
+        return bool(self._reads)
 
     def _read(self, t_ns: int) -> Outcome | None:
         for name, link in self._links:
@@ -475,8 +513,6 @@ class Cycle:
         return self._fault(self.t_ns, f"{', '.join(waiting)} did not become ready to run")
 
     def _fault(self, t_ns: int, reason: str) -> Outcome:
-        if self._reading_on:  # every device is safe, and the end of the run is recorded
-            return Outcome(Severity.FAULT, reason)
         self.make_safe(t_ns)
         self._emit(t_ns, "fault", {"reason": reason})
         return Outcome(Severity.FAULT, reason)

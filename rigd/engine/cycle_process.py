@@ -259,8 +259,9 @@ class CycleProcess:
             case m.MakeSafe():
                 self._final = Outcome(Severity.FAULT, "the rig was made safe")
                 self._answer(question, self._make_safe())
-            case m.ReadOn():
-                self._reading_on = self._final is not None and self._cycle.reads_on()
+            case m.ReadOn(_, asking):
+                final = self._final is not None
+                self._reading_on = final and self._cycle.reads_on(asking=asking)
                 self._answer(question, self._reading_on)
             case m.Close():
                 self._answer(question, [*self._make_safe(), *close_devices(self._cycle)])

@@ -136,8 +136,11 @@ class Host(Protocol):
         """Bring every device to its safe state; return the errors, one sentence each."""
         ...
 
-    def read_on(self, for_s: float) -> None:
-        """Record for so long what devices show after :meth:`make_safe`; nothing is written."""
+    def read_on(self, for_s: float, *, asking: bool) -> None:
+        """Record for so long what devices show after :meth:`make_safe`; nothing is written.
+
+        ``asking``: also of devices that must be asked for it, which feeds their watchdogs.
+        """
         ...
 
     def close(self) -> None:

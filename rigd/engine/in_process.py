@@ -228,13 +228,14 @@ class InProcessHost:
             lambda: self.cycle.counters.cycles < enough or self.cycle.silent_devices > 0
         )
 
-    def read_on(self, for_s: float) -> None:
-        """Record for so long what devices show after they were made safe; nothing is written.
+    def read_on(self, for_s: float, *, asking: bool) -> None:
+        """Record for so long what devices show after they were made safe; see :class:`Host`.
 
-        A request to stop that is more severe than the one before ends it, and so does a device that
-        fails.
+        A request to stop that is more severe than the one before ends it.
         """
         asked = self.cycle.control.asked
+        if not self.cycle.reads_on(asking=asking):
+            return
         for _ in range(round(for_s * 1e9) // self.cycle.clock.period_ns):
             if self.cycle.control.asked is not asked or not self.cycle.read_on():
                 break

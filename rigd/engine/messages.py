@@ -75,7 +75,12 @@ class Judge(Question[Sequence[str]]):
 
 @dataclass(frozen=True)
 class ReadOn(Question[bool]):
-    """Record on until Close, after MakeSafe; answered whether any device can be read."""
+    """Record on until Close, after MakeSafe; answered whether any device can be read.
+
+    ``asking``: also of devices that must be asked for it.
+    """
+
+    asking: bool = False
 
 
 @dataclass(frozen=True)

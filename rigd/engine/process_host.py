@@ -323,15 +323,15 @@ class ProcessHost:
             in_cycle = self._or_lost(self._ask(m.MakeSafe, recording=False))
         return (*in_cycle, *self._make_off_cycle_safe())
 
-    def read_on(self, for_s: float) -> None:
-        """Record for so long what devices show after they were made safe; nothing is written.
+    def read_on(self, for_s: float, *, asking: bool) -> None:
+        """Record for so long what devices show after they were made safe; see :class:`Host`.
 
         A request to stop that is more severe than the one before ends it, and so does the loss of
         a process.
         """
         asked = self._control.asked
         until_ns = monotonic_ns() + round(for_s * 1e9)
-        if self._nothing_plays or not self._ask(m.ReadOn):
+        if self._nothing_plays or not self._ask(partial(m.ReadOn, asking=asking)):
             return
         while monotonic_ns() < until_ns and self._control.asked is asked:
             self._poll()

@@ -36,8 +36,6 @@ from rigd.record.events import NO_TRIAL
 
 #: With more missed cycles than this share, a recording is not reliable.
 MISSED_SHARE = 0.05
-#: How long rows go on after a run that did not reach its end, in s.
-READ_ON_S = 2.0
 
 
 @dataclass
@@ -49,7 +47,8 @@ class Run:
     then is bit for bit as if nothing had interrupted the run. ``draw`` gets the seed of each trial
     that begins, by number in ``seeds``: the plant of a simulated rig draws from it. ``change`` is
     None for a real rig, ``faults`` for a rig that is not simulated at the wire. ``judge`` evaluates
-    each trial that has ended, if the procedure asks for it.
+    each trial that has ended, if the procedure asks for it. Rows go on for ``rest_s`` after a run
+    that did not reach its end.
     """
 
     procedure: CompiledProcedure
@@ -64,6 +63,7 @@ class Run:
     given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
     watch: Callable[[Progress], None] = lambda _: None
     judge: TrialJudge | None = None
+    rest_s: float = 2.0
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     identity_check: IdentityCheck = lambda _: ()
     state: RunState = RunState.IDLE
@@ -132,18 +132,21 @@ class Run:
             try:
                 problems = self.host.make_safe()
                 self._record_end(way.ending, reason)
-                self._read_on(way)
+                self._read_on(way, problems)
             finally:
                 self.host.close()
         return self._result(way, reason, problems)
 
-    def _read_on(self, way: WayOut) -> None:
-        """Record on after a run that did not reach its end: does the rig stand still now?"""
+    def _read_on(self, way: WayOut, problems: Sequence[str]) -> None:
+        """Record on after a run that did not reach its end: does the rig stand still now?
+
+        With ``problems`` a device may still move, and its watchdog is to act: it is not asked.
+        """
         self._end_s = self.host.run_s
         if self._armed and way is not BROKEN and way.exit_code is not Exit.OK:
             self._coming_to_rest = True
             self.watch(self.progress)
-            self.host.read_on(READ_ON_S)
+            self.host.read_on(self.rest_s, asking=not problems)
             self._coming_to_rest = False
 
     def _live(self) -> tuple[WayOut, str]:

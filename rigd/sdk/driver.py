@@ -117,6 +117,10 @@ class Driver(AnyDriver[ConfigT, LinkT]):
 
     #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
     second_link: ClassVar[bool] = False
+    #: Whether the device stays safe while it is read after :meth:`make_safe` without :meth:`write`:
+    #: what :meth:`read` sends then only asks. Its rows go on for a while after a run that did not
+    #: reach its end; if all drivers on its link say so, with the link's ``begin`` and ``end``.
+    reads_when_safe: ClassVar[bool] = False
     #: Whether :meth:`read` may wait for an answer: where cycles have no time to keep, so that runs
     #: repeat bit for bit. Set before :meth:`open`.
     lockstep: bool = False

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import pytest
-from support.bench import PERIOD_NS, Axis, Bench, ListSink, move, procedure
+from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.engine.cycle import Cycle
 from rigd.engine.result import RunResult
-from rigd.engine.run import READ_ON_S
+from rigd.engine.run import Run
 from rigd.engine.sink import Rows
 from rigd.model.errors import DeviceError
 from rigd.model.rows import TIME_FIELD
@@ -46,6 +46,7 @@ class Coasting(Axis):
         self.stop: Callable[[], None] = lambda: None
         self.again: Callable[[], None] = lambda: None  #: called in its fifth read after that
         self.dies_at: int | None = None  #: of its reads after it was made safe
+        self.stays_on = False  #: it cannot be made safe
 
     def read(self, t_ns: int) -> Sequence[float] | None:
         self.asked.append("read")
@@ -67,6 +68,27 @@ class Coasting(Axis):
     def make_safe(self) -> None:
         self.asked.append("make_safe")
         super().make_safe()
+        if self.stays_on:
+            raise DeviceError("a contact is welded")
+
+
+class Obeying(Stubborn):
+    """A device that is made safe."""
+
+    def make_safe(self) -> None:
+        self.safe_calls += 1
+
+
+class Asked(Coasting):
+    """One that must be asked, and stays safe while it is."""
+
+    reads_when_safe = True
+
+
+class SendingWire(Wire):
+    """A link that sends, also so that its devices can be read."""
+
+    reads_on = False
 
 
 class TimedSink(ListSink):
@@ -88,9 +110,9 @@ class TimedSink(ListSink):
 class Ended(Bench):
     """A run of a coasting axis that a person stops, in its 50th cycle or so."""
 
-    def __init__(self, link: Link | None = None) -> None:
+    def __init__(self, link: Link | None = None, axis: type[Coasting] = Coasting) -> None:
         self.wire = link
-        super().__init__(axis=Coasting(link), sink=TimedSink())
+        super().__init__(axis=axis(link), other=Obeying(), sink=TimedSink())
         self.sink: TimedSink
         self.axis: Coasting
 
@@ -116,7 +138,7 @@ def test_rows_go_on_after_a_stop(severity: Severity) -> None:
     bench = Ended(Wire(LinkConfig()))
     bench.end_by(severity)
     after = bench.after
-    assert len(after) == READ_ON_S * 1e9 // PERIOD_NS
+    assert len(after) == Run.rest_s * 1e9 // PERIOD_NS
     assert after[0][0] == bench.end_ns + PERIOD_NS  # without a gap
     assert after[-1][1] < 0.2 < after[0][1]  # one sees it come to rest
     assert {setpoint for *_, setpoint in after} == {0.0}
@@ -174,3 +196,33 @@ def test_second_signal_ends_the_rows() -> None:
     bench.axis.again = lambda: bench.control.request(Severity.ESTOP, "again")
     bench.end_by(Severity.ABORT)
     assert len(bench.after) == 5
+
+
+@pytest.mark.parametrize("wire", [None, SendingWire(LinkConfig())], ids=["no link", "link"])
+def test_device_that_stays_safe_is_asked_on(wire: SendingWire | None) -> None:
+    bench = Ended(wire, Asked)
+    bench.end_by(Severity.ABORT)
+    assert len(bench.after) == Run.rest_s * 1e9 // PERIOD_NS
+    asked = bench.axis.asked
+    assert asked[asked.index("make_safe") :].count("write") == 0
+    if wire is not None:
+        assert wire.ends == asked.count("write") + len(bench.after)  # what asks them is sent
+
+
+def test_link_is_silent_if_a_device_must_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its watchdog would be fed by what asks the others on that link."""
+    wire = SendingWire(LinkConfig())
+    bench = Ended(wire, Asked)
+    monkeypatch.setattr(Asked, "reads_when_safe", False)
+    bench.end_by(Severity.ABORT)
+    assert bench.after == []
+    assert wire.ends == bench.axis.asked.count("write")
+
+
+def test_device_not_made_safe_is_left_to_its_watchdog() -> None:
+    wire = SendingWire(LinkConfig())
+    bench = Ended(wire, Asked)
+    bench.axis.stays_on = True
+    bench.end_by(Severity.ABORT)
+    assert bench.after == []
+    assert wire.ends == bench.axis.asked.count("write")

@@ -51,6 +51,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
 
     link_kind = "can"
     second_link = True
+    reads_when_safe = True  # SYNC and heartbeat; the controlword stays 0
     #: The option that bounds the setpoint.
     range_option: ClassVar[str]
 

@@ -46,6 +46,7 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
     title: ClassVar[str] = "device that takes setpoints in lines, such as a supply with SCPI"
     unshared: ClassVar[tuple[str, ...]] = ("port",)
     second_link: ClassVar[bool] = True
+    reads_when_safe: ClassVar[bool] = True  # questions; a setpoint is sent only once it is armed
 
     def __init__(self, config: LineOutputsConfig, link: None) -> None:
         super().__init__(config, link)

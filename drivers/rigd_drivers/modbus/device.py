@@ -41,6 +41,7 @@ class ModbusDevice(Driver[ConnectionConfigT, None]):
     """
 
     unshared: ClassVar[tuple[str, ...]] = ("serial_port",)
+    reads_when_safe: ClassVar[bool] = True  # it reads registers
 
     def __init__(
         self, config: ConnectionConfigT, link: None, access: Access, rate_hz: float
