@@ -99,7 +99,6 @@ class Recordings:
             return RunView(line=_unread(path, error, name == under_way))
         newest = replace(info, trials=info.trials[-_TRIALS:])
         details = json.loads(json.dumps(info_json(newest)))
-        details["recording"] = name  # clients must not see paths of this machine
         return RunView(line=line, details=details)
 
     def piece(self, path: Path, offset: int, length: int) -> PieceView:
@@ -295,7 +294,6 @@ def _started_ns(info: RunInfo) -> int:
 def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
     """Return the line of a recording that is damaged, or has no rows on disk yet."""
     problem = error.message if isinstance(error, RecordingError) else f"not one of rigd's: {error}"
-    problem = problem.replace(f"{path.parent}/", "")  # observers need not know the folders
     try:
         size = path.stat().st_size
     except OSError:  # removed since, or a link to nowhere

@@ -12,9 +12,10 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, StringConstraints, ValidationError
+from pydantic import BeforeValidator, ConfigDict, JsonValue, StringConstraints, ValidationError
 
 from rigd.remote.protocol.limits import (
     MAX_DEPTH,
@@ -34,7 +35,7 @@ Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}
 #: A text for a person, of one or several lines.
 Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
 #: Such a text from the daemon: cut to its limit, without characters that UTF-8 cannot encode or
-#: that control a terminal. It may come from any file.
+#: that control a terminal, and without the folders of paths. It may come from any file.
 DaemonText = Annotated[
     Text, BeforeValidator(lambda text: _printable(text) if isinstance(text, str) else text)
 ]
@@ -49,6 +50,10 @@ Version = Literal[1]
 
 #: Control characters (Unicode's category Cc), which control a terminal, but tab and line feed.
 _STEERING: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+#: The folders of an absolute path, but not of a device or an address such as ``tcp/1.2.3.4:1``.
+_FOLDERS: Final = re.compile(
+    r"(?<![\w/.:~-])~?/(?!(?:dev|proc|sys)/)(?:[^\s/:;,'\"()]+/)+(?=[^\s/])"
+)
 #: Characters of the problems of a message in the refusal.
 _MAX_PROBLEMS: Final = 300
 #: Versions are numbers below this; a message with a larger one is damaged.
@@ -102,7 +107,25 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
 
 
 def _printable(text: str) -> str:
-    return _STEERING.sub("?", text[:MAX_TEXT]).encode(errors="replace").decode()
+    return _STEERING.sub("?", without_folders(text)[:MAX_TEXT]).encode(errors="replace").decode()
+
+
+def without_folders(value: Any) -> Any:
+    """Return JSON data whose texts name files of the daemon's computer without their folders.
+
+    Observers need not know these. Devices (``/dev/ttyUSB0``) keep their paths.
+    """
+    if isinstance(value, str):
+        return _FOLDERS.sub("", value) if "/" in value else value
+    if isinstance(value, Mapping):
+        return {key: without_folders(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_folders(item) for item in value]
+    return value
+
+
+#: JSON data from the daemon; see :func:`without_folders`.
+DaemonData = Annotated[dict[str, JsonValue], BeforeValidator(without_folders)]
 
 
 def _check_json(payload: bytes) -> None:

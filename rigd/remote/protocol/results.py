@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Base64Bytes, Field, JsonValue, StringConstraints
+from pydantic import Base64Bytes, Field, StringConstraints
 
 from rigd.remote.protocol.arguments import FileWord, ProcedureFile, RunName, Sha256
 from rigd.remote.protocol.limits import (
@@ -19,7 +19,7 @@ from rigd.remote.protocol.limits import (
     MAX_REQUEST_BYTES,
     RENEW_S,
 )
-from rigd.remote.protocol.message import DaemonText, Message, Name
+from rigd.remote.protocol.message import DaemonData, DaemonText, Message, Name
 from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import ActionName, Count, Nanoseconds, RigEvent
 
@@ -307,7 +307,7 @@ class RunView(Message):
     """`run`."""
 
     line: RunLine
-    details: dict[str, JsonValue] = Field(default_factory=dict)
+    details: DaemonData = Field(default_factory=dict)
     """The result of `rigd info --json`."""
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
-from rigd.remote.protocol.message import DaemonText, Message, Name, User, Version
+from rigd.remote.protocol.message import DaemonData, DaemonText, Message, Name, User, Version
 
 Count = Annotated[int, Field(ge=0)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -222,7 +222,7 @@ class RigEvent(Message):
     kind: DaemonText
     trial: int = -1
     """-1 outside of every trial."""
-    data: dict[str, JsonValue] = Field(default_factory=dict)
+    data: DaemonData = Field(default_factory=dict)
     """Its details; a NaN or an infinity as text, as in the recording."""
 
 

@@ -33,7 +33,7 @@ from rigd.remote.protocol.arguments import (
     StartArguments,
 )
 from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES, MAX_TEXT
-from rigd.remote.protocol.request import Reply
+from rigd.remote.protocol.request import Error, Reply
 from rigd.remote.protocol.results import PieceView
 from rigd.remote.protocol.status import Daemon, PromptView, State, TrialStatus
 from rigd.remote.protocol.stop import PlainStop, stop_reason
@@ -244,3 +244,21 @@ def test_no_text_of_a_procedure_steers_a_terminal() -> None:
 def test_event_refuses_values_without_json_form() -> None:
     with pytest.raises(ValidationError):
         RigEvent(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("/home/lab/runs/a.mcap is no file", "a.mcap is no file"),
+        ("'/srv/rigs/rig.yaml:3:1: unknown'", "'rig.yaml:3:1: unknown'"),
+        ("(see ~/rigs/rig.yaml)", "(see rig.yaml)"),
+        ("folder=/a/b; next /c/d/e.html", "folder=b; next e.html"),
+        ("no serial port at /dev/ttyUSB0", "no serial port at /dev/ttyUSB0"),
+        ("tls/rig.lab:7447, http://rig.lab/a/b", "tls/rig.lab:7447, http://rig.lab/a/b"),
+        ("1 m/s, and/or 3 / 4, /stop", "1 m/s, and/or 3 / 4, /stop"),
+    ],
+)
+def test_texts_of_daemon_name_no_folders(said: str, shown: str) -> None:
+    assert Error(code=Code.REFUSED, message=said).message == shown
+    event = RigEvent(v=VERSION, seq=1, t_ns=1, kind="fault", data={"reason": [said], "n": 1})
+    assert event.data == {"reason": [shown], "n": 1}
