@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from rigd.record import Recording, RunInfo
 
+#: Rich takes 0.5 ms for a line of a table, and a person reads no more of them.
+_MOST_LINES = 2000
 HELP = "show the contents of a recording"
 EXAMPLES = """\
 examples:
@@ -79,25 +82,29 @@ def _opened(path: Path) -> Recording:
 
 
 def _write_attachments(recording: Recording, folder: Path) -> None:
+    from rigd.model.about import plain
     from rigd.model.errors import RecordingError
+    from rigd.record.attachments import file_names
 
-    for attachment in recording.attachments.values():
-        # An attachment's name comes from the file: it must not point outside the folder.
-        name = Path(attachment.name)
-        if name.is_absolute() or ".." in name.parts:
-            name = Path(name.name)
-        target = folder / name
-        if target.exists():
-            raise RecordingError(f"{target} exists already")
+    targets = {name: folder / path for name, path in file_names(recording.attachments).items()}
+    for target in targets.values():
+        if os.path.lexists(target):
+            raise RecordingError(
+                f"{target} exists already", hint="give --attachments another FOLDER"
+            )
+    for name, target in targets.items():
+        attachment = recording.attachments[name]
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("xb") as file:  # never through a link that is there
+                file.write(attachment.data)
         except OSError as error:
             raise RecordingError(
-                f"{target.parent} cannot be made: {error.strerror}",
+                f"{target} cannot be written: {error.strerror}",
                 hint="give --attachments another FOLDER",
             ) from error
-        target.write_bytes(attachment.data)
-        print(f"wrote {target}")
+        renamed = "" if str(target) == str(folder / name) else f", which is named {plain(name)!r}"
+        print(f"wrote {target}{renamed}")
 
 
 def _print(info: RunInfo) -> None:
@@ -159,7 +166,7 @@ def _print(info: RunInfo) -> None:
     table.add_column("rows", justify="right")
     table.add_column("rate", justify="right")
     table.add_column("channels", overflow="fold")
-    for stream in info.streams:
+    for stream in info.streams[:_MOST_LINES]:
         channels = ", ".join(f"{c.name} [{c.shown_in}]" for c in stream.stream.channels)
         table.add_row(
             escape(stream.stream.name),
@@ -168,6 +175,7 @@ def _print(info: RunInfo) -> None:
             escape(channels),
         )
     print_table(console, table)
+    _say_rest(len(info.streams), "streams", named)
 
 
 def _print_trials(console: Console, info: RunInfo) -> None:
@@ -189,7 +197,7 @@ def _print_trials(console: Console, info: RunInfo) -> None:
     for name in ("trial", "s", *names):
         table.add_column(escape(plain(name)), justify="right")
     table.add_column("", overflow="fold")
-    for trial in info.trials:
+    for trial in info.trials[:_MOST_LINES]:
         lasted = "" if trial.end_ns is None else f"{(trial.end_ns - trial.start_ns) * 1e-9:.2f}"
         values = (trial.text(name) for name in names)
         whole = trial.reason or "played"  # its rows are not checked here
@@ -197,6 +205,13 @@ def _print_trials(console: Console, info: RunInfo) -> None:
         texts = (str(trial.number), lasted, *values, state)
         table.add_row(*(escape(plain(text)) for text in texts))
     print_table(console, table)
+    _say_rest(len(info.trials), "trials", quote(str(info.path)))
+
+
+def _say_rest(count: int, things: str, named: str) -> None:
+    """Say how many of a table are not printed."""
+    if count > _MOST_LINES:
+        print(f"and {count - _MOST_LINES} {things}: `rigd info {named} --json` lists all")
 
 
 def _file(info: RunInfo) -> str:

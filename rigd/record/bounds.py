@@ -23,6 +23,10 @@ CHUNK_MIB: Final = 64
 #: the file: rows of 256 channels that never change are compressed to a 245th.
 _CHUNKS: Final = 16
 _TIMES: Final = 1000
+#: All chunks may have as many records as one of the largest has (a message has 31 bytes or more),
+#: or as the file has bytes: a message is seldom compressed to less than one, and rigd keeps 40
+#: bytes of each while it reads a file of others.
+_RECORD_BYTES: Final = 32
 #: The texts of events may have a quarter of the largest chunk, or 50 times the bytes of the file:
 #: Python makes objects of up to 20 times their bytes, and real ones are compressed to a tenth.
 _EVENTS: Final = 4
@@ -39,9 +43,10 @@ class TooLarge(RecordingError):
 
 @dataclass
 class _Budget:
-    """How many bytes may still be unpacked."""
+    """How many bytes may still be unpacked, and how many records may be in them."""
 
     left: int
+    records: int
 
 
 _budget: ContextVar[_Budget | None] = ContextVar("budget", default=None)
@@ -50,7 +55,8 @@ _budget: ContextVar[_Budget | None] = ContextVar("budget", default=None)
 @contextmanager
 def budget(file_bytes: int) -> Iterator[None]:
     """Bound all that is unpacked inside of the block, by the size of the file."""
-    token = _budget.set(_Budget(most(file_bytes)))
+    records = max(largest_chunk() // _RECORD_BYTES, file_bytes)
+    token = _budget.set(_Budget(most(file_bytes), records))
     try:
         yield
     finally:
@@ -83,6 +89,22 @@ def permit(size: int) -> None:
         held.left -= size
         if held.left < 0:
             raise _too_many("chunks", _TIMES)
+
+
+def permit_records(count: int) -> None:
+    """Raise unless a chunk may have so many records.
+
+    Raises:
+        TooLarge: with it, the chunks have more records than the file has bytes.
+    """
+    held = _budget.get()
+    if held is not None:
+        held.records -= count
+        if held.records < 0:
+            raise TooLarge(
+                "its chunks have more records than the file has bytes",
+                hint=_how_to_permit(2 * largest_chunk() >> 20),
+            )
 
 
 def require_sum(sizes: int, file_bytes: int) -> None:

@@ -7,6 +7,7 @@ is a complete MCAP Message record: frame, channel, sequence, times, CDR header, 
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.model.rows import row_dtype
+from rigd.record.bounds import permit_records
 from rigd.record.compression import Compression, decompress, decompress_begin
 from rigd.record.crc import crc32
 from rigd.record.wire import FRAME, Malformed
@@ -305,7 +307,7 @@ def message_places(data: bytes | memoryview) -> Places:
         Malformed: the data ends within a record, or a message is too short.
 
     """
-    begins: list[int] = []
+    begins = array("q")  # a list takes five times as much
     at, end, length_at = 0, len(data), _LENGTH.unpack_from
     while at + FRAME.size <= end:  # once for each message: nothing but this
         begins.append(at)
@@ -345,12 +347,21 @@ def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
     """
     array = uniform_messages(data)
     if array is not None:
+        permit_records(len(array))
         offsets = np.arange(len(array), dtype=np.uint64) * np.uint64(array.dtype.itemsize)
         return {int(array["channel"][0]): (array["log_time"].copy(), offsets)}
     places, octets = message_places(data), np.frombuffer(data, np.uint8)
+    permit_records(len(places.offsets) + len(places.others))
     times = numbers_at(octets, places.offsets + LOG_TIME_AT, np.dtype("<u8"))
-    found: dict[int, tuple[Times, Times]] = {}
-    for channel in dict.fromkeys(places.channels.tolist()):
-        mine = places.channels == channel
-        found[channel] = (times[mine], places.offsets[mine].astype(np.uint64))
-    return found
+    return {
+        channel: (times[mine], places.offsets[mine].astype(np.uint64))
+        for channel, mine in by_channel(places).items()
+    }
+
+
+def by_channel(places: Places) -> dict[int, NDArray[np.intp]]:
+    """Return which of the messages are those of each channel, in order of their first ones."""
+    order = np.argsort(places.channels, kind="stable")
+    numbers, begins = np.unique(places.channels[order], return_index=True)
+    parts = zip(numbers.tolist(), np.split(order, begins[1:]), strict=False)
+    return dict(sorted(parts, key=lambda part: int(part[1][0])))

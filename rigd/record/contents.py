@@ -58,7 +58,7 @@ class Contents:
 
     def add_messages(self, channel: int, count: int, start_ns: int, end_ns: int) -> None:
         """Count ``count`` messages of a channel between two times."""
-        empty = not self.messages
+        empty = not any(self.counts.values())
         self.counts[channel] = self.counts.get(channel, 0) + count
         self.start_ns = start_ns if empty else min(start_ns, self.start_ns)
         self.end_ns = end_ns if empty else max(end_ns, self.end_ns)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rigd.record.chunks import (
     LOG_TIME_AT,
     Times,
+    by_channel,
     message_places,
     numbers_at,
     parse_chunk,
@@ -68,9 +69,10 @@ def _keys(
             data = unpack_chunk(parse_chunk(record_at(piece.data, 0).content), check_crc=False)
         view, octets, places = memoryview(data), np.frombuffer(data, np.uint8), message_places(data)
         times = numbers_at(octets, places.offsets + LOG_TIME_AT, np.dtype("<u8"))
+        places_of = by_channel(places)
         for number in channels:
-            topic = of_channel[number]
-            mine = (places.channels == number) & np.isin(times, tied[topic])
+            topic, mine = of_channel[number], places_of[number]
+            mine = mine[np.isin(times[mine], tied[topic])]
             spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
             crcs = [crc32(view[at + _CONTENT_AT : at + size]) for at, size in spans]
             yield topic, np.stack([times[mine], np.array(crcs, np.uint64)], axis=1)

@@ -6,13 +6,23 @@ import re
 from typing import Final
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.records import Channel, Header, Metadata, Schema
 
 from rigd.record.chunks import parse_message_index
 from rigd.record.crc import crc32
 from rigd.record.definitions import check_channel
 from rigd.record.opened import unpack_sound
-from rigd.record.wire import DATA_END, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
+from rigd.record.wire import (
+    DATA_END,
+    FRAME,
+    MAGIC,
+    Malformed,
+    Record,
+    attachment_at,
+    decode,
+    encode,
+    record_at,
+)
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
 _BEGINNING: Final = re.compile(rb"[\x03\x04\x06\x07\x09\x0c\x0f](?=[\s\S]{4}\x00{4})")
@@ -96,7 +106,7 @@ def check_record(record: Record) -> None:
     elif opcode == Opcode.ATTACHMENT:
         if crc32(content[:-4]) != int.from_bytes(content[-4:], "little"):
             raise Malformed("an attachment whose CRC does not match its data")
-        decode(Attachment, content)
+        attachment_at(record)
     elif opcode == Opcode.METADATA:
         _check_exact(decode(Metadata, content), content)
     elif opcode == Opcode.SCHEMA:

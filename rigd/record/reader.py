@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from mcap import records as mcap
-from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
+from rigd.record.attachments import Attachments
 from rigd.record.condition import LAST_NS, FileCondition, Foreign
 from rigd.record.contents import Contents
-from rigd.record.crc import crc32
 from rigd.record.decode import Channels
 from rigd.record.events import Event
 from rigd.record.gaps import Gap, with_losses
@@ -32,7 +30,6 @@ from rigd.record.index import (
     metadata_in,
     mixes_channels,
     opened,
-    record_in,
     walked,
 )
 from rigd.record.prefix import (
@@ -47,7 +44,7 @@ from rigd.record.tables import Table, stream_table
 from rigd.record.topics import Topics, topics_in
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
-from rigd.record.wire import Malformed, decode
+from rigd.record.wire import Malformed
 
 if TYPE_CHECKING:
     from rigd.record.info import RunInfo
@@ -397,23 +394,9 @@ class Recording:
     def attachments(self) -> Mapping[str, Attachment]:
         """The attached files by name; the last of a name counts.
 
-        Raises:
-            RecordingError: an attachment is damaged.
-
+        Each is read when it is asked for, and a RecordingError raised if it is damaged.
         """
-        found: dict[str, Attachment] = {}
-        with opened(self.path) as fd:
-            for index in self.contents.attachments:
-                try:
-                    record = record_in(fd, index.offset, index.length, Opcode.ATTACHMENT)
-                    content = decode(mcap.Attachment, record.content)
-                except Malformed as error:
-                    raise self._chunks.damaged(error) from error
-                crc = int.from_bytes(record.content[-4:], "little")
-                if crc and crc32(record.content[:-4]) != crc:
-                    raise self._chunks.damaged(f"the CRC of attachment {index.name!r} differs")
-                found[index.name] = Attachment(content.name, content.media_type, content.data)
-        return found
+        return Attachments(self.path, self.contents.attachments, self._chunks.damaged)
 
     @property
     def _asks(self) -> bool:

@@ -17,7 +17,7 @@ from rigd.record.crc import crc32
 from rigd.record.found import Piece, Scan
 from rigd.record.journal import write_all
 from rigd.record.prefix import LIBRARY, RECOVERY_METADATA, build_extras
-from rigd.record.wire import FRAME, MAGIC, decode, encode
+from rigd.record.wire import FRAME, MAGIC, attachment_at, decode, encode, record_at
 
 #: Pieces are written together up to this size.
 _BATCH_BYTES: Final = 4 << 20
@@ -142,11 +142,6 @@ def _index(piece: Piece, at: int, found: Scan, contents: Contents) -> None:
         for channel, span in piece.spans.items():
             contents.add_messages(channel, span.count, span.start_ns, span.end_ns)
     elif piece.opcode == Opcode.ATTACHMENT:
-        known = next(
-            attachment
-            for attachment in found.contents.attachments
-            if attachment.offset == piece.start
-        )
-        contents.attachments.append(mcap.AttachmentIndex(**{**vars(known), "offset": at}))
+        contents.attachments.append(attachment_at(record_at(piece.data, 0), at))
     elif piece.opcode == Opcode.METADATA:
         contents.metadata.append(mcap.MetadataIndex(at, len(piece.data), _name(piece)))

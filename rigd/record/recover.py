@@ -39,6 +39,8 @@ from rigd.record.scan import Damage, Scan, scan
 from rigd.record.walk import walk
 from rigd.record.wire import FRAME, Malformed, decode, map_file
 
+#: Bytes of the torn end of a file that are looked at together.
+_PART_BYTES: Final = 1 << 20
 #: The errors of file systems without second names of a file, such as exFAT and CIFS.
 _NO_LINKS: Final = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 
@@ -238,7 +240,8 @@ def _loses_nothing(fd: int, found: Scan) -> bool:
         return len(rest) <= len(SummaryWriter(found.contents).tail(found.data_end, 0, ()))
     if found.missing_index:
         return len(rest) < len(found.missing_index)
-    return not rest.tobytes().strip(b"\0")
+    parts = (rest[at : at + _PART_BYTES] for at in range(0, len(rest), _PART_BYTES))
+    return not any(part.tobytes().strip(b"\0") for part in parts)
 
 
 def _complete(fd: int, found: Scan, cut: int) -> None:

@@ -8,8 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import (
-    Attachment,
-    AttachmentIndex,
     Channel,
     ChunkIndex,
     Header,
@@ -42,7 +40,17 @@ from rigd.record.plausible import (
     is_sound,
     next_record,
 )
-from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
+from rigd.record.wire import (
+    FRAME,
+    MAGIC,
+    Malformed,
+    Record,
+    attachment_at,
+    decode,
+    encode,
+    record_at,
+    records,
+)
 
 
 def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
@@ -139,18 +147,7 @@ def take_small(record: Record, found: Scan, base: int) -> None:
     """
     start, length = base + record.start, record.end - record.start
     if record.opcode == Opcode.ATTACHMENT:
-        attachment = decode(Attachment, record.content)
-        found.contents.attachments.append(
-            AttachmentIndex(
-                offset=start,
-                length=length,
-                log_time=attachment.log_time,
-                create_time=attachment.create_time,
-                data_size=len(attachment.data),
-                name=attachment.name,
-                media_type=attachment.media_type,
-            )
-        )
+        found.contents.attachments.append(attachment_at(record, base))
     elif record.opcode == Opcode.METADATA:
         metadata = decode(Metadata, record.content)
         found.contents.metadata.append(MetadataIndex(start, length, metadata.name))

@@ -17,13 +17,17 @@ from typing import Final, TypeVar
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, McapRecord
+from mcap.records import AttachmentIndex, ChunkIndex, McapRecord
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 FRAME: Final = struct.Struct("<BQ")  #: opcode, length of the content behind it
 FOOTER: Final = struct.Struct("<BQQQI")  #: frame, summary start, summary offset start, CRC
 DATA_END: Final = struct.Struct("<BQI")  #: frame, CRC of the data section
 
+_ATTACHMENT_TIMES: Final = struct.Struct("<QQ")
+_TEXT_LENGTH: Final = struct.Struct("<I")
+_DATA_SIZE: Final = struct.Struct("<Q")
+_CRC: Final = struct.Struct("<I")
 _CHUNK_INDEX_HEAD: Final = struct.Struct("<QQQQI")
 _CHUNK_INDEX_ENTRY: Final = struct.Struct("<HQ")
 _CHUNK_INDEX_MIDDLE: Final = struct.Struct("<QI")
@@ -103,6 +107,46 @@ def decode(kind: type[R], content: memoryview) -> R:
     except (struct.error, McapError, UnicodeDecodeError) as error:
         raise Malformed(f"a damaged {kind.__name__} record ({error})") from error
     return record
+
+
+def attachment_at(record: Record, base: int = 0) -> AttachmentIndex:
+    """Return the index of an attachment in a file from byte ``base`` on; its data are not copied.
+
+    Raises:
+        Malformed: it is shorter than its own lengths, or a text is not UTF-8.
+    """
+    found, begin = decode_attachment_head(record.content)
+    if begin + found.data_size + _CRC.size > len(record.content):
+        raise Malformed("a damaged Attachment record (it is shorter than its lengths)")
+    found.offset, found.length = base + record.start, record.end - record.start
+    return found
+
+
+def decode_attachment_head(content: memoryview) -> tuple[AttachmentIndex, int]:
+    """Return what stands before the data of an attachment, and where these begin.
+
+    Offset and length in the file are 0.
+
+    Raises:
+        Malformed: the content is too short, or a text is not UTF-8.
+    """
+    texts: list[str] = []
+    try:
+        log_time, create_time = _ATTACHMENT_TIMES.unpack_from(content)
+        at = _ATTACHMENT_TIMES.size
+        for _ in range(2):
+            (length,) = _TEXT_LENGTH.unpack_from(content, at)
+            at += _TEXT_LENGTH.size
+            texts.append(str(content[at : at + length], "utf-8"))
+            at += length
+        (size,) = _DATA_SIZE.unpack_from(content, at)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise Malformed(f"a damaged Attachment record ({error})") from error
+    index = AttachmentIndex(
+        offset=0, length=0, log_time=log_time, create_time=create_time,
+        data_size=size, name=texts[0], media_type=texts[1],
+    )  # fmt: skip
+    return index, at + _DATA_SIZE.size
 
 
 def decode_chunk_index(content: memoryview) -> ChunkIndex:

@@ -6,6 +6,7 @@ import json
 import struct
 import subprocess
 import sys
+import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -156,6 +157,50 @@ def test_many_chunks_are_refused_as_sum(ours: Path, tmp_path: Path) -> None:
     assert ["1000 times the bytes" in said for _, said, _ in found] == [False, True, True, True]
     assert "the file has no end" in found[0][1]
     assert max(cpu_s for _, _, cpu_s in found) < 5
+
+
+def message(channel: int, data: bytes = b"") -> bytes:
+    return (
+        FRAME.pack(Opcode.MESSAGE, 22 + len(data)) + struct.pack("<HIQQ", channel, 0, 1, 1) + data
+    )
+
+
+def test_more_messages_than_bytes_are_refused(
+    ours: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file of 50 KB whose chunks have two million messages."""
+    monkeypatch.setenv("RIGD_CHUNK_MIB", "4")
+    part = message(2, b"a") + message(2, b"bb")
+    data = part * (4 * MIB // len(part))
+    bomb = chunk(zstandard.ZstdCompressor(level=1).compress(data), len(data), "zstd")
+    found = in_child(ours, 20, [with_more(ours, tmp_path / "many.mcap", bomb * 15)])
+    refused = ["more records than the file has bytes" in said for _, said, _ in found]
+    assert refused[1:] == [True] * 3
+    assert max(cpu_s for _, _, cpu_s in found) < 5
+
+
+def test_cost_is_not_topics_times_messages() -> None:
+    """It was: 60,000 topics took `info` and `verify` over a minute."""
+    data = b"".join(message(number) for number in range(20_000)) * 10
+    contents = Contents()
+    began = time.process_time()
+    found = index_messages(data)
+    for number in range(60_000):
+        contents.add_messages(number, 1, number, number)
+    assert time.process_time() - began < 2  # 12 s were needed, 0.1 s are
+    assert {len(times) for times, _ in found.values()} == {10}
+    assert list(found) == list(range(20_000))
+    assert (contents.messages, contents.start_ns, contents.end_ns) == (60_000, 0, 59_999)
+
+
+def test_large_attachment_is_not_held(ours: Path, tmp_path: Path) -> None:
+    head = struct.pack("<QQIIQ", 1, 1, 0, 0, 128 * MIB)
+    content = head + bytes(128 * MIB)
+    content += struct.pack("<I", zlib.crc32(content))
+    more = FRAME.pack(Opcode.ATTACHMENT, len(content)) + content
+    # The file is mapped, which counts as memory: `recover` does so twice.
+    found = in_child(ours, 288, [with_more(ours, tmp_path / "large.mcap", more)])
+    assert [said for _, said, _ in found][1:] == ["read"] * 3
 
 
 def test_index_that_claims_gigabytes_is_refused(ours: Path, tmp_path: Path) -> None:

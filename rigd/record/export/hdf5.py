@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 
 from rigd.model import RecordingError
+from rigd.record.attachments import file_names
 from rigd.record.export.part import Origin, Part, step_column, step_numbers, unused
 
 #: Rows of a compressed block of a dataset: 128 kB of float64.
@@ -83,10 +84,11 @@ def _write_all(file: Any, parts: Sequence[Part], origin: Origin, target: _Spared
     for name, values in origin.metadata.items():
         group = file.create_group(f"{metadata}/{name}")
         group.attrs.update({key: _text(value) for key, value in values.items()})
+    names = file_names(attachment.name for attachment in origin.attachments)
     for attachment in origin.attachments:
-        data = np.frombuffer(attachment.data, np.uint8)
-        name = f"{attachments}/{attachment.name.replace('/', '.')}"
-        file.create_dataset(name, data=data)
+        group = file.require_group(attachments)
+        name = unused(str(names[attachment.name]).replace("/", "."), group)
+        group.create_dataset(name, data=np.frombuffer(attachment.data, np.uint8))
     for part in parts:
         group = file.create_group(part.name)
         step = step_column(part.head)

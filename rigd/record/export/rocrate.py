@@ -18,13 +18,14 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Final, Literal
 from urllib.parse import quote
 
 from rigd import __version__
 from rigd.config.publication import Author, Publication
 from rigd.model import RecordingError
+from rigd.record.attachments import file_names
 from rigd.record.export import export
 from rigd.record.export.part import Measures
 from rigd.record.file import RecordingInUse
@@ -326,16 +327,14 @@ def _values(crate: _Crate, of: str, values: Mapping[str, str]) -> list[Entity]:
 def _attached(crate: _Crate, name: str, recording: Recording, stage: Path) -> dict[str, Entity]:
     """Write the files that a recording carries; return their entities by name."""
     found: dict[str, Entity] = {}
-    for attached, content in recording.attachments.items():
-        place = PurePosixPath(f"files/{name}") / attached
-        if place.is_absolute() or ".." in place.parts or "\\" in attached:
-            raise RecordingError(f"{recording.path} has an attachment named {attached!r}")
+    for attached, own in file_names(recording.attachments).items():
+        content, place = recording.attachments[attached], f"files/{name}/{own}"
         path = stage / place
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.data)
-        crate.files[str(place)] = path
+        crate.files[place] = path
         found[attached] = crate.add(
-            _identifier(str(place)),
+            _identifier(place),
             "File",
             name=f"{attached} of {name}",
             description=_MEANING.get(attached, "File that the run was made with"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, McapRecord, Metadata, Schema
 
 from rigd.record.chunks import (
     Chunk,
@@ -15,7 +15,17 @@ from rigd.record.chunks import (
 from rigd.record.contents import Contents, parse_footer, parse_summary
 from rigd.record.crc import crc32
 from rigd.record.plausible import check_record
-from rigd.record.wire import FOOTER, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
+from rigd.record.wire import (
+    FOOTER,
+    FRAME,
+    MAGIC,
+    Malformed,
+    Record,
+    attachment_at,
+    decode,
+    encode,
+    record_at,
+)
 
 
 class FileEnd(NamedTuple):
@@ -71,7 +81,7 @@ def check_other(record: Record) -> None:
         crc = int.from_bytes(content[-4:], "little")
         if crc and crc32(content[:-4]) != crc:
             raise Malformed("an attachment whose CRC does not match its data")
-        decode(Attachment, content)
+        attachment_at(record)
     elif record.opcode in (Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL):
         kinds: dict[int, type[McapRecord]] = {
             Opcode.METADATA: Metadata, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,

@@ -24,7 +24,6 @@ from rigd.record.chunks import (
     wrap_messages,
 )
 from rigd.record.compression import COMPRESSIONS
-from rigd.record.contents import add_record
 from rigd.record.crc import crc32
 from rigd.record.doubles import doubles
 from rigd.record.events import parse_event
@@ -196,9 +195,11 @@ class Walk:
             problem = f"{kind.__name__.lower()} {record.id} differs from its earlier definition"
             self._damaged(at, end, problem)
             return
-        add_record(contents, opcode, content)
         if isinstance(record, Channel):
+            contents.channels[record.id] = record
             self.known.setdefault(record.id, record)
+        elif isinstance(record, Schema):
+            contents.schemas[record.id] = record
 
     def _messages(self, start: int) -> int:
         """Take the messages outside of chunks that begin at ``start``."""
