@@ -101,8 +101,8 @@ def refused_daemon(endpoint: str, files: TlsFiles) -> str | None:
             if until < datetime.now(UTC):
                 return f"the certificate of the daemon expired on {until:%Y-%m-%d}; {RENEW}"
         return (
-            f"the certificate of the daemon is refused: {error.verify_message}; is it of the lab of "
-            f"{files.ca}, and made for the name in the address?"
+            f"the certificate of the daemon is refused: {error.verify_message}; is it of the lab "
+            f"of {files.ca}, and made for the name in the address?"
         )
     except (OSError, ValueError):  # it does not let this client in: its reason is another
         pass

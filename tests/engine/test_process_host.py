@@ -299,7 +299,7 @@ def test_simulated_rig_is_recorded_after_made_safe(tmp_path: Path) -> None:
         ready(host)
         assert host.make_safe() == ()
         safe_ns = host.t_ns
-        host.read_on(1.0)
+        host.read_on(1.0, asking=True)
         rows = folder.row_rings(folder.job)["wheel_servo"].drain()
     after = rows[rows["t_ns"] > safe_ns]
     assert len(after) > 10
