@@ -141,11 +141,8 @@ def main() -> None:
             for case in CASES if number % 2 == 0 else CASES[::-1]:
                 with beside(case, daemon.endpoint):
                     found[case].append(timed(daemon, theirs))
-            load = os.getloadavg()[0]
-            print(
-                f"round {number + 1}, load {load:.1f}: {[r[-1] for r in found.values()]}",
-                flush=True,
-            )
+            last = ", ".join(f"{1e-3 * rows[-1].start:.1f} s" for rows in found.values())
+            print(f"round {number + 1}, load {os.getloadavg()[0]:.1f}: {last}", flush=True)
         theirs.close()
     end.set()
     process.join()

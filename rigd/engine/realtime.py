@@ -37,8 +37,8 @@ SIMULATED_PRIORITY: Final = 70
 #: wait for them. All its threads have it: they share the interpreter's lock, and the thread of a
 #: stop waits for the thread that holds it.
 DAEMON_PRIORITY: Final = 1
-#: nice(2) of what keeps a run alive beside the daemon, and of a cycle until its devices are open:
-#: nine times the weight of ordinary programs.
+#: nice(2) of what keeps a run alive beside the daemon, and of the processes of a run that are not
+#: in real time (yet): nine times the weight of ordinary programs.
 PREFERRED: Final = -10
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2

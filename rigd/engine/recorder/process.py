@@ -62,7 +62,9 @@ class RecorderProcess:
         self._started_ns = time.monotonic_ns()
         path = self._folder.path
         command = module("rigd.engine.recorder", str(path))
-        self._child = Child(command, log=path / LOG_FILE, fds=(self._folder.lock_fd,))
+        self._child = Child(
+            command, log=path / LOG_FILE, fds=(self._folder.lock_fd,), preferred=True
+        )
 
     def wait_until_recording(self, timeout_s: float = START_S) -> None:
         """Return when the file exists and rows are accepted.

@@ -102,7 +102,7 @@ class BlockHelper:
         with theirs:
             fd = theirs.fileno()
             command = module("rigd.engine.slow.block_process", str(fd))
-            self._child = Child(command, log=self._log, fds=(fd, self._lock_fd))
+            self._child = Child(command, log=self._log, fds=(fd, self._lock_fd), preferred=True)
         self._link.send(pickle.dumps(self._job))
         try:
             self._wait_until_open(timeout_s)
