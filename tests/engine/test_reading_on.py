@@ -219,7 +219,7 @@ def test_link_is_silent_if_a_device_must_be(monkeypatch: pytest.MonkeyPatch) -> 
     assert wire.ends == bench.axis.asked.count("write")
 
 
-def test_device_not_made_safe_is_left_to_its_watchdog() -> None:
+def test_device_not_made_safe_is_asked_nothing() -> None:
     wire = SendingWire(LinkConfig())
     bench = Ended(wire, Asked)
     bench.axis.stays_on = True
