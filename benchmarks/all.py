@@ -50,6 +50,8 @@ BENCHES = (
     "remote_load",
     "remote_fuzz",
     "stop_lane",
+    "flood",
+    "four_rigs",
     "panel",
     "panel_stop",
     "panel_fuzz",

@@ -46,6 +46,7 @@ from websockets import Origin
 from websockets.sync.client import connect
 
 from rigd.engine.shared import Word
+from rigd.engine.shared.folder import STATE_VARIABLE
 from rigd.remote import Client
 from rigd.remote.protocol.limits import LEASE_S
 
@@ -138,7 +139,9 @@ def daemon_of(folder: Path, name: str) -> Daemon:
     rig.write_text(f"{text}\nremote: {{listen: [{endpoint}]}}\n")
     state.mkdir(mode=0o700)
     (folder / "runs").mkdir()
-    return Daemon(rig, name, endpoint, folder, state)
+    daemon = Daemon(rig, name, endpoint, folder, state)
+    daemon.notified("READY=1")
+    return daemon
 
 
 def start_all(daemons: list[Daemon]) -> None:
@@ -217,6 +220,8 @@ def main() -> None:
         quiet = stack.enter_context(daemon_of(folder / "quiet", "quiet-1"))
         alone = stops_ms(quiet, args.stops)
         (folder / "page").mkdir()
+        (folder / "state").mkdir(mode=0o700)
+        os.environ[STATE_VARIABLE] = str(folder / "state")  # another bench may use its name
         _, link, endpoint = stack.enter_context(served(folder / "page"))
         stack.enter_context(page(link))
         daemons = [quiet] + [

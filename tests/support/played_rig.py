@@ -72,6 +72,7 @@ from rigd.remote.protocol.results import (
     Stopped,
 )
 from rigd.remote.protocol.status import (
+    CertificateView,
     Daemon,
     Interrupted,
     LastRun,
@@ -131,6 +132,7 @@ class PlayedRig:
         self.events: list[RigEvent] = []
         self.trips: list[TripView] = []
         self.interrupted: tuple[Interrupted, ...] = ()
+        self.certificates: tuple[CertificateView, ...] = ()
         self.last: LastRun | None = None
         self.runs = past_runs()
         self.said = 0  #: statuses
@@ -288,6 +290,7 @@ class PlayedRig:
             waits=WAITS if self.state in ("held", "paused") else "",
             prompt=self.prompt, lease=self.lease.view(),
             trips=tuple(self.trips), interrupted=self.interrupted, last=self.last,
+            certificates=self.certificates,
         )  # fmt: skip
 
     def answer(self, verb: Verb, requester: Requester, args: Message) -> Message:

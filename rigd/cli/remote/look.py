@@ -119,6 +119,13 @@ def _print(status: Status, target_options: str) -> None:
             f"new ones refused for a while {daemon.accept_pauses} times",
             "yellow",
         )
+    for item in status.certificates:
+        end, over = day(item.until_ns), item.until_ns <= status.t_ns
+        write(
+            f"  certificate of the {item.whose}, {item.name}: {'expired' if over else 'expires'} "
+            f"on {end}",
+            "red" if over else "yellow",
+        )
     for notice in status.notices[-5:]:
         write(f"  {clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
 
@@ -198,6 +205,11 @@ def _plain(value: JsonValue) -> str:
 def clock(t_ns: int) -> str:
     """Return the time of day here."""
     return datetime.fromtimestamp(t_ns * 1e-9).strftime("%H:%M:%S")
+
+
+def day(t_ns: int) -> str:
+    """Return the date here."""
+    return datetime.fromtimestamp(t_ns * 1e-9).strftime("%Y-%m-%d")
 
 
 def _duration(seconds: float) -> str:

@@ -13,7 +13,7 @@ from typing import TypeVar
 import pytest
 from support.command import Ended, rigd, start
 from support.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRIP, WEIGH
-from support.played_rig import LEASE_S, RUN, PlayedRig
+from support.played_rig import LEASE_S, RUN, WAITS, PlayedRig
 from support.served_rig import Served, free_port, serve
 
 from rigd.cli.remote.rigs import show_rigs
@@ -21,7 +21,7 @@ from rigd.config.remote import RemoteSetup
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import STATE_VARIABLE
 from rigd.remote.protocol import ClientUser, as_json
-from rigd.remote.protocol.status import Interrupted, TripView
+from rigd.remote.protocol.status import CertificateView, Interrupted, TripView
 
 T = TypeVar("T")
 
@@ -67,6 +67,19 @@ def test_list_names_the_only_address_that_it_asks(capsys: pytest.CaptureFixture[
     told = " ".join(capsys.readouterr().out.split())
     assert told.startswith("no rig at tcp/127.0.0.1:7447, and no entry in ")
     assert "a rig of another computer or user at another address needs an entry" in told
+
+
+def test_status_tells_of_pauses_and_certificates(ask: Asking) -> None:
+    rig = ask.remote.rig
+    rig.run, rig.state = RUN, "pausing"
+    rig.certificates = (
+        CertificateView(whose="client", name="bob", until_ns=1_700_000_000_000_000_000),
+    )
+    shown = ask("status").out
+    assert "pauses in 12 s at the latest" in shown
+    assert re.search(r"certificate of the client, bob: expired on 2023-11-1[45]", shown)
+    rig.state = "paused"
+    assert f"  {WAITS}\n" in ask("status").out
 
 
 def test_status_shows_state_prompt_and_holder(ask: Asking) -> None:
