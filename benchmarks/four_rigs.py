@@ -149,7 +149,7 @@ def start_all(daemons: list[Daemon]) -> None:
     for daemon in daemons:
         daemon.start(HOLD, on_client_loss="continue")
     for daemon in daemons:
-        daemon.until(lambda status: status["step"] == "hold")
+        daemon.until(lambda status: status["step"] == "hold", steered=False)
 
 
 def stop_all(daemons: list[Daemon]) -> None:

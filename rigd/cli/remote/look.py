@@ -119,10 +119,10 @@ def _print(status: Status, target_options: str) -> None:
             f"new ones refused for a while {daemon.accept_pauses} times",
             "yellow",
         )
-    for item in status.certificates:
-        end, over = day(item.until_ns), item.until_ns <= status.t_ns
+    for held in status.certificates:
+        end, over = day(held.until_ns), held.until_ns <= status.t_ns
         write(
-            f"  certificate of the {item.whose}, {item.name}: {'expired' if over else 'expires'} "
+            f"  certificate of the {held.whose}, {held.name}: {'expired' if over else 'expires'} "
             f"on {end}",
             "red" if over else "yellow",
         )
