@@ -145,7 +145,7 @@ def _new_rig(name: str, source: Path | None, target: Path) -> int:
     else:
         text, named = read_document(source).text, source
     try:
-        under_git = write_rig(name, text, named, target)
+        written = write_rig(name, text, named, target)
     except ConfigError as error:
         if source is not None:
             raise
@@ -155,10 +155,13 @@ def _new_rig(name: str, source: Path | None, target: Path) -> int:
         ) from error
     if asker.defaults:
         print(asker.defaults, file=sys.stderr)
-    git = ", under version control (nothing is committed yet)" if under_git else ""
+    git = ", under version control (nothing is committed yet)" if written.under_git else ""
+    wire = "  rigd sim wire.yaml   serves its devices, for `--rig wire.yaml` in another terminal\n"
+    if written.no_wire:
+        wire = f"no wire.yaml, for the real drivers on simulated devices: {written.no_wire}\n"
     print(
         f"wrote {target}{git}:\n  cd {target}\n  rigd run procedures/first.yaml --rig sim.yaml\n"
-        "  rigd run procedures/first.yaml --rig real.yaml --dry-run\n"
+        f"  rigd run procedures/first.yaml --rig real.yaml --dry-run\n{wire}"
         f"before the real rig moves, and for CI, read {target / 'README.md'}"
     )
     return 0

@@ -50,7 +50,7 @@ class Physics:
     force: float = 12.5
     speed: float = 0.0
 
-    def command(self, speed: float) -> None:
+    def command(self, speed: float, enabled: bool) -> None:
         self.speed = speed
 
 

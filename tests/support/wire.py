@@ -111,6 +111,9 @@ LABJACK = Shipped(
     "labjack_lugre.yaml", "labjack-lugre", "/tmp/rigd-labjack-lugre", "lugre.yaml",
     ("port: 31766",),
 )  # fmt: skip
+TRIBOMETER = Shipped(
+    "wire_tribometer.yaml", "tribometer-wire-1", "/tmp/rigd-wire-tribometer", "tribometer.yaml", ()
+)  # fmt: skip
 OVEN = Shipped("wire_oven.yaml", "oven-1", "/tmp/rigd-wire-oven", "", ())
 ROBOT = Shipped(
     "wire_articulated.yaml", "articulated-wire-1", "/tmp/rigd-wire-robot", "articulated.yaml",

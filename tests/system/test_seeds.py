@@ -56,6 +56,7 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
         "approach_angles on angle-cell-1": "",
         "breakaway on lugre-1": "",
         "robot_manoeuvres on articulated-1": "",
+        "sliding_speeds on tribometer-1": "",
         "straight_speeds on articulated-1": "",
     }
 

@@ -149,6 +149,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
             ),
             row=SpeedRow,
             setpoints=(Channel("speed", unit, what, -limit, limit),),
+            every_cycle=False,
             silent_s=silent_s(config, config.rate),
             watchdog_s=config.watchdog + config.map.watchdog.reaction,
         )

@@ -9,9 +9,9 @@ import tempfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from rigd.cli.new_rig.at_wire import WIRE_FILE, at_wire
+from rigd.cli.new_rig.at_wire import WIRE_FILE, NotServed, at_wire
 from rigd.cli.new_rig.description import (
     PLANT_FILE,
     REAL_FILE,
@@ -38,8 +38,16 @@ _HEADS: Final = {
 }
 
 
-def write_rig(name: str, text: str, source: Path, target: Path) -> bool:
-    """Write the folder ``target`` of the rig that ``text`` describes; return whether git has it.
+class Written(NamedTuple):
+    """What stands in the folder beside the rig."""
+
+    under_git: bool
+    #: Why there is no rig at the wire; "" if there is one.
+    no_wire: str
+
+
+def write_rig(name: str, text: str, source: Path, target: Path) -> Written:
+    """Write the folder ``target`` of the rig that ``text`` describes.
 
     ``source`` is the name of the description in messages. Nothing is left if it is wrong.
 
@@ -52,17 +60,18 @@ def write_rig(name: str, text: str, source: Path, target: Path) -> bool:
     except OSError as error:
         raise ConfigError(f"{target} cannot be written: {error.strerror}") from error
     try:
-        _write(name, document, folder)
+        no_wire = _write(name, document, folder)
         folder.chmod(0o755)
         folder.rename(target)
     except OSError as error:
         raise ConfigError(f"{target} cannot be written: {error.strerror}") from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    return _versioned(target)
+    return Written(_versioned(target), no_wire)
 
 
-def _write(name: str, document: Document, folder: Path) -> None:
+def _write(name: str, document: Document, folder: Path) -> str:
+    """Write all files; return why there is no rig at the wire, "" if there is one."""
     mechanism = document.get(("mechanism",))
     if isinstance(mechanism, Mapping):
         _put(folder, PLANT_FILE, _headed(PLANT_FILE, name, mechanism))
@@ -71,8 +80,12 @@ def _write(name: str, document: Document, folder: Path) -> None:
     _put(folder, REAL_FILE, _headed(REAL_FILE, name, twins.real))
     _put(folder, SIM_FILE, _headed(SIM_FILE, name, twins.sim))
     devices: Any = document.get(("devices",))
-    wire = at_wire(name, twins.real, devices)
-    if wire:
+    no_wire = ""
+    try:
+        wire = at_wire(name, twins.real, devices)
+    except NotServed as reason:
+        no_wire = str(reason)
+    else:
         _put(folder, WIRE_FILE, _headed(WIRE_FILE, name, wire))
         load_rig(folder / WIRE_FILE)
     words = {
@@ -87,6 +100,7 @@ def _write(name: str, document: Document, folder: Path) -> None:
             _put(folder, inside.replace("DOT", "."), _filled(path.read_text("utf-8"), words))
     (folder / "try").chmod(0o755)
     _check_first(folder, document)
+    return no_wire
 
 
 def _put(folder: Path, name: str, text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import random
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -26,8 +26,8 @@ from rigd_sim.wire.supply import SimSupply
 class SimLines(SerialPart):
     """A device that answers ``ask`` with ``answer``, or sends it every ``interval_s``.
 
-    ``answer`` has the names of the values in braces: ``{force:+.3f} N``. ``identity`` answers
-    ``*IDN?``; any other command has no answer.
+    ``answer`` has the names of the values in braces: ``{force:+.3f} N``; with ``comma`` its
+    numbers have a decimal comma. ``identity`` answers ``*IDN?``; any other command has no answer.
     """
 
     faults: ClassVar[Mapping[str, str]] = {
@@ -53,10 +53,12 @@ class SimLines(SerialPart):
         ask: str | None = None,
         interval_s: float = 0.1,
         identity: str = "",
+        comma: bool = False,
         baud: int = 9600,
         seed: int = 0,
     ) -> None:
         super().__init__(name, path, baud=baud, seed=seed, end=b"\r\n")
+        self._comma = comma
         self._values = values
         self._answer = answer
         self._ask = None if ask is None else ask.encode()
@@ -96,7 +98,7 @@ class SimLines(SerialPart):
     def line(self) -> bytes:
         """Return a line of this moment, as the faults of the device have it."""
         text = self._answer.format_map(self._values())
-        if self.shown("comma") is not None:
+        if self._comma or self.shown("comma") is not None:
             text = re.sub(r"(\d)\.(\d)", r"\1,\2", text)
         if self.shown("short") is not None:
             text = re.sub(r"[ ,;\t]+[^ ,;\t]*$", "", text)
@@ -117,23 +119,50 @@ class SimLines(SerialPart):
         self._sending = loop.call_later(self._interval_s, self._tick)
 
 
-class LineOptions(SimulationConfig):
-    """One device that sends lines."""
+class AnswerOptions(SimulationConfig):
+    """What a device that sends lines answers, and when."""
 
     answer: Annotated[str, MinLen(1)]
     """Its line, with the values by name: `{force:+.3f} N`."""
-    values: dict[str, float]
-    """What it measures, in the unit of the line."""
-    noise: Mapping[str, float] = {}
-    """Standard deviation of the noise of values, in their unit."""
     ask: str | None = None
     """Question that it answers, without its end; none: it sends by itself."""
     rate: Annotated[float, In("Hz"), Gt(0), Le(100)] = 10.0
     """Lines per second of a device that sends by itself."""
+    decimal: Literal["point", "comma"] = "point"
+    """What stands in front of the decimals."""
     identity: str = "rigd,simulated lines,1,1.0"
     """Its answer to *IDN?."""
     baud: int = 9600
     """Its baud rate."""
+
+    def check_answer(self, values: Iterable[str]) -> None:
+        """Check that the line is made of ``values``.
+
+        Raises:
+            ValueError: it has another name, or cannot be filled in.
+        """
+        try:
+            self.answer.format_map(dict.fromkeys(values, 0.0))
+        except (KeyError, ValueError, IndexError) as error:
+            raise wrong_entry(f"{self.answer!r} cannot be filled in: {error}", "answer") from error
+
+    def part(
+        self, name: str, path: Path, values: Callable[[], Mapping[str, float]], seed: int
+    ) -> SimLines:
+        """Return the device ``name`` at ``path``, which measures ``values()``."""
+        return SimLines(
+            name, path, values, self.answer, ask=self.ask, interval_s=1.0 / self.rate,
+            identity=self.identity, comma=self.decimal == "comma", baud=self.baud, seed=seed,
+        )  # fmt: skip
+
+
+class LineOptions(AnswerOptions):
+    """One device that sends lines with values that stand still."""
+
+    values: dict[str, float]
+    """What it measures, in the unit of the line."""
+    noise: Mapping[str, float] = {}
+    """Standard deviation of the noise of values, in their unit."""
 
     @model_validator(mode="after")
     def _answer_has_values(self) -> Self:
@@ -141,10 +170,7 @@ class LineOptions(SimulationConfig):
             raise wrong_entry(
                 f"`noise` has {min(unknown)!r}, which `values` has not", "noise", min(unknown)
             )
-        try:
-            self.answer.format_map(self.values)
-        except (KeyError, ValueError, IndexError) as error:
-            raise wrong_entry(f"{self.answer!r} cannot be filled in: {error}", "answer") from error
+        self.check_answer(self.values)
         return self
 
 
@@ -268,13 +294,9 @@ class WireLines(WireSimulation):
         """Return the values and every device; see :class:`WireSimulation`."""
         values = Values(self.config)
         parts: list[Part] = [
-            SimLines(
-                name, folder.socket(name), partial(values.of, name), item.answer,
-                ask=item.ask, interval_s=1.0 / item.rate, identity=item.identity,
-                baud=item.baud, seed=self.config.seed,
-            )
+            item.part(name, folder.socket(name), partial(values.of, name), self.config.seed)
             for name, item in self.config.devices.items()
-        ]  # fmt: skip
+        ]
         parts += [
             SimSupply(
                 name, folder.socket(name), highest=item.highest, resistance=item.resistance,

@@ -26,7 +26,8 @@ from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
 from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.mf624 import SimMf624
-from rigd_sim.wire.modbus.line import Line, SerialLine, TcpLine
+from rigd_sim.wire.modbus.drive_options import ModbusDriveOptions
+from rigd_sim.wire.modbus.line import TcpLine
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
@@ -80,29 +81,11 @@ class BeltOptions(ServoOptions):
     """Torque of the motor per ampere."""
 
 
-class ModbusDriveOptions(SimulationConfig):
+class ModbusBeltOptions(ModbusDriveOptions):
     """A speed drive on Modbus on a belt, without a clutch."""
 
-    host: str = "127.0.0.1"
-    """Address where it is reached."""
-    port: Annotated[int, Ge(1), Le(65535)] | None = None
-    """TCP port where it is reached; none: Modbus RTU at 19200 baud, on a serial port of the
-    device's name in the folder."""
-    make: Literal["delta-asda-b", "schneider-atv320"] = "schneider-atv320"
-    """Which drive."""
-    unit: Annotated[int, Ge(0), Le(255)] = 1
-    """Its unit address."""
     travel_per_turn: Annotated[float, In("m/rad"), Gt(0)] = 0.1 / (2 * math.pi)
     """Travel of the belt per turn of the motor shaft."""
-
-    @model_validator(mode="after")
-    def _host_has_port(self) -> Self:
-        if self.port is None and "host" in self.model_fields_set:
-            raise wrong_entry(
-                "'host' needs a 'port' (Modbus TCP); without both the drive is on a serial line",
-                "host",
-            )
-        return self
 
 
 class EncoderOptions(NodeOptions):
@@ -291,17 +274,14 @@ def _belt(commands: int, readings: int, force_limit: Callable[[World], float]) -
     return build
 
 
-def _modbus_belt(name: str, options: ModbusDriveOptions, bench: Bench) -> Part:
+def _modbus_belt(name: str, options: ModbusBeltOptions, bench: Bench) -> Part:
     world, lever = bench.world, options.travel_per_turn
 
-    def command(speed: float) -> None:
+    def command(speed: float, enabled: bool) -> None:
         world.command(time.monotonic_ns(), layout.LATERAL_COMMANDS, speed * lever, 1.0)
 
-    line: Line = SerialLine(bench.folder.socket(name))
-    if options.port is not None:
-        line = TcpLine(options.host, options.port)
     return SimModbusServo(
-        name, line, command=command,
+        name, options.line(name, bench.folder), command=command,
         speed=lambda: world.now()[layout.BRIDGE_READINGS + 1] / lever, unit=options.unit,
         drive=options.make,
     )  # fmt: skip
@@ -438,7 +418,7 @@ class DeviceOptions(SimulationConfig):
     """Servo drive along the guide, speed mode, with a clutch."""
     lateral_belt: BeltOptions | None = BeltOptions(bus="servo_bus", node=3)
     """Servo drive across the guide, speed mode, with a clutch."""
-    lateral_drive: ModbusDriveOptions | None = None
+    lateral_drive: ModbusBeltOptions | None = None
     """Speed drive on Modbus that moves the bridge in place of `lateral_belt`."""
     wheel_encoder: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=11, turns=16384)
     """Encoder on the shaft of the wheel's motor."""

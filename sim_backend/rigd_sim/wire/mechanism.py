@@ -1,8 +1,12 @@
-"""Serves a mechanism that a file describes over real protocols: drives on CAN, NI cards."""
+"""Serves a mechanism that a file describes over real protocols.
+
+Drives on CAN and Modbus, NI cards, and devices that send lines.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, ClassVar, Final, Self
 
@@ -10,14 +14,17 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field, model_validator
 
 from rigd.model.errors import ConfigError
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import Unit, parse_quantity, parse_unit
 from rigd.sdk import In, SimulationConfig, WrongEntries
 from rigd_sim.plants.mechanism.network import Element, Kind
 from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant, truth_of
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.lines import AnswerOptions
 from rigd_sim.wire.lugre import BusOptions, ServoOptions
+from rigd_sim.wire.modbus.drive_options import ModbusDriveOptions
+from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.ni_card import INPUTS
 from rigd_sim.wire.part import Part, State
@@ -67,6 +74,46 @@ class CardOptions(SimulationConfig):
     """What is at its inputs, ai0 to ai7."""
 
 
+class ModbusShaftOptions(ModbusDriveOptions):
+    """A speed drive on Modbus whose motor turns a shaft of the mechanism."""
+
+    drive: str
+    """Name of the drive in the file of the mechanism; of mode speed, on a shaft."""
+
+
+class LineValue(SimulationConfig):
+    """One number in a line."""
+
+    sensor: str
+    """Name of the sensor in the file of the mechanism."""
+    unit: str
+    """Unit of the number, such as kN or degC, or what 1 means, such as `0.01 N`."""
+
+    @property
+    def per_one(self) -> tuple[float, Unit]:
+        """What 1 in the line means, in SI, and its unit."""
+        found = re.match(r"[-+.\d]\S* ", self.unit)
+        given = parse_quantity(self.unit if found else f"1 {self.unit}")
+        return given.value - given.unit.offset, given.unit
+
+    def number(self, value: float) -> float:
+        """Return the number that stands in the line for ``value``, in SI."""
+        scale, unit = self.per_one
+        return (value - unit.offset) / scale
+
+
+class SensorLineOptions(AnswerOptions):
+    """A device that sends lines with what sensors of the mechanism measure, on a serial port."""
+
+    values: dict[str, LineValue]
+    """The numbers of its line, by name."""
+
+    @model_validator(mode="after")
+    def _answer_has_values(self) -> Self:
+        self.check_answer(self.values)
+        return self
+
+
 class WireMechanismConfig(WirePlantConfig):
     """The addresses of the simulated devices, their plant, and the options of each device."""
 
@@ -78,6 +125,10 @@ class WireMechanismConfig(WirePlantConfig):
     """Drives on these buses, by the name of their part."""
     cards: dict[str, CardOptions] = Field(default_factory=dict)
     """NI cards, by the name of their part."""
+    modbus: dict[str, ModbusShaftOptions] = Field(default_factory=dict)
+    """Speed drives on Modbus, by the name of their part."""
+    lines: dict[str, SensorLineOptions] = Field(default_factory=dict)
+    """Devices that send lines, by the name of their part, which is that of their serial port."""
 
     @model_validator(mode="after")
     def _the_mechanism_has_them(self) -> Self:
@@ -86,13 +137,26 @@ class WireMechanismConfig(WirePlantConfig):
         drives = {item.name: item for item in mechanism.drives}
         sensors = {item.name: item for item in mechanism.instruments}
         for name, item in self.drives.items():
-            drive = drives.get(item.drive)
             if item.bus not in self.buses:
                 words = f"no bus {item.bus!r}; there are {', '.join(self.buses) or 'none'}"
                 problems.append((("drives", name, "bus"), words))
+        turned = [("drives", name, item.drive) for name, item in self.drives.items()]
+        turned += [("modbus", name, item.drive) for name, item in self.modbus.items()]
+        for group, name, turns in turned:
+            drive = drives.get(turns)
             if drive is None or drive.kind != Kind.SPEED or drive.strain_unit != "rad":
-                words = f"the mechanism has no drive {item.drive!r} of mode speed on a shaft"
-                problems.append((("drives", name, "drive"), words))
+                words = f"the mechanism has no drive {turns!r} of mode speed on a shaft"
+                problems.append(((group, name, "drive"), words))
+        for name, device in self.lines.items():
+            for key, value in device.values.items():
+                where = ("lines", name, "values", key)
+                sensor = sensors.get(value.sensor)
+                if sensor is None:
+                    words = f"the mechanism has no sensor {value.sensor!r}"
+                    problems.append(((*where, "sensor"), words))
+                elif not _counts(value, sensor.unit):
+                    words = f"{value.sensor} is in {sensor.unit}, not in {value.unit}"
+                    problems.append(((*where, "unit"), words))
         for name, card in self.cards.items():
             for key, entry in card.inputs.items():
                 where = ("cards", name, "inputs", key)
@@ -128,6 +192,14 @@ def _is_of(unit: str | None, kind: str) -> bool:
         return False
 
 
+def _counts(value: LineValue, kind: str) -> bool:
+    try:
+        scale, unit = value.per_one
+    except ValueError:
+        return False
+    return scale != 0.0 and unit.same_kind(parse_unit(kind))
+
+
 class MechanismWorld(PlantWorld[MechanismPlant]):
     """The mechanism that all devices share."""
 
@@ -142,7 +214,7 @@ class WireMechanism(WirePlantSimulation):
     """Serves the devices of a mechanism, and a control socket beside them."""
 
     Config: ClassVar[type[SimulationConfig]] = WireMechanismConfig
-    title: ClassVar[str] = "a mechanism at the wire: CAN drives and NI cards"
+    title: ClassVar[str] = "a mechanism at the wire: drives on CAN and Modbus, NI cards, lines"
     config: WireMechanismConfig
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
@@ -165,7 +237,26 @@ class WireMechanism(WirePlantSimulation):
             )
             for name, card in config.cards.items()
         ]
-        return world, [*hubs.values(), *drives, *cards]
+        speed_drives = [_modbus(name, item, world, folder) for name, item in config.modbus.items()]
+        senders = [
+            item.part(name, folder.socket(name), _numbers(item, world), config.seed)
+            for name, item in config.lines.items()
+        ]
+        return world, [*hubs.values(), *drives, *cards, *speed_drives, *senders]
+
+
+def _numbers(item: SensorLineOptions, world: MechanismWorld) -> Callable[[], Mapping[str, float]]:
+    places = {
+        name: (value, world.plant.mechanism.instrument(value.sensor))
+        for name, value in item.values.items()
+    }
+
+    def numbers() -> Mapping[str, float]:
+        world.now()
+        readings = world.plant.readings
+        return {name: value.number(readings[place]) for name, (value, place) in places.items()}
+
+    return numbers
 
 
 def _volts(entry: InputOptions, world: MechanismWorld) -> Callable[[], float]:
@@ -189,18 +280,11 @@ def _drive(
         ConfigError: its motor would need more current than a drive can state.
     """
     plant, ratio = world.plant, options.gear_ratio
-    element: Element = plant.mechanism.element(options.drive)
-    place = [item.name for item in plant.mechanism.drives].index(options.drive)
-    index = plant.mechanism.index[options.drive]
-    (end,) = element.ends
-    speeds = len(plant.mechanism.masses) + 1
+    element, place, shaft = _shaft(options.drive, world)
 
     def sense(t_ns: int) -> Sensed:
         world.at(t_ns)
-        state = plant.memory.state
-        angle = element.offset + end.lever * float(state[end.dof])
-        speed = end.lever * float(state[speeds + end.dof])
-        torque = -float(plant.memory.terms["f"][index])
+        angle, speed, torque = shaft()
         return Sensed(round(angle * ratio * options.counts_per_turn), speed * ratio, torque / ratio)
 
     def command(t_ns: int, demand: Demand) -> None:
@@ -217,4 +301,47 @@ def _drive(
     return Cia402Drive(
         name, hubs[options.bus], options.node, Motor(sense, command), ratings,
         serial=options.serial, rpdo_timer=options.rpdo_timer, traits=options.profile,
+    )  # fmt: skip
+
+
+def _shaft(
+    drive: str, world: MechanismWorld
+) -> tuple[Element, int, Callable[[], tuple[float, float, float]]]:
+    """Return a drive on a shaft: its element, its place, and its angle, speed and torque (SI)."""
+    plant = world.plant
+    element: Element = plant.mechanism.element(drive)
+    place = [item.name for item in plant.mechanism.drives].index(drive)
+    index = plant.mechanism.index[drive]
+    (end,) = element.ends
+    speeds = len(plant.mechanism.masses) + 1
+
+    def shaft() -> tuple[float, float, float]:
+        state = plant.memory.state
+        angle = element.offset + end.lever * float(state[end.dof])
+        return (
+            angle,
+            end.lever * float(state[speeds + end.dof]),
+            -float(plant.memory.terms["f"][index]),
+        )
+
+    return element, place, shaft
+
+
+def _modbus(
+    name: str, options: ModbusShaftOptions, world: MechanismWorld, folder: Folder
+) -> SimModbusServo:
+    """Return a speed drive on a shaft; disabled, it freewheels: the shaft has no torque of it."""
+    _, place, shaft = _shaft(options.drive, world)
+
+    def command(speed: float, enabled: bool) -> None:
+        world.now()
+        world.plant.command(place, speed, enabled=enabled)
+
+    def speed() -> float:
+        world.now()
+        return shaft()[1]
+
+    return SimModbusServo(
+        name, options.line(name, folder), command=command, speed=speed, unit=options.unit,
+        drive=options.make,
     )  # fmt: skip

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from rigd_sim.wire.lugre import ModbusDriveOptions
 from rigd_sim.wire.modbus import SerialLine, SimModbusServo, SimModbusTransmitter, TcpLine
 from rigd_sim.wire.modbus.bank import Bank
+from rigd_sim.wire.modbus.drive_options import ModbusDriveOptions
 from rigd_sim.wire.modbus.frames import Ask, NotModbus, build_rtu, build_tcp, take_rtu, take_tcp
 from rigd_sim.wire.modbus.servo import Altivar, Asda
 from rigd_sim.wire.modbus.transmitter import LoadCell
@@ -118,8 +118,8 @@ def test_load_cell_noise_is_as_large_as_stated() -> None:
 
 
 def test_drivecom_chart_allows_one_step_up_at_time() -> None:
-    turned: list[float] = []
-    drive = Altivar(turned.append, lambda: 0.0)
+    turned: list[tuple[float, bool]] = []
+    drive = Altivar(lambda *wanted: turned.append(wanted), lambda: 0.0)
     bank = drive.bank()
 
     def command(word: int) -> str:
@@ -130,15 +130,17 @@ def test_drivecom_chart_allows_one_step_up_at_time() -> None:
     bank.answer(bytes.fromhex("06 21 9A 02 58"))  # 8602: 600 rev/min
     assert command(15) == "0250"  # from switch-on-disabled: no
     assert [command(6), command(7), command(15)] == ["0231", "0233", "0237"]
-    assert turned == [pytest.approx(62.83, abs=0.01)]
+    ((speed, enabled),) = turned
+    assert enabled
+    assert speed == pytest.approx(62.83, abs=0.01)
     drive.trip(9)
-    assert turned[-1] == 0.0
+    assert turned[-1] == (0.0, False)
     assert command(15) == "0218"  # a fault stays until its reset
     assert [command(0x80), command(6)] == ["0250", "0231"]
 
 
 def test_pulse_shorter_than_scan_is_never_seen() -> None:
-    drive = Altivar(lambda speed: None, lambda: 0.0)
+    drive = Altivar(lambda speed, enabled: None, lambda: 0.0)
     bank = drive.bank()
     drive.trip(9)
     for word in (0, 0x80, 0):
@@ -150,7 +152,7 @@ def test_pulse_shorter_than_scan_is_never_seen() -> None:
 @pytest.mark.parametrize("kind", [Altivar, Asda])
 def test_watchdog_trips_after_its_time_and_not_before(kind: Any) -> None:
     now = 0.0
-    drive = kind(lambda speed: None, lambda: 0.0, lambda: now)
+    drive = kind(lambda speed, enabled: None, lambda: 0.0, lambda: now)
     drive.watchdog_s = 1.0
     now = 50.0
     drive.tick()
@@ -316,7 +318,9 @@ def test_unknown_fault_is_refused_with_known_ones_named() -> None:
 
 
 def test_every_fault_of_drive_shows_in_its_state() -> None:
-    part = SimModbusServo("drive", TcpLine(), command=lambda speed: None, speed=lambda: 0.0)
+    part = SimModbusServo(
+        "drive", TcpLine(), command=lambda speed, enabled: None, speed=lambda: 0.0
+    )
     assert part.state()["fault_code"] == 0
     part.inject("overcurrent")
     assert part.state()["fault_code"] == 9

@@ -24,8 +24,8 @@ class Drive(ABC):
     A drive acts on what has been written once per scan, in :meth:`tick`: what is overwritten before
     that, it never sees.
 
-    ``command`` is called with the speed in rad/s that the motor shall turn at, whenever it changes;
-    ``speed`` is the rate at which it does.
+    ``command`` is called with the speed in rad/s that the motor shall turn at and whether it has
+    torque, whenever one changes; ``speed`` is the rate at which it turns.
     """
 
     #: Fault codes of the drive for a silent line and for too much current.
@@ -34,7 +34,7 @@ class Drive(ABC):
 
     def __init__(
         self,
-        command: Callable[[float], None],
+        command: Callable[[float, bool], None],
         speed: Callable[[], float],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -52,7 +52,7 @@ class Drive(ABC):
         self.held = False  #: True: its motor is held fast
         self.elsewhere = False  #: True: its setpoint comes from elsewhere, and stands still
         self._command = command
-        self._commanded = 0.0
+        self._commanded = (0.0, False)
         self._now = now
         self._heard: float | None = None  # it watches from the first request on
         self.safe_since_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC; 0 while it is enabled
@@ -87,11 +87,11 @@ class Drive(ABC):
         """Command the motor, and note since when it is without torque."""
         if self.enabled or not self.safe_since_ns:
             self.safe_since_ns = 0 if self.enabled else time.monotonic_ns()
-        asked = self._commanded if self.elsewhere else self.setpoint
-        wanted = asked if self.enabled and not self.held else 0.0
+        asked = self._commanded[0] if self.elsewhere else self.setpoint
+        wanted = (asked if self.enabled and not self.held else 0.0, self.enabled)
         if wanted != self._commanded:
             self._commanded = wanted
-            self._command(wanted)
+            self._command(*wanted)
 
     def set_speed(self, word: int) -> None:
         """Take a signed speed in rev/min."""
@@ -126,7 +126,7 @@ class Altivar(Drive):
 
     def __init__(
         self,
-        command: Callable[[float], None],
+        command: Callable[[float, bool], None],
         speed: Callable[[], float],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -206,7 +206,7 @@ class Asda(Drive):
 
     def __init__(
         self,
-        command: Callable[[float], None],
+        command: Callable[[float, bool], None],
         speed: Callable[[], float],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -297,7 +297,7 @@ class SimModbusServo(ModbusPart):
         name: str,
         line: Line,
         *,
-        command: Callable[[float], None],
+        command: Callable[[float, bool], None],
         speed: Callable[[], float],
         unit: int = 1,
         drive: str = "schneider-atv320",
