@@ -1,4 +1,4 @@
-"""One run of the approach-angle rig, evaluated by the better method as a campaign does it."""
+"""One run of the approach-angle rig, evaluated by the corrected method as a campaign does it."""
 
 from __future__ import annotations
 

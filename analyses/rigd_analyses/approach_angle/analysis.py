@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ApproachAngleAnalysis(Analysis):
-    """Friction of a wheel over its approach angle: the paper's method and a better one (angle.md).
+    """Friction of a wheel over its approach angle: the paper's method and a corrected one.
 
     All recordings are one campaign.
     """

@@ -159,7 +159,7 @@ class Budget:
 
     @property
     def better(self) -> float:
-        """Combined relative standard uncertainty (k = 1) of one number by the better method."""
+        """Combined relative standard uncertainty (k = 1) of one number by the corrected method."""
         return math.sqrt(math.fsum(t.better**2 for t in self.terms))
 
     @property
@@ -169,7 +169,7 @@ class Budget:
 
     @property
     def force(self) -> float:
-        """Relative standard uncertainty of F_r alone, by the better method: all but N's terms."""
+        """Relative standard uncertainty of F_r alone, corrected method: all but N's terms."""
         return math.sqrt(math.fsum(t.better**2 for t in self.terms[:FORCE_TERMS]))
 
     @property

@@ -140,7 +140,7 @@ def evaluate(
     origin = provenance(
         sweeps,
         used,
-        {"paper's method": "angle.paper", "better method": "angle.better"},
+        {"paper's method": "angle.paper", "corrected method": "angle.better"},
         [{"calibration": calibrations[sweep.path].described} for sweep in sweeps],
     )
     titles = dict.fromkeys(sweep.info.procedure.replace("_", " ") for sweep in sweeps)

@@ -5,7 +5,7 @@ share wheel and approach angle (between the wheel's rolling direction and the mo
 consists of
 
 - Table 1 of the paper with our results beside the published ones: the largest friction coefficient
-  of each set, by the paper's method and by the better one;
+  of each set, by the paper's method and by the corrected one;
 - the fits of the friction coefficient over the approach angle (the trend);
 - the warnings;
 - how many runs were left out, and the flagged runs, counted by reason;
@@ -68,7 +68,7 @@ def _table_1(rows: Sequence[SetRow]) -> TerminalTable:
         Column("published", right=True),
         Column("paper's ± U", right=True),
         Column("(runs)"),
-        Column("better ± U (k=2)", right=True),
+        Column("corrected ± U (k=2)", right=True),
         Column("coefficient"),
         Column("usable ± U", right=True),
     )
@@ -95,8 +95,8 @@ def _table_1(rows: Sequence[SetRow]) -> TerminalTable:
 def _legend(rows: Sequence[SetRow]) -> str:
     lines = [
         f"{Coefficient.ROLLING.value}: F_r/N, of the published values, the paper's method and the "
-        f"better one alike. {Coefficient.USABLE.value}: what is left of it along the travel, once "
-        "the drag of the free rollers is taken off."
+        f"corrected one alike. {Coefficient.USABLE.value}: what is left of it along the travel, "
+        "once the drag of the free rollers is taken off."
     ]
     if any(row.paper_regime for row in rows):
         lines.append(

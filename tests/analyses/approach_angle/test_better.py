@@ -1,4 +1,4 @@
-"""The better analysis of one run: golden runs, simulated runs, and runs spoilt on purpose."""
+"""The corrected method of one run: golden runs, simulated runs, and runs spoilt on purpose."""
 
 from __future__ import annotations
 

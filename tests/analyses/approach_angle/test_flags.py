@@ -285,7 +285,7 @@ def test_a_good_run_has_no_flag(
 def test_every_fault_of_the_table_is_made_here() -> None:
     table = re.findall(r"^(\w+) +(excluded|note)  ", flags.__doc__ or "", re.MULTILINE)
     tested = {code for _, code, _ in FAULTS.values()}
-    tested.add("load_cell_disagrees")  # where the better analysis is tested, which alone uses it
+    tested.add("load_cell_disagrees")  # where the corrected method is tested, which alone uses it
     assert {code for code, severity in table if severity == "excluded"} == tested
     assert [code for code, severity in table if severity == "note"] == ["pot_near_end"]
 

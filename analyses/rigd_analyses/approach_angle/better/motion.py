@@ -9,7 +9,7 @@ A run is one recorded movement of the platform, which the wheel drives. The modu
 - determines the noise of the gauges, and their zero (the tare) from the samples before the relay
   command that starts the motor.
 
-The friction is computed from these values elsewhere, by the better method (the one that corrects
+The friction is computed from these values elsewhere, by the corrected method (the one that corrects
 what the paper's method leaves out).
 """
 

@@ -1,4 +1,4 @@
-"""Defines the result of the better method for one run."""
+"""Defines the result of the corrected method for one run."""
 
 from __future__ import annotations
 

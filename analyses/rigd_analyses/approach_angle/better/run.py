@@ -1,4 +1,4 @@
-"""Evaluates one run by the better method: friction if the wheel slides, demand if it rolls.
+"""Evaluates one run by the corrected method: friction if the wheel slides, demand if it rolls.
 
 The demand is the force that the motion of the platform needs.
 """

@@ -1,4 +1,4 @@
-"""Defines the settings of the better method, each with the reason for its value."""
+"""Defines the settings of the corrected method, each with the reason for its value."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def _usable(known: list[SetResult], result: CampaignResult) -> str:
     within = f"±{ends[0]} %" if ends[0] == ends[1] else f"±{ends[0]} to {ends[1]} %"
     used = sum(not run.excluded for run in result.runs)
     return (
-        f"the maximum of F_r/N of {listed([item.name for item in known])} by the better method "
+        f"the maximum of F_r/N of {listed([item.name for item in known])} by the corrected method "
         f"({within}, k = 2), from {used} of {len(result.runs)} runs"
     )
 

@@ -1,4 +1,4 @@
-"""Plots one run as in Figs. 6 to 10 of the paper, and the results of the better method beside."""
+"""Plots one run as in Figs. 6 to 10 of the paper, beside results of the corrected method."""
 
 from __future__ import annotations
 
@@ -108,11 +108,11 @@ def _blocks(ax: Axes, run: RunResult) -> None:
         ax.axhline(run.paper.mu, color=FITTED, linestyle=dashed, label="paper's T/(R N)")
     label(ax, "time", "s", "F_r/N", "1")
     _legend_above(ax)
-    ax.set_title("Friction by blocks (better method)")
+    ax.set_title("Friction by blocks (corrected method)")
 
 
 def _smoothed_speeds(ax: Axes, run: RunResult) -> None:
-    """Draw the speeds of the better method over the whole record; shaded: before and after."""
+    """Draw the speeds of the corrected method over the whole record; shaded: before and after."""
     curves = run.better.curves
     if curves is None:
         ax.remove()
@@ -125,7 +125,7 @@ def _smoothed_speeds(ax: Axes, run: RunResult) -> None:
     shade_unused(ax, curves.t_s, driven)
     label(ax, "time", "s", "speed", "m/s")
     ax.legend(loc="best")
-    ax.set_title("Speeds (better method)")
+    ax.set_title("Speeds (corrected method)")
 
 
 def _legend_above(ax: Axes) -> None:

@@ -175,7 +175,7 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
             markerfacecolor="none",
             color=series(2),
             capsize=2.5,
-            label="better method, usable push",
+            label="corrected method, usable push",
         )
     ax.plot([], [], color=INK, linewidth=1.1, label="straight line")
     ax.plot([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="demand of rolling")

@@ -33,7 +33,7 @@ PLACES: Final = 4
 SOURCES: Final = {
     "published": "published",
     "paper": "paper's method",
-    "better": "better method",
+    "better": "corrected method",
 }
 
 
@@ -115,7 +115,8 @@ def _paper(result: SetResult) -> str:
 def _deviation(result: SetResult) -> str:
     if result.maximum is None or result.published is None or not result.maximum.u > 0.0:
         return ""
-    return f"{number((result.maximum.value - result.published) / result.maximum.u, 1)} u"
+    off = round((result.maximum.value - result.published) / result.maximum.u, 1)
+    return f"{number(off + 0.0, 1)} u"  # 0.0, never -0.0
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class BudgetRow:
 
 
 def budget_rows(terms: Sequence[BudgetTerm]) -> tuple[BudgetRow, ...]:
-    """Return the terms of a budget, the largest of the better method first."""
+    """Return the terms of a budget, the largest of the corrected method first."""
     ordered = sorted(terms, key=lambda term: -abs(term.better))
     return tuple(
         BudgetRow(

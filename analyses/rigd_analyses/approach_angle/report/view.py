@@ -249,7 +249,7 @@ def _chapter(
 def _facts(result: SetResult) -> tuple[tuple[str, str], ...]:
     paper = result.paper
     facts = [
-        ("Better method: maximum of the pooled curve", estimate(result.maximum)),
+        ("Corrected method: maximum of the pooled curve", estimate(result.maximum)),
         ("Usable push along the travel", estimate(result.usable)),
         ("Resultant", estimate(result.resultant)),
         ("Paper's maximum, from", paper.run or "no run"),

@@ -133,7 +133,7 @@ def test_first_table_names_coefficient_of_every_number(good: CampaignEvaluation)
     table = good.terminal_report()[0]
     assert isinstance(table, TerminalTable)
     assert [column.title for column in table.columns] == [
-        "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
+        "set", "published", "paper's ± U", "(runs)", "corrected ± U (k=2)", "coefficient",
         "usable ± U",
     ]  # fmt: skip
     for row, item in zip(table.rows, good.result.sets, strict=True):

@@ -168,7 +168,7 @@ def test_maximum_has_bars_by_both_methods(result: CampaignResult) -> None:
         for container in ax.containers
         if isinstance(container, ErrorbarContainer) and container.has_yerr
     }
-    for source, label in (("paper", "paper's method"), ("better", "better method")):
+    for source, label in (("paper", "paper's method"), ("better", "corrected method")):
         trend = result.trends[source]
         drawn = bars[label][0].get_segments()
         assert len(drawn) == len(trend.sets)

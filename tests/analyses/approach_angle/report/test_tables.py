@@ -77,7 +77,7 @@ def test_opening_leaves_out_maxima_without_sliding() -> None:
         SetResult("clean_15", 0.3, "clean", None, rolled, None, None, None, None, None, 0, None),
     ]
     opening = campaign_opening(campaign([flagged(Flag("dead", "Dead."))], sets))
-    assert "the maximum of F_r/N of clean_0 by the better method (±2.0 %" in opening.usable
+    assert "the maximum of F_r/N of clean_0 by the corrected method (±2.0 %" in opening.usable
     assert "a maximum of clean_15" in opening.not_usable
     assert "paper's method of clean_15" in opening.not_usable
     assert "1 of 1 runs, left out" in opening.not_usable
