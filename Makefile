@@ -81,9 +81,9 @@ check-page: setup node_modules/.ready ## lint and types of the panel's page
 	node_modules/.bin/tsc
 	node_modules/.bin/eslint --max-warnings 0 rigd/panel/static/js
 
-node_modules/.ready: package.json
+node_modules/.ready: package.json package-lock.json
 	scripts/need node npm
-	npm install --no-package-lock --no-audit --no-fund --ignore-scripts --silent
+	npm ci --no-audit --no-fund --ignore-scripts --silent
 	touch $@
 
 docs: setup ## the documentation as a site, with search: build/site/index.html
@@ -97,9 +97,15 @@ bench: setup ## every figure, as ratios from interleaved runs
 bare: ## the README's two commands on a Debian that has nothing else, in a folder (as root)
 	scripts/bare "make demo" "make test"
 
-lock: setup ## the newest versions of all libraries into scripts/constraints.txt, for .ci/run to try
+lock: setup ## the newest versions of all libraries into the files that pin them, for .ci/run to try
 	$(BIN)/uv pip compile --quiet pyproject.toml --extra dev --universal --python-version 3.11 \
 	    --upgrade --no-header --no-annotate --output-file scripts/constraints.txt
+	scripts/need node npm
+	for folder in . tests/record/strict; do \
+	    rm -f $$folder/package-lock.json; \
+	    npm install --prefix $$folder --package-lock-only --omit-lockfile-registry-resolved \
+	        --no-audit --no-fund --ignore-scripts --silent || exit 1; \
+	done
 
 clean: ## remove what the other targets made
 	rm -rf $(VENV) build docs/reference .mypy_cache .ruff_cache .import_linter_cache .pytest_cache .hypothesis node_modules

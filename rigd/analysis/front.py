@@ -23,6 +23,7 @@ from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import Correction, RecordedSweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.extras import require
+from rigd.model.folders import make_folder
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording, RunInfo, Table
 from rigd.record.moment import recorded_at
@@ -357,6 +358,7 @@ def write_report(evaluation: Evaluation, path: str | os.PathLike[str]) -> Path:
     """
     page = Path(path)
     refuse_recording("the report", page)
+    make_folder(page.parent, "--report")
     try:
         page.write_text(evaluation.report(), encoding="utf-8")
     except OSError as error:

@@ -70,7 +70,8 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.analysis.designing import design
     from rigd.cli.evaluation_view import print_terminal_report
     from rigd.config.loader import load_rig
-    from rigd.model.errors import ConfigError, Exit
+    from rigd.model.errors import ConfigError, Exit, RecordingError
+    from rigd.model.folders import make_folder
     from rigd.procedure.loader import load_procedure
 
     output: Path = args.output
@@ -78,14 +79,13 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(f"{output} exists already", hint="give another file with -o")
     if output.suffix != ".yaml":
         raise ConfigError(f"{output} must end in .yaml")
-    if not output.parent.is_dir():
-        raise ConfigError(f"the folder {output.parent} does not exist", hint="make it first")
     name = re.sub(r"\W+", "_", output.stem)
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,59}", name):
         raise ConfigError(
             f"{output}: {name!r} is not a valid name of a procedure",
             hint="small letters, digits and _, a letter first, at most 60, such as designed.yaml",
         )
+    make_folder(output.parent, "-o")  # known before the minutes that a design takes
     designed = design(
         args.model,
         load_rig(rig_of(args)),
@@ -96,7 +96,10 @@ def execute(args: argparse.Namespace) -> int:
         group=args.group,
         notify=lambda line: print(f"designing {line}", file=sys.stderr),
     )
-    output.write_text(_head(designed, args) + designed.text, encoding="utf-8")
+    try:
+        output.write_text(_head(designed, args) + designed.text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"cannot write {output}: {error.strerror}") from error
     if args.json:
         found = asdict(designed)
         del found["text"]

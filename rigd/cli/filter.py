@@ -72,6 +72,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _write(recording: Recording, found: list[Filtered], output: Path, rig_text: str) -> None:
+    from rigd.model.folders import make_folder
     from rigd.record import Attachment, RecordingWriter
     from rigd.record.prefix import FORMAT_METADATA, RECOVERY_METADATA
 
@@ -85,6 +86,7 @@ def _write(recording: Recording, found: list[Filtered], output: Path, rig_text: 
         for item in found
         for path, text in item.config.files().items()
     ]
+    make_folder(output.parent, "--output")
     with RecordingWriter.create(
         output,
         streams=[item.stream for item in found],

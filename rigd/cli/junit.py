@@ -19,6 +19,7 @@ from rigd.daemon.execute import RecordedRun
 from rigd.daemon.provenance import trial_label
 from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
+from rigd.model.folders import make_folder
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Recording, TrialInfo, run_info
 
@@ -119,13 +120,15 @@ def suite_of_error(procedure: str, error: RigdError) -> Suite:
 
 
 def check_writable(path: Path) -> None:
-    """Check before anything moves that the result can be written.
+    """Check before anything moves that the result can be written; make its folder.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: it is a folder.
+        RecordingError: its folder cannot be made.
     """
-    if not path.absolute().parent.is_dir() or path.is_dir():
-        raise ConfigError(f"--junit {path}: the folder does not exist, or the path is a folder")
+    if path.is_dir():
+        raise ConfigError(f"--junit {path} is a folder")
+    make_folder(path.parent, "--junit")
 
 
 def write_junit(path: Path, suite: Suite) -> None:

@@ -42,10 +42,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Write the layout and print its name."""
     from rigd.model.errors import ConfigError, RecordingError
+    from rigd.model.folders import make_folder
     from rigd.record.layout import FORMATS, layout
 
     name, streams = _named_streams(args.rig)
     path: Path = args.output or Path(f"{name}.{args.to}{FORMATS[args.to].suffix}")
+    make_folder(path.parent, "--output")
     try:
         with path.open("w" if args.overwrite else "x", encoding="utf-8", newline="\n") as file:
             file.write(layout(streams, args.to))

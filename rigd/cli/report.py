@@ -38,6 +38,7 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd report")
     from rigd.analysis.run_page import parse_selection, run_report
     from rigd.model.errors import ConfigError, Exit, RecordingError
+    from rigd.model.folders import make_folder
     from rigd.model.pages import page_of
 
     if args.output is not None and len(args.files) > 1:
@@ -56,6 +57,7 @@ def execute(args: argparse.Namespace) -> int:
             print(f"rigd: {error}", file=sys.stderr)
             went_well = False
             continue
+        make_folder(page.parent, "--output")
         try:
             page.write_text(text, encoding="utf-8")
         except OSError as error:

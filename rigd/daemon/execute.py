@@ -33,6 +33,7 @@ from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.model.about import About
 from rigd.model.errors import Blocked, RecordingError
+from rigd.model.folders import make_folder
 from rigd.model.system import require_linux
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
@@ -401,20 +402,6 @@ def attached_texts(request: RunRequest) -> dict[str, str]:
 def _media_type(name: str) -> str:
     """Return the media type of an attached file: a maker's EDS is no YAML."""
     return "application/yaml" if name.endswith((".yaml", ".yml")) else "text/plain"
-
-
-def make_folder(folder: Path, option: str) -> None:
-    """Make the folder of a recording if it is missing; ``option`` names another one.
-
-    Raises:
-        RecordingError: it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot make the folder {folder}: {error.strerror}", hint=f"choose another {option}"
-        ) from error
 
 
 def new_path(request: RunRequest) -> Path:

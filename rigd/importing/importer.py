@@ -25,6 +25,7 @@ from rigd.importing.table import HasMoments
 from rigd.importing.warned import listening
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
+from rigd.model.folders import make_folder
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity
 from rigd.procedure.identify import plan_metadata
@@ -73,10 +74,7 @@ def import_files(
     specimen = stated_specimen(about, None)
     tests = sort_files(what, files)
     targets = _targets(tests, folder, overwrite=overwrite)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"cannot make the folder {folder}: {error.strerror}") from error
+    make_folder(folder, "--out")
     done: list[tuple[Imported, Path]] = []
     problems: list[ConfigError] = []
     with ExitStack() as cleanup:

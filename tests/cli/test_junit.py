@@ -137,9 +137,13 @@ def test_file_that_is_wrong_is_error_of_run(tmp_path: Path) -> None:
 
 def test_unwritable_junit_file_prevents_the_run(tmp_path: Path) -> None:
     words = ("run", "quick", "--rig", "lugre-1", "--junit")
-    assert "the folder does not exist" in rigd(*words, "missing/out.xml", cwd=tmp_path).err
+    (tmp_path / "folder").mkdir()
+    assert "--junit folder is a folder" in rigd(*words, "folder", cwd=tmp_path).err
+    (tmp_path / "file").write_text("")
+    refused = rigd(*words, "file/out.xml", cwd=tmp_path)
+    assert "cannot make the folder file: " in refused.err
     assert rigd(*words, "out.xml", "--dry-run", cwd=tmp_path).code == 2
-    assert list(tmp_path.iterdir()) == []
+    assert {item.name for item in tmp_path.iterdir()} == {"folder", "file"}
 
 
 def test_characters_not_allowed_in_xml_are_replaced(tmp_path: Path) -> None:

@@ -1,7 +1,10 @@
-"""The tests run with the versions that scripts/constraints.txt pins, and it fits pyproject.toml."""
+"""The tests run with the versions that are pinned: of Python in scripts/constraints.txt, of npm in
+the package-lock.json beside each package.json; both fit what is wanted."""
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -59,3 +62,26 @@ def test_every_line_pins_one_version() -> None:
 
 def test_no_line_names_a_host() -> None:
     assert [line for line in LINES if "//" in line or "@" in line] == []
+
+
+@pytest.mark.parametrize("folder", [".", "tests/record/strict"])
+def test_npm_packages_are_pinned_as_wanted(folder: str) -> None:
+    wanted = json.loads((ROOT / folder / "package.json").read_text())
+    text = (ROOT / folder / "package-lock.json").read_text()
+    packages = json.loads(text)["packages"]
+    for group in ("dependencies", "devDependencies"):
+        assert packages[""].get(group) == wanted.get(group), "run `make lock`"
+    for name, version in {
+        **wanted.get("dependencies", {}),
+        **wanted.get("devDependencies", {}),
+    }.items():
+        assert packages[f"node_modules/{name}"]["version"] == version
+    for name, package in packages.items():
+        assert not name or re.fullmatch(r"\d+(\.\d+){2}\S*", package["version"])
+        assert not name or package["integrity"].startswith("sha512-")
+    assert '"resolved"' not in text  # no host: npm takes the registry that it is set to
+
+
+def test_each_npm_package_has_its_lock() -> None:
+    installs = (ROOT / "Makefile").read_text() + (ROOT / "tests/record/conftest.py").read_text()
+    assert "npm ci" in installs and "no-package-lock" not in installs

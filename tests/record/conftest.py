@@ -106,19 +106,14 @@ def need(program: str) -> str:
 def node_packages() -> tuple[str, Path]:
     """Return Node.js and the folder of the packages of Foxglove; install them at the first use."""
     node, npm = need("node"), need("npm")
-    wanted = (STRICT / "package.json").read_text()
+    names = ("package.json", "package-lock.json")
+    wanted = "".join((STRICT / name).read_text() for name in names)
     stamp = PACKAGES / "installed.json"
     if not stamp.exists() or stamp.read_text() != wanted:
         PACKAGES.mkdir(parents=True, exist_ok=True)
-        (PACKAGES / "package.json").write_text(wanted)
-        command = [
-            npm,
-            "install",
-            "--no-package-lock",
-            "--no-audit",
-            "--no-fund",
-            "--ignore-scripts",
-        ]
+        for name in names:
+            shutil.copyfile(STRICT / name, PACKAGES / name)
+        command = [npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"]
         done = subprocess.run(command, cwd=PACKAGES, capture_output=True, text=True, check=False)
         if done.returncode:
             pytest.fail(f"npm cannot install the strict MCAP check:\n{done.stderr}")

@@ -22,6 +22,7 @@ from rigd.catalogue import parse_where, search
 from rigd.catalogue.facts import assigned, condition_of
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import ConfigError, RecordingError
+from rigd.model.folders import make_folder
 from rigd.model.pages import page_of
 from rigd.record import Recording, RunInfo, info_json, run_info
 from rigd.record.index import DamagedRecording
@@ -58,13 +59,7 @@ class Recordings:
         Raises:
             RecordingError: it cannot be made.
         """
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot make the folder {self.folder}: {error.strerror}",
-                hint="choose another --runs",
-            ) from error
+        make_folder(self.folder, "--runs")
 
     def lines(
         self, limit: int, before: str | None, under_way: str | None, where: str = ""
