@@ -88,14 +88,14 @@ def draw_loops(ax: plt.Axes, point: Mapping[str, Any], recording: Path) -> None:
     way = 1e3 * way_m
     off, rest = swing((friction - predicted[:, 0])[moving], push[moving])
     half = np.median(high - low) / 2.0
-    band = f"its 95 % band: ± {half:.4f}, thinner than the line"
+    band = f"its 95 % band: ± {half:.4f},\nthinner than the line"
     told = (
-        f"measured, a point each {1e3 * period_s:.0f} ms: swings as\n{ROLLERS} rollers a turn push "
-        f"the carriage\n(rms {off:.3f} off the line, {rest:.3f} without)"
+        f"measured, a point each {1e3 * period_s:.0f} ms;\nswings as the {ROLLERS} rollers of\n"
+        f"the wheel take turns (rms\n{off:.3f}, {rest:.3f} without that)"
     )
     ax.plot(way[moving], friction[moving], ".", color=MEASURED, markersize=2.5, label=told)
     ax.plot(
-        way, predicted[:, 0], color=FITTED, linewidth=1.5, label="predicted by the model of PVC"
+        way, predicted[:, 0], color=FITTED, linewidth=1.5, label="predicted by\nthe model of PVC"
     )
     ax.fill_between(way, low, high, color=FITTED, alpha=0.35, linewidth=0, label=band)
     ax.set(xlabel="distance slipped in mm", ylabel="friction over normal force")
