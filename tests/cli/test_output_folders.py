@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("outputs")
     made = "run breakaway --rig lugre-1 --output new/runs/RUN.mcap --junit new/results/a.xml"
     for seed, name in enumerate(("a", "b"), 1):
-        done = rigd(*made.replace("RUN", name).split(), "--seed", seed, cwd=folder)
+        done = rigd(*made.replace("RUN", name).split(), "--seed", str(seed), cwd=folder)
         assert (folder / "new/runs" / f"{name}.mcap").is_file(), done.err
         assert (folder / "new/results/a.xml").is_file()
     return folder
