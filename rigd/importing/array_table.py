@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from rigd.importing.bounds import require_cells, require_columns
 from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
 
@@ -99,6 +100,7 @@ class ArrayTable:
         (rows,) = lengths
         if not rows:
             raise ConfigError("the file has no rows", place=self.place(0))
+        require_cells(self._path, rows, len(wanted))
         with self._opener() as columns:
             for first_row in range(0, rows, BATCH_ROWS):
                 end = min(first_row + BATCH_ROWS, rows)
@@ -143,11 +145,14 @@ def as_texts(values: NDArray[Any]) -> Any:
 
 
 def matrix_columns(
-    name: str, unit: str, values: Any, *, rows_last: bool = False
+    path: Path, name: str, unit: str, values: Any, *, rows_last: bool = False
 ) -> Iterator[ArrayColumn]:
     """Yield the columns of an array of one or two dimensions: ``name``, or ``name.1`` and so on.
 
     ``rows_last``: the rows run along the second dimension, as MATLAB writes to HDF5.
+
+    Raises:
+        ConfigError: it has more columns than rigd reads; names the ``path`` of its file.
     """
     kind = values.dtype.kind
     whole = kind in "iuM"
@@ -164,6 +169,7 @@ def matrix_columns(
 
         yield ArrayColumn(name, unit, max(rows, count), whole, flat)
         return
+    require_columns(path, name, count)
     for index in range(count):
 
         def nth(a: int, b: int, at: int = index) -> NDArray[Any]:

@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from rigd.importing.bounds import require_columns
 from rigd.importing.source import TextTableSource
 from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
@@ -61,6 +62,7 @@ class CsvTable:
             raise ConfigError(f"the file {what}", place=self._at(max(1, len(head)), 1))
         self._separator = self._separator_of(head[named - 1])
         cells = self._cells(head[named - 1])
+        require_columns(path, f"line {named}", len(cells))
         self._names = [str(index) for index in range(1, len(cells) + 1)]
         if text.header:
             self._names = [cell.strip() for cell in cells]
@@ -280,6 +282,7 @@ class CsvTable:
             end = data.rfind(b"\n") + 1
             if skip or end <= at:
                 carry = data[at:]
+                self._require_line(number, carry)
                 continue
             carry, block = data[end:], data[at:end] if at or end < len(data) else data
             yield number, block
@@ -294,6 +297,13 @@ class CsvTable:
                 "wrote the file never ends the last line",
             )
         yield number, carry + b"\n"
+
+    def _require_line(self, number: int, begin: bytes) -> None:
+        if len(begin) > BLOCK_BYTES:
+            raise ConfigError(
+                f"the line has more than {len(begin)} bytes, so the file seems to be no table",
+                place=self._at(number, 1),
+            )
 
     def _upto_last(self) -> Iterator[bytes]:
         """Yield the text up to the last line of data, if the map states it."""
@@ -349,6 +359,7 @@ class CsvTable:
         for data in self._chunks():
             *whole, carry = (carry + data).split(b"\n")
             lines += whole
+            self._require_line(len(lines) + 1, carry)
             if len(lines) >= self._first_line:
                 break
         if carry and len(lines) < self._first_line:
@@ -377,7 +388,12 @@ class CsvTable:
     def _cells(self, line: str) -> list[str]:
         if self._text.separator == "space":
             return line.split()
-        return next(csv.reader([line.rstrip("\r")], delimiter=self._separator), [""])
+        try:
+            return next(csv.reader([line.rstrip("\r")], delimiter=self._separator), [""])
+        except csv.Error as error:  # a cell of more than 128 KiB
+            raise ConfigError(
+                f"{self._path} has a line that is no row of a table: {error}"
+            ) from error
 
     def _start_of(self, line: str, index: int) -> int:
         """Return the column, from 1, at which a cell of a line begins."""

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 
 from rigd.config.problems import suggest
 from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
+from rigd.importing.bounds import require_chunk
 from rigd.importing.parquet_table import unreadable
-from rigd.model.errors import ConfigError
+from rigd.model.errors import ConfigError, Place
+
+#: Of all names with their paths below one group: a group in a group 1,000 times has as many.
+_MOST_LETTERS: Final = 1_000_000
 
 
 def open_hdf5(path: Path, group: str | None, *, by_matlab: bool = False) -> ArrayTable:
@@ -39,21 +44,44 @@ def _opened(path: Path, group: str | None, by_matlab: bool) -> Iterator[Sequence
                 file.visit(there.append)
                 raise ConfigError(f"{path} has no group {group!r}", hint=suggest(group, there))
             found = file[group]
-        columns = list(_columns(found, by_matlab))
+        columns = list(_columns(path, found, by_matlab))
         if by_matlab and not columns:
             _refuse_object(path, file)
         yield columns
 
 
-def _columns(found: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
+def _columns(path: Path, found: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
     if isinstance(found, h5py.Dataset):
-        yield from _of_dataset("", found, by_matlab)
+        yield from _of_dataset(path, "", found, by_matlab)
         return
+    for name, item in _datasets(path, found):
+        if not (name.startswith("#") or _is_object(item)):
+            yield from _of_dataset(path, name, item, by_matlab)
+
+
+def _datasets(path: Path, found: Any) -> list[tuple[str, Any]]:
+    """Return the datasets below a group.
+
+    Raises:
+        ConfigError: it has too many parts, or they are too deep in each other.
+    """
     datasets: list[tuple[str, Any]] = []
-    found.visititems(lambda name, item: datasets.append((name, item)))
-    for name, item in datasets:
-        if isinstance(item, h5py.Dataset) and not (name.startswith("#") or _is_object(item)):
-            yield from _of_dataset(name, item, by_matlab)
+    left = _MOST_LETTERS
+
+    def take(name: str, item: Any) -> bool | None:
+        nonlocal left
+        left -= len(name) + 1
+        if isinstance(item, h5py.Dataset):
+            datasets.append((name, item))
+        return True if left < 0 else None
+
+    if found.visititems(take):
+        raise ConfigError(
+            f"the names of its groups and datasets have more than {_MOST_LETTERS} letters",
+            place=Place(str(path), 1, 1),
+            hint="name the group that has the channels by `group:` in the source",
+        )
+    return datasets
 
 
 def _is_object(item: Any) -> bool:
@@ -69,7 +97,10 @@ def _refuse_object(path: Path, file: Any) -> None:
             raise not_read(path, name)
 
 
-def _of_dataset(name: str, data: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
+def _of_dataset(path: Path, name: str, data: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
+    if data.chunks is not None and data.ndim in (1, 2):
+        size = prod(data.chunks) * data.dtype.itemsize
+        require_chunk(path, f"chunks of the dataset {name!r}", size)
     unit = _text(data.attrs.get("unit", data.attrs.get("units", "")))
     if data.dtype.names and data.ndim == 1:
         for field in data.dtype.names:
@@ -79,7 +110,7 @@ def _of_dataset(name: str, data: Any, by_matlab: bool) -> Iterator[ArrayColumn]:
             )  # fmt: skip
         return
     if data.ndim in (1, 2):
-        yield from matrix_columns(name, unit, data, rows_last=by_matlab)
+        yield from matrix_columns(path, name, unit, data, rows_last=by_matlab)
 
 
 def _field(data: Any, field: str, start: int, end: int) -> Any:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 import scipy.io
@@ -14,11 +16,17 @@ from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from rigd.config.problems import suggest
 from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
+from rigd.importing.bounds import require_held, unpacked_sizes
 from rigd.importing.parquet_table import unreadable
 from rigd.model.errors import ConfigError
 from rigd.model.extras import require
 
 _HDF5: Final = b"MATLAB 7.3"
+#: Of the head of a file up to version 7: its bytes, and where the mark of the byte order begins;
+#: and the type of a variable that is compressed ("MAT-File Format", MathWorks, 1-9).
+_HEAD_BYTES: Final = 128
+_ORDER_AT: Final = 126
+_COMPRESSED: Final = 15
 #: So many structures are listed.
 _MOST_NAMED: Final = 12
 
@@ -38,6 +46,8 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
         from rigd.importing.hdf5_table import open_hdf5
 
         return open_hdf5(path, group, by_matlab=True)
+    with path.open("rb") as file:
+        require_held(path, _unpacked(file))
     try:
         content: dict[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
     except (OSError, ValueError, TypeError, NotImplementedError, KeyError, IndexError) as error:
@@ -61,7 +71,19 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
                 hint=f"give `group:`, one of {', '.join(list(structures)[:_MOST_NAMED])}",
             )
     units = found.get("units")
-    return ArrayTable(path, partial(_opened, found, units if isinstance(units, dict) else {}))
+    return ArrayTable(path, partial(_opened, path, found, units if isinstance(units, dict) else {}))
+
+
+def _unpacked(file: BinaryIO) -> Iterator[int]:
+    """Yield the sizes of the parts of all compressed variables of a file of version 5 to 7."""
+    head = file.read(_HEAD_BYTES)
+    tag = struct.Struct("<II" if head[_ORDER_AT:] == b"IM" else ">II")
+    while len(begin := file.read(tag.size)) == tag.size:
+        kind, size = tag.unpack(begin)
+        if kind == _COMPRESSED:
+            yield from unpacked_sizes(file.read(size))
+        else:
+            file.seek(size, os.SEEK_CUR)
 
 
 def _structures(own: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -100,10 +122,12 @@ def not_read(path: Path, name: str) -> ConfigError:
 
 
 @contextmanager
-def _opened(found: dict[str, Any], units: dict[str, Any]) -> Iterator[Sequence[ArrayColumn]]:
+def _opened(
+    path: Path, found: dict[str, Any], units: dict[str, Any]
+) -> Iterator[Sequence[ArrayColumn]]:
     columns: list[ArrayColumn] = []
     for name, item in found.items():
         if name.startswith("__") or not isinstance(item, np.ndarray) or item.ndim not in (1, 2):
             continue
-        columns += matrix_columns(name, str(units.get(name, "")), item)
+        columns += matrix_columns(path, name, str(units.get(name, "")), item)
     yield columns

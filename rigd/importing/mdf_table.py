@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import mmap
 import struct
 import sys
 import traceback
@@ -19,6 +20,7 @@ from asammdf.blocks.utils import MdfException
 from numpy.typing import NDArray
 
 from rigd.importing.array_table import ArrayColumn, ArrayTable
+from rigd.importing.bounds import has_at_most, require_chunk, unpacked_sizes
 from rigd.importing.parquet_table import unreadable
 from rigd.model.errors import ConfigError, Place
 
@@ -27,6 +29,11 @@ TIME: Final = "(time)"
 #: How a file begins, and one that its program did not finish.
 _MAGIC: Final = b"MDF     "
 _NOT_FINISHED: Final = b"UnFinMF "
+#: A compressed block (ASAM MDF 4.2, DZBLOCK): identifier, length, links, type of the block, of the
+#: compression, reserved, its parameter, size of the data before it and after it, in bytes.
+_BLOCK: Final = struct.Struct("<8sQQ2sBBIQQ")
+_ZIPPED: Final = b"##DZ\0\0\0\0"
+_DEFLATED: Final = (0, 1)  #: the second transposed before
 
 
 def open_mdf(path: Path, group: str | None) -> ArrayTable:
@@ -54,14 +61,44 @@ def _file(path: Path) -> Iterator[Any]:
                 "the file is cut off, damaged or no MDF: it does not begin as one does",
                 place=Place(str(path), 1, 1),
             )
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+            _require_small_blocks(path, mapped)
         stream.seek(0)
         try:
             file = MDF(stream)
-        except (OSError, ValueError, MdfException, KeyError, struct.error) as error:
+        except (
+            OSError, ValueError, MdfException, KeyError, struct.error, MemoryError, OverflowError
+        ) as error:  # fmt: skip
             _free(error)
             raise unreadable(path, "MDF", error) from None
         with file:
             yield file
+
+
+def _require_small_blocks(path: Path, file: mmap.mmap) -> None:
+    """Raise unless each compressed block of a file may be unpacked: asammdf does so as a whole.
+
+    Raises:
+        ConfigError: a block states, or has, more bytes than rigd unpacks.
+    """
+    at = -1
+    while (at := file.find(_ZIPPED, at + 1)) >= 0:
+        if at + _BLOCK.size > len(file):
+            return
+        _, length, links, _, kind, _, _, stated, packed = _BLOCK.unpack_from(file, at)
+        # Else the letters are part of samples.
+        if links == 0 and _BLOCK.size + packed <= length <= len(file) - at:
+            require_chunk(path, f"a block at byte {at}", stated)
+            begin = at + _BLOCK.size
+            if kind in _DEFLATED:
+                unpacked = unpacked_sizes(file[begin : begin + packed])
+                if not has_at_most(stated, unpacked):
+                    raise ConfigError(
+                        f"the block at byte {at} unpacks to more than the {stated} bytes that it "
+                        "states: the file is damaged",
+                        place=Place(str(path), 1, 1),
+                    )
+            at = begin + packed - 1
 
 
 def _free(error: BaseException) -> None:

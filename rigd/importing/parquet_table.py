@@ -8,8 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from rigd.importing.bounds import require_cells, require_chunk
 from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
 
@@ -31,7 +33,10 @@ class ParquetTable:
         """
         self._path = path
         try:
-            self._file = pq.ParquetFile(path)
+            with pq.ParquetFile(path) as file:
+                kinds = {field.name: field.type for field in file.schema_arrow}
+            texts = [name for name, kind in kinds.items() if pa.types.is_string(kind)]
+            self._file = pq.ParquetFile(path, read_dictionary=texts)
         except (OSError, pa.ArrowException) as error:
             raise unreadable(path, "Parquet", error) from error
         self._schema: Any = self._file.schema_arrow
@@ -79,6 +84,10 @@ class ParquetTable:
         """
         names = [self.names[column] for column in wanted]
         row = 0
+        require_cells(self._path, self._file.metadata.num_rows, len(wanted))
+        for column, kind in wanted.items():
+            if kind != "text":
+                self._require_numbers(self._schema.field(column).type, column, 0)
         try:
             for found in self._file.iter_batches(BATCH_ROWS, columns=names):
                 numbers: dict[int, Any] = {}
@@ -86,7 +95,7 @@ class ParquetTable:
                 for column, kind in wanted.items():
                     values = found.column(self._position(column, found.schema.names))
                     if kind == "text":
-                        texts[column] = values.cast(pa.string()).fill_null("")
+                        texts[column] = self._texts(values)
                     else:
                         numbers[column] = self._numbers(values, column, kind, row)
                 yield Batch(row, found.num_rows, numbers, texts)
@@ -105,15 +114,7 @@ class ParquetTable:
     def _numbers(self, values: Any, column: int, kind: Kind, row: int) -> Any:
         if pa.types.is_timestamp(values.type):
             values = values.cast(pa.timestamp("ns", values.type.tz)).cast(pa.int64())
-        if not (
-            pa.types.is_integer(values.type)
-            or pa.types.is_floating(values.type)
-            or pa.types.is_boolean(values.type)
-        ):
-            raise ConfigError(
-                f"column {self.names[column]!r} has the type {values.type}, no numbers",
-                place=self.place(column, row),
-            )
+        self._require_numbers(values.type, column, row)
         if kind == "whole":
             if values.null_count:
                 empty = int(np.flatnonzero(values.is_null().to_numpy(zero_copy_only=False))[0])
@@ -121,6 +122,26 @@ class ParquetTable:
             return values.cast(pa.int64()).to_numpy(zero_copy_only=False)
         numbers = values.to_numpy(zero_copy_only=False)
         return numbers.astype(np.float64, copy=False)
+
+    def _require_numbers(self, type: Any, column: int, row: int) -> None:
+        kinds = pa.types
+        type = type.value_type if kinds.is_dictionary(type) else type
+        if not (
+            kinds.is_integer(type) or kinds.is_floating(type) or kinds.is_boolean(type)
+            or kinds.is_timestamp(type)
+        ):  # fmt: skip
+            raise ConfigError(
+                f"column {self.names[column]!r} has the type {type}, no numbers",
+                place=self.place(column, row),
+            )
+
+    def _texts(self, values: Any) -> Any:
+        """Return values as texts; one that many rows have is held once until here."""
+        if pa.types.is_dictionary(values.type):
+            lengths = pc.binary_length(values.dictionary).take(values.indices)
+            size = pc.sum(lengths).as_py() or 0
+            require_chunk(self._path, f"texts of {len(values)} rows", size)
+        return values.cast(pa.string()).fill_null("")
 
 
 def unreadable(path: Path, kind: str, error: BaseException) -> ConfigError:

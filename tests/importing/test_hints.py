@@ -69,6 +69,7 @@ class Walk:
     out: str = "runs"
     overwrite: bool = False
     trials: int = 1
+    env: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ class Case:
     force: Sequence[float] = FORCE
     first: datetime | None = START
     atol_s: float = 1e-9
+    env: Mapping[str, str] = field(default_factory=dict)
 
 
 def edited(text: str, edits: Edits) -> str:
@@ -610,6 +612,30 @@ def hdf5(path: Path, rows: int = COUNT) -> None:
             file[f"run/{name}"] = np.array(values)[: rows if name == "v" else COUNT]
 
 
+def hdf5_chunked(path: Path) -> None:
+    """Its chunks of 2 MiB have room for more rows than there are."""
+    with h5py.File(path, "w") as file:
+        for name, values in (("t", MILLI), ("F", FORCE), ("v", range(COUNT))):
+            file.create_dataset(
+                f"run/{name}", data=np.array(values, float), maxshape=(None,), chunks=(1 << 18,),
+                compression="gzip",
+            )  # fmt: skip
+
+
+def hdf5_beside(path: Path, *, turned: bool = False) -> None:
+    hdf5(path)
+    with h5py.File(path, "a") as file:
+        file.create_dataset("run/all", (60_000, 2) if turned else (2, 60_000), "f4")
+
+
+def hdf5_deep(path: Path) -> None:
+    hdf5(path)
+    with h5py.File(path, "a") as file:
+        group = file
+        for _ in range(1_020):
+            group = group.create_group("g")
+
+
 def mat(path: Path) -> None:
     scipy.io.savemat(path, {"run": {"t": MILLI, "F": FORCE, "v": np.arange(40.0)}})
 
@@ -643,6 +669,25 @@ FORMATS = {
         [Walk("run", [("group: rum", "group: run")])],
         [("    text: {}\n", "    group: rum\n")],
         {"a.h5": hdf5},
+    ),
+    "chunks too large": Case(
+        "if you trust the file and there is memory for it, set RIGD_CHUNK_MIB=2 in the "
+        "environment, the most MiB that rigd unpacks at once",
+        [Walk("RIGD_CHUNK_MIB=2", env={"RIGD_CHUNK_MIB": "2"})],
+        [("    text: {}\n", "    group: run\n")],
+        {"a.h5": hdf5_chunked},
+        env={"RIGD_CHUNK_MIB": "1"},
+    ),
+    "rows and columns exchanged": Case(
+        "if its rows and columns are exchanged, save it transposed",
+        [Walk("transposed", files={"a.h5": lambda path: hdf5_beside(path, turned=True)})],
+        [("    text: {}\n", "    group: run\n")],
+        {"a.h5": hdf5_beside},
+    ),
+    "groups too deep": Case(
+        "name the group that has the channels by `group:` in the source",
+        [Walk("group:", [("    text: {}\n", "    group: run\n")])],
+        files={"a.h5": hdf5_deep},
     ),
     "no such structure": Case(
         "did you mean 'run'?",
@@ -799,8 +844,12 @@ def check_truth(paths: Sequence[Path], case: Case, trials: int) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_hint_leads_to_truth_or_refusal(tmp_path: Path, name: str) -> None:
+def test_hint_leads_to_truth_or_refusal(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     case = CASES[name]
+    for variable, value in case.env.items():
+        monkeypatch.setenv(variable, value)
     wrong = edited(MAP, case.edits)
     with pytest.raises((ConfigError, RecordingError)) as raised:
         bring(tmp_path / "wrong", wrong, case.files)
@@ -808,6 +857,8 @@ def test_hint_leads_to_truth_or_refusal(tmp_path: Path, name: str) -> None:
     assert given == case.hint
     for number, walk in enumerate(case.walks):
         assert walk.says in case.hint
+        for variable, value in [*case.env.items(), *walk.env.items()]:
+            monkeypatch.setenv(variable, value)
         folder, map = tmp_path / str(number), edited(wrong, walk.edits)
         files = case.files if walk.files is None else walk.files
         try:
