@@ -44,6 +44,8 @@ def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) ->
     logins = BucketByClient(LOGINS_PER_S, LOGINS_BURST)
     api = PanelApi(rig, sessions, f"rigd-{port}", secure, logins)
 
+    socket = PageSocket(hub, api)
+
     async def page(_: Request) -> FileResponse:
         return FileResponse(STATIC / "index.html")
 
@@ -51,7 +53,8 @@ def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) ->
         routes=[
             Route("/", page, methods=["GET"]),
             Mount("/static", StaticFiles(directory=STATIC)),
-            WebSocketRoute("/api/live", PageSocket(hub, api).serve),
+            WebSocketRoute("/api/live", socket.serve),
+            Route("/api/past", socket.past, methods=["GET"]),
             WebSocketRoute("/api/stop/line", StopLine(api).serve),
             *api.routes(),
             *Files(rig, api).routes(),

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Coroutine
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rigd.panel.hub import Hub
 from rigd.panel.outbox import Outbox
 from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Session
+from rigd.remote.protocol.limits import MAX_FRAME_POINTS
 from rigd.remote.rates import Bucket
 
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
@@ -25,6 +29,8 @@ MOST_PAGES: Final = 64
 MOST_WATCHING: Final = 48
 #: The message of a browser that has drawn a batch of frames.
 DRAWN: Final = "drawn"
+#: The message that tells how many points of each second a page can show: ``points 72``.
+POINTS: Final = re.compile(r"points ([1-9]\d{0,3})")
 
 
 @dataclass
@@ -59,6 +65,29 @@ class PageSocket:
         finally:
             self.pages -= 1
             self.api.sessions.close_page(session)
+
+    async def past(self, request: Request) -> Response:
+        """Send the rows between two times of the last half minute, as finely as they came.
+
+        ``from_s`` and ``to_s`` are s since the Unix epoch, ``points`` how many of a stream are
+        sent at most, each with the extremes of its piece of the time.
+        """
+        session = self.api.find(request.cookies)
+        if session is None:
+            return PlainTextResponse("this page is not logged in", 401)
+        if not session.requests.take():
+            return PlainTextResponse("too many requests; wait a second", 429)
+        wanted = request.query_params
+        try:
+            start_s, end_s, most = (
+                float(wanted["from_s"]), float(wanted["to_s"]), int(wanted["points"])
+            )  # fmt: skip
+        except (KeyError, ValueError):
+            return PlainTextResponse("from_s, to_s and points are numbers", 400)
+        most = max(1, min(most, MAX_FRAME_POINTS))
+        # A thread: pages that look at the past must not delay a stop.
+        found = await asyncio.to_thread(self.hub.past, start_s, end_s, most)
+        return Response(found, media_type="application/octet-stream")
 
     async def _refuse(self, socket: WebSocket, code: int, reason: str) -> None:
         """Close with a reason, which keeps the connection until the browser has received it.
@@ -102,10 +131,16 @@ async def _send(socket: WebSocket, outbox: Outbox) -> None:
 
 
 async def _listen(socket: WebSocket, outbox: Outbox) -> None:
-    """Receive the numbers of drawn batches until the page leaves; other messages end it."""
+    """Receive what the page has drawn and can show until it leaves; other messages end it."""
     try:
-        while await socket.receive_text() == DRAWN:
-            outbox.drawn()
+        while True:
+            text = await socket.receive_text()
+            if text == DRAWN:
+                outbox.drawn()
+            elif points := POINTS.fullmatch(text):
+                outbox.points_per_s = float(points[1])
+            else:
+                break
     except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
         return
     await socket.close(1008, "unknown message")

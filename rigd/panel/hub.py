@@ -6,7 +6,8 @@ import asyncio
 import logging
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from time import monotonic
 from typing import Final
 
@@ -22,10 +23,18 @@ from rigd.panel.messages import (
     PageStatus,
     RigLink,
 )
-from rigd.panel.outbox import Outbox
+from rigd.panel.outbox import Outbox, joined
 from rigd.panel.rig import Rig
 from rigd.remote.client.watching import all_events
-from rigd.remote.protocol import ClientUser, Frame, Kind, Refusal, RigEvent, decode_frame
+from rigd.remote.protocol import (
+    ClientUser,
+    Frame,
+    Kind,
+    Refusal,
+    RigEvent,
+    decode_frame,
+    encode_frame,
+)
 from rigd.remote.protocol.results import Description, Events, History, LatestValues
 
 log = logging.getLogger(__name__)
@@ -40,6 +49,9 @@ LATEST_EVERY_S: Final = 1.0
 RETRY_S: Final = 0.25
 #: Events kept for a browser that joins late.
 KEPT_EVENTS: Final = 300
+#: Frames are kept in full for this time, in s, and up to so many bytes.
+KEPT_S: Final = 30.0
+KEPT_BYTES: Final = 32 * 1024 * 1024
 
 
 class Hub:
@@ -57,6 +69,8 @@ class Hub:
         self._described = False  # whether no event has come since that changes the description
         self._latest: LatestValues | None = None
         self._events: deque[PageEvent] = deque(maxlen=KEPT_EVENTS)
+        self._kept: deque[tuple[float, bytes]] = deque()  # when it came, and a frame
+        self._kept_bytes = 0
         self._status_s = -SILENCE_S
         self._frame_s = -LATEST_EVERY_S
 
@@ -126,6 +140,7 @@ class Hub:
     async def _follow_frames(self) -> None:
         async for data in self._rig.frames():
             self._frame_s = monotonic()
+            self._keep(data)
             if not self._drawing:
                 continue
             try:
@@ -135,6 +150,37 @@ class Hub:
                 continue
             for outbox in self._drawing:
                 outbox.frame(frame)
+
+    def _keep(self, data: bytes) -> None:
+        """Keep a frame, and only the newest of all."""
+        self._kept.append((self._frame_s, data))
+        self._kept_bytes += len(data)
+        while self._kept_bytes > KEPT_BYTES or self._kept[0][0] < self._frame_s - KEPT_S:
+            self._kept_bytes -= len(self._kept.popleft()[1])
+
+    def past(self, start_s: float, end_s: float, most: int) -> bytes:
+        """Return the kept frames between two times in s since the Unix epoch, joined by stream.
+
+        Each stream has at most ``most`` points. May be called from any thread.
+        """
+        found: dict[int, list[Frame]] = {}
+        for _, data in self._kept.copy():
+            with suppress(Refusal):
+                frame = decode_frame(data)
+                t_s = frame.t0_ns * 1e-9 + frame.time_s
+                inside = (t_s >= start_s) & (t_s <= end_s)
+                if not inside.any():
+                    continue
+                before = found.setdefault(frame.stream, [])
+                if before and before[0].low.shape[0] != frame.low.shape[0]:
+                    before.clear()  # another run has begun
+                before.append(
+                    replace(
+                        frame, time_s=frame.time_s[inside],
+                        low=frame.low[:, inside], high=frame.high[:, inside],
+                    )
+                )  # fmt: skip
+        return b"".join(encode_frame(joined(frames, most)) for frames in found.values())
 
     async def _bring_past(self, outbox: Outbox) -> None:
         """Send a browser the last seconds of every stream, then frames."""

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from rigd.panel.feed import MOST_PER_SESSION
-from rigd.remote.protocol.frame import decode_frame
+from rigd.remote.protocol.frame import Frame, decode_frame
 from rigd.remote.protocol.status import Status
 
 
@@ -107,7 +107,7 @@ def test_frames_come_while_it_plays(panel: ServedPanel) -> None:
                 page.send("drawn")
 
 
-def decode_frame_at(batch: bytes) -> Any:
+def decode_frame_at(batch: bytes) -> Frame:
     """Return the first frame of a batch; its length stands in its head."""
     channels = int.from_bytes(batch[6:8], "little")
     points = int.from_bytes(batch[8:12], "little")
@@ -176,3 +176,30 @@ def test_malformed_frame_does_not_disturb_pages(
         panel.rig.state = "running"
         for _ in range(3):
             hear(page, "status")
+
+
+def test_past_is_sent_as_finely_as_it_came(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with visitor.page() as page:
+        hear(page, "describe")
+        page.send("points 10")
+        panel.rig.state = "running"
+        batches: list[bytes] = []
+        while len(batches) < 8:
+            message = page.recv(20)
+            if isinstance(message, bytes):
+                batches.append(message)
+                page.send("drawn")
+    coarse = [decode_frame_at(batch) for batch in batches[3:]]
+    times_s = [frame.t0_ns * 1e-9 + frame.time_s[-1] for frame in coarse]
+    assert sum(frame.time_s.size for frame in coarse) < 20 * (times_s[-1] - times_s[0]) + 10
+    query = f"/api/past?from_s={times_s[0]}&to_s={times_s[-1]}&points=4096"
+    status, _, body = visitor.get(query)
+    assert status == 200
+    fine = decode_frame_at(body)
+    assert fine.time_s.size > 500 * (times_s[-1] - times_s[0]), "a row each ms"
+    assert times_s[0] - 1e-6 <= fine.t0_ns * 1e-9 + fine.time_s[0]
+    assert fine.t0_ns * 1e-9 + fine.time_s[-1] <= times_s[-1] + 1e-6
+    assert visitor.get("/api/past?from_s=x")[0] == 400
+    visitor.cookie = ""
+    assert visitor.get(query)[0] == 401

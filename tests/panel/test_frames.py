@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigd.panel.messages import LiveLink, PageEvent, RigLink
-from rigd.panel.outbox import MOST_EVENTS, MOST_POINTS, MOST_UNDER_WAY, Outbox, merge
+from rigd.panel.outbox import BATCH_S, MOST_EVENTS, MOST_POINTS, MOST_UNDER_WAY, Outbox, merge
 from rigd.remote.protocol import VERSION, Frame, decode_frame
 
 
@@ -73,11 +73,45 @@ def link(silent_s: float = 0.0) -> LiveLink:
     return LiveLink(panel=RigLink(alive=True, silent_s=silent_s))
 
 
+class Clock:
+    """A clock that a test sets."""
+
+    def __init__(self) -> None:
+        self.s = 0.0
+
+    def __call__(self) -> float:
+        return self.s
+
+
+def test_browser_gets_points_it_can_show() -> None:
+    clock = Clock()
+    outbox = Outbox(clock)
+    outbox.points_per_s = 50.0
+    frames = [a_frame(33, n * 33_000_000, seed=n) for n in range(30)]
+    batches = []
+    for frame in frames:  # 1000 rows in a second, in 30 frames
+        outbox.frame(frame)
+        outbox.put(link())
+        batches += [item for item in run_take(outbox) if isinstance(item, bytes)]
+        outbox.drawn()
+        clock.s += 1 / 30
+    sent = [decode_frame(item) for item in batches]
+    assert 0.9 / BATCH_S - 2 <= len(sent) <= 1 / BATCH_S + 1, "no more batches than can be read"
+    assert sum(item.time_s.size for item in sent) <= 50 + len(sent)
+    kept = frames[: round(30 * (sent[-1].t0_ns * 1e-9 + sent[-1].time_s[-1])) + 1]
+    for channel in range(2):
+        assert max(item.high[channel].max() for item in sent) == max(
+            item.high[channel].max() for item in kept
+        )
+
+
 def test_idle_browser_gets_two_batches_then_one_complete() -> None:
-    outbox = Outbox()
+    clock = Clock()
+    outbox = Outbox(clock)
     for n in range(MOST_UNDER_WAY):
         outbox.frame(a_frame(33, n * 33_000_000, seed=n))
         assert len(run_take(outbox)) == 1
+        clock.s += BATCH_S
     for n in range(100):
         outbox.frame(a_frame(33, (2 + n) * 33_000_000, seed=n))
     outbox.put(link())

@@ -26,7 +26,7 @@ SAFETY = tuple(
 #: Within this time after a change of the page, a press counts for nothing, in ms.
 SETTLE_MS = 600
 #: The page checks the positions of its buttons at least this often, in ms.
-LOOK_MS = 100
+LOOK_MS = 200
 #: The clock is stopped so far ahead, in s: it cannot be stopped in the past.
 AHEAD_S = 1.0
 #: Returns when the page has got the panel's next message: it takes no silence for a lost link then.

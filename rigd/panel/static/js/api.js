@@ -80,6 +80,20 @@ export const invite = (role) => request("POST", "/api/invite", { role }, 8000);
  */
 export const ask = (question, args) => request("POST", `/api/ask/${question}`, { args }, 40_000);
 /**
+ * The frames of a time, in s since the epoch: at most `points` of each stream. Empty if there are none.
+ * @param {number} start
+ * @param {number} end
+ * @param {number} points
+ */
+export async function past(start, end, points) {
+  const wanted = new URLSearchParams({ from_s: String(start), to_s: String(end), points: String(points) });
+  try {
+    const answer = await fetch(`/api/past?${wanted}`, { signal: AbortSignal.timeout(8000), cache: "no-store", credentials: "same-origin" });
+    if (answer.ok) return await answer.arrayBuffer();
+  } catch { /* the traces stay as they are */ }
+  return new ArrayBuffer(0);
+}
+/**
  * Let the daemon compare runs, which may take minutes; the page is then at `/api/comparison`.
  * @param {string[]} runs
  * @returns {Promise<Api.PieceView>}

@@ -6,7 +6,7 @@
 import { toast } from "./toasts.js";
 
 const SETTLE_MS = 600;
-const LOOK_MS = 100;
+const LOOK_MS = 200;
 const TOLD_MS = 2000;
 
 const CONTROL = "button";

@@ -39,6 +39,19 @@ export const watchSkipped = (listener) => onSkipped.add(listener);
 
 /** @type {WebSocket | null} */
 let socket = null;
+let points = 0; // of a stream in each second that this page can show; 0: not known
+
+/**
+ * Tell the panel how many points of a stream in each second this page can show.
+ * @param {number} wanted
+ */
+export function showAtMost(wanted) {
+  if (wanted === points) return;
+  points = wanted;
+  tellPoints();
+}
+
+const tellPoints = () => points > 0 && socket?.readyState === WebSocket.OPEN && socket.send(`points ${points}`);
 let attempts = 0;
 let heard = now();
 let last = { seq: -1, t_ns: 0 };
@@ -67,6 +80,7 @@ function open() {
   const mine = new WebSocket(`${scheme}://${location.host}/api/live`);
   socket = mine;
   mine.binaryType = "arraybuffer";
+  mine.onopen = tellPoints;
   mine.onmessage = ({ data }) => {
     heard = now();
     attempts = 0;

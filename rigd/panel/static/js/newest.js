@@ -1,10 +1,10 @@
 // The values of a channel in its unit, the newest with its age, and whether it is old.
 
 import { inUnit } from "./format.js";
-import { histories } from "./histories.js";
+import { histories, historyOf } from "./histories.js";
 import { known, rigNow } from "./store.js";
 
-export const EVERY_MS = 200; // values that change faster cannot be read
+export const EVERY_MS = 250; // values that change faster cannot be read
 const STALE_S = 1.5;
 
 /**
@@ -30,7 +30,7 @@ export function newest(info) {
  * @param {number} t
  */
 export function valueAt(info, t) {
-  const value = histories.get(info.stream.number)?.at(info.place, t);
+  const value = historyOf(info.stream.number, t, t)?.at(info.place, t);
   return typeof value === "number" ? inUnit(value, info) : value;
 }
 
@@ -44,7 +44,7 @@ export function valueAt(info, t) {
  * @returns {[number, number]}
  */
 export function columns({ stream, place, factor, offset }, first, step, count, values) {
-  const [low, high] = histories.get(stream.number)?.columns(place, first, step, count, values) ?? [Infinity, -Infinity];
+  const [low, high] = historyOf(stream.number, first, first + step * (count - 1))?.columns(place, first, step, count, values) ?? [Infinity, -Infinity];
   if (factor === 1 && offset === 0) return [low, high];
   values.forEach((value, index) => {
     if (value !== null) values[index] = (value - offset) / factor;

@@ -37,6 +37,7 @@ export class Plot {
     this.cursor = /** @type {number | null} */ (null);
     this.start = NaN;
     this.end = NaN;
+    this.columns = 50; // of pixels, each drawn from its lowest to its highest value
     /** @type {[number[], ...(number | null)[][]]} */
     this.data = this.#data(2);
     this.chips = infos.map((info) => this.#chip(info));
@@ -56,6 +57,8 @@ export class Plot {
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width > 0 && height > 0) this.u.setSize({ width, height });
+    // Measured here: to measure before each drawing would lay out the page each time.
+    this.columns = Math.max(50, Math.round(this.u.over.clientWidth));
   }
 
   /**
@@ -65,7 +68,7 @@ export class Plot {
   draw(start, end) {
     this.start = start;
     this.end = end;
-    const columns = Math.max(50, Math.round(this.u.over.clientWidth));
+    const { columns } = this;
     const step = (end - start) / columns;
     // Columns are fixed in time, so that the drawing does not flicker when time advances.
     const first = Math.floor(start / step) * step;

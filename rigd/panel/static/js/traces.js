@@ -4,8 +4,8 @@ import { channelInfo } from "./infos.js";
 import { chosen, watchChosen } from "./choice.js";
 import { el, fill, flag, icon, setText } from "./dom.js";
 import { clock, duration } from "./format.js";
-import { newestTime } from "./histories.js";
-import { watchFrames } from "./link.js";
+import { dropDetail, fetchDetail, hasDetail, newestTime } from "./histories.js";
+import { showAtMost, watchFrames } from "./link.js";
 import { Plane } from "./plane.js";
 import { Plot } from "./plot.js";
 import { known, read, rigNow, watch } from "./store.js";
@@ -15,6 +15,12 @@ const LEAST_S = 0.02;
 const MOST_S = 5 * 3600;
 const LATE_S = 1; // live data that are older than this are not of now
 const SLOWEST_S = 0.2; // least time between drawings while frames arrive
+const PER_COLUMN = 1.5; // points that a column of pixels is drawn from
+const LEAST_PER_S = 20; // points in each second, for the values beside the traces
+const MOST_PER_S = 5000;
+const MOST_POINTS = 4096; // of a stream in one answer
+const FINE_S = 30; // the panel has the newest half minute in full
+const ASK_MS = 300; // the panel is asked when the view has stood still for so long
 
 /** @param {HTMLElement} root */
 export function mountTraces(root) {
@@ -42,7 +48,7 @@ export function mountTraces(root) {
   let plots = [];
   /** @type {Plane | null} */
   let plane = null;
-  let isDirty = true;
+  let isDue = false; // a drawing is due: without one the browser has nothing to do
   let hasMore = false; // than was drawn
   let drawnTo = -Infinity; // live data are drawn again when they have moved by half a pixel
 
@@ -68,8 +74,30 @@ export function mountTraces(root) {
   function look(end, span) {
     view.span = span;
     view.end = end >= newestTime() ? null : end;
-    isDirty = true;
+    redraw();
     toolbar();
+    refine();
+  }
+
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let asking;
+  /** Ask the panel for as many points as the plots can show: live, and once of a short time that is held. */
+  function refine() {
+    const columns = Math.max(...plots.map((plot) => plot.columns), 0);
+    if (columns === 0) return;
+    const most = (PER_COLUMN * columns) / view.span;
+    clearTimeout(asking);
+    if (view.end === null) {
+      showAtMost(Math.round(Math.min(MOST_PER_S, Math.max(LEAST_PER_S, most))));
+      dropDetail();
+      return;
+    }
+    const { span, end } = view;
+    if (span >= FINE_S || end < newestTime() - FINE_S || hasDetail(end - span, end)) return;
+    asking = setTimeout(async () => {
+      await fetchDetail(end - 2 * span, Math.min(end + span, newestTime()), Math.min(MOST_POINTS, 6 * columns));
+      redraw();
+    }, ASK_MS);
   }
 
   /** @param {number} seconds */
@@ -79,9 +107,7 @@ export function mountTraces(root) {
 
   function toggleHold() {
     if (view.end === null) {
-      view.end = newestTime();
-      isDirty = true;
-      toolbar();
+      look(newestTime() - 1e-6, view.span);
     } else actions.live();
   }
 
@@ -130,13 +156,20 @@ export function mountTraces(root) {
     fill(area, ...parts().map((part) => part.element), plots.length ? null : empty);
     root.style.setProperty("--plots", String(plots.length + (plane === null ? 0 : 3)));
     for (const part of parts()) part.resize();
-    isDirty = true;
+    redraw();
+    refine();
+  }
+
+  function redraw() {
+    if (isDue) return;
+    isDue = true;
+    requestAnimationFrame(draw);
   }
 
   function draw() {
-    requestAnimationFrame(draw);
-    if (!isDirty || !root.offsetParent) return;
-    isDirty = hasMore = false;
+    isDue = false;
+    if (root.closest("[hidden]")) return; // another page is open; this one is measured again when it returns
+    hasMore = false;
     const end = actions.now();
     const isWaiting = !Number.isFinite(end) && parts().length > 0;
     noData.hidden = !isWaiting;
@@ -151,8 +184,8 @@ export function mountTraces(root) {
   hold.addEventListener("click", toggleHold);
   watchFrames(() => {
     hasMore = true;
-    const least = Math.min(view.span / (2 * area.clientWidth), SLOWEST_S);
-    if (view.end === null && Math.abs(newestTime() - drawnTo) >= least) isDirty = true;
+    const least = Math.min(view.span / (2 * Math.max(1, ...plots.map((plot) => plot.columns))), SLOWEST_S);
+    if (view.end === null && Math.abs(newestTime() - drawnTo) >= least) redraw();
   });
   watchChosen(rebuild);
   watch("describe", rebuild);
@@ -163,13 +196,13 @@ export function mountTraces(root) {
   watch("link", () => root.classList.toggle("stale", known.link !== "ok"));
   new ResizeObserver(() => {
     for (const part of parts()) part.resize();
-    isDirty = true;
+    redraw();
+    refine();
   }).observe(area);
   setInterval(() => {
     toolbar();
     // The past of a stream ends with that of another stream; bodies become lost without more data.
-    if (view.end === null) isDirty ||= hasMore || plane !== null;
+    if (view.end === null && (hasMore || plane !== null)) redraw();
   }, 1000);
   toolbar();
-  draw();
 }
