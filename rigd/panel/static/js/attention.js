@@ -1,6 +1,7 @@
 // Cards that need a person: prompts, trips, interrupted runs, and requests for control.
 
 import { command } from "./api.js";
+import { SETTLE_MS } from "./deliberate.js";
 import { el, file, icon } from "./dom.js";
 import { ACTIONS, clock, words } from "./format.js";
 import { promptCard } from "./prompt.js";
@@ -8,8 +9,8 @@ import { resumeButton } from "./resume.js";
 import { hasControl, known, nameOf, put, watch } from "./store.js";
 import { attempt } from "./toasts.js";
 
-/** How long the place of a removed card stays empty after a press there. */
-const EMPTY_MS = 3000;
+/** How long the place of a removed card is kept after a press there: the next question comes to it. */
+const KEPT_MS = SETTLE_MS;
 
 /** @param {HTMLElement} root */
 export function mountAttention(root) {
@@ -21,11 +22,11 @@ export function mountAttention(root) {
    * @param {HTMLElement} card
    */
   function leave(card) {
-    const empty = el("div", { class: "gone" });
+    const empty = el("div", { class: "gone quiet", role: "status" }, card.dataset.done ?? "");
     empty.style.setProperty("--height", `${card.getBoundingClientRect().height}px`);
     card.replaceWith(empty);
     const close = () => {
-      const left = pressedAt + EMPTY_MS - performance.now();
+      const left = pressedAt + KEPT_MS - performance.now();
       if (left > 0) setTimeout(close, left);
       else empty.remove();
     };
@@ -98,17 +99,19 @@ function tripCard(trip, mine) {
   /** @type {HTMLButtonElement} */
   const acknowledge = el("button", {
     type: "button", class: "primary", disabled: !mine,
-    onclick: () => attempt(acknowledge, () => command("acknowledge", {
-      interlock: trip.interlock, since_ns: trip.since_ns,
-    })),
+    onclick: () => attempt(acknowledge, () => {
+      card.dataset.done = `${words(trip.interlock)}: acknowledged`;
+      return command("acknowledge", { interlock: trip.interlock, since_ns: trip.since_ns });
+    }),
   }, icon("check"), "Acknowledge");
-  return el("section", { class: "card trip", data: { mood: trip.action === "warn" ? "warn" : "bad" } },
+  const card = el("section", { class: "card trip", data: { mood: trip.action === "warn" ? "warn" : "bad" } },
     icon("warn"),
     el("div", { class: "card-text" },
       el("h2", {}, `Interlock ${words(trip.interlock)} ${ACTIONS[trip.action]}`),
       el("p", {}, trip.message),
       el("p", { class: "quiet" }, `At ${clock(trip.since_ns / 1e6)}. ${reminder(mine)}`)),
     acknowledge);
+  return card;
 }
 
 /** @param {boolean} mine */

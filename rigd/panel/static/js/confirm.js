@@ -34,11 +34,11 @@ export function confirmRun({ title, facts, note = null, action, usual, ready = (
         return begun;
       },
     }, icon("play"), action);
-    const { title: rig, rig: name, simulated } = read("describe");
+    const { title: called, rig: name, simulated } = read("describe");
     return [
       el("h2", {}, title),
       el("dl", { class: "facts" },
-        el("dt", {}, "Rig"), el("dd", {}, `${rig || name}${simulated ? "" : " – it will move"}`),
+        el("dt", {}, "Rig"), el("dd", {}, el("strong", {}, name), called ? ` – ${called}` : "", simulated ? "" : " – it will move"),
         facts.filter(([, value]) => value !== null).map(([term, value]) => [el("dt", {}, term), el("dd", {}, value)])),
       note,
       loss.element,

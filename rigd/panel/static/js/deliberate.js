@@ -5,7 +5,7 @@
 
 import { toast } from "./toasts.js";
 
-const SETTLE_MS = 600;
+export const SETTLE_MS = 600;
 const LOOK_MS = 200;
 const TOLD_MS = 2000;
 
@@ -15,9 +15,13 @@ const EXEMPT = [
   "#stops *", ".login *", ".traces *", ".trace-toggle", ".picker *", ".row-button", ".user *", ".sound",
 ].join();
 
+/** How long a scroll goes on by itself after the user's wheel, finger or key. */
+const SCROLL_MS = 500;
+const SCROLL_KEYS = new Set(["ArrowUp", "ArrowDown", "PageUp", "PageDown", "Home", "End", " ", "Tab"]);
+
 /**
- * The look of each button, and the time since which it has it.
- * @type {WeakMap<Element, { is: string, since: number }>}
+ * The look of each button, its place among what scrolls with it, and the time since which it has them.
+ * @type {WeakMap<Element, { is: string, place: string, since: number }>}
  */
 const standing = new WeakMap();
 /**
@@ -29,6 +33,8 @@ let pointer = null;
 /** @type {Map<string, Press>} */
 const keys = new Map();
 let toldAt = -Infinity;
+/** The newest sign that the user scrolls. */
+let scrolledAt = -Infinity;
 
 /** @type {(target: EventTarget | null) => Element | null} */
 const controlOf = (target) => {
@@ -59,13 +65,35 @@ function hasSettled(control) {
   return performance.now() - (standing.get(control)?.since ?? Infinity) >= SETTLE_MS;
 }
 
-/** Note buttons that have appeared, moved, or changed. */
+/**
+ * Where a button stands among what scrolls with it, and its text: the same wherever the user scrolls.
+ * @param {Element} control
+ */
+function placeOf(control) {
+  let { left, top } = control.getBoundingClientRect();
+  for (let part = control.parentElement; part !== null; part = part.parentElement) {
+    left += part.scrollLeft;
+    top += part.scrollTop;
+  }
+  return `${Math.round(left)} ${Math.round(top)} ${control.textContent}`;
+}
+
+/**
+ * Note buttons that have appeared, moved, or changed. What the user has scrolled there has not moved: they
+ * see it come.
+ */
 function look() {
   const now = performance.now();
+  const isScrolling = now - scrolledAt < SCROLL_MS;
   for (const control of document.querySelectorAll(CONTROL)) {
     if (control.matches(EXEMPT)) continue;
     const is = how(control);
-    if (standing.get(control)?.is !== is) standing.set(control, { is, since: now });
+    const before = standing.get(control);
+    if (before?.is !== is) {
+      const place = is === "away" ? is : placeOf(control);
+      const isSame = isScrolling && before !== undefined && place !== "away" && before.place === place;
+      standing.set(control, { is, place, since: isSame ? before.since : now });
+    }
     const text = String(!hasSettled(control));
     if (control.ariaDisabled !== text) control.ariaDisabled = text;
   }
@@ -138,7 +166,14 @@ export function guardPresses() {
       type === "attributes" || [...addedNodes, ...removedNodes].some((item) => item instanceof Element);
     if (changes.some(counts)) look();
   }).observe(document.body, { subtree: true, childList: true, attributeFilter: ["disabled", "hidden", "inert", "open"] });
-  window.addEventListener("scroll", look, first);
+  const scrolls = () => { scrolledAt = performance.now(); };
+  for (const kind of ["wheel", "touchmove"]) window.addEventListener(kind, scrolls, { capture: true, passive: true });
+  window.addEventListener("keydown", ({ key }) => SCROLL_KEYS.has(key) && scrolls(), first);
+  window.addEventListener("pointerdown", ({ clientX }) => clientX >= document.documentElement.clientWidth && scrolls(), first); // the bar
+  window.addEventListener("scroll", () => {
+    if (performance.now() - scrolledAt < SCROLL_MS) scrolls(); // it goes on
+    look();
+  }, first);
   setInterval(look, LOOK_MS);
   look();
 }

@@ -94,6 +94,16 @@ export function mark(element, name, value) {
 }
 
 /**
+ * Show the beginning of what a press has opened, if it stands above or below the visible part.
+ * @param {Element} sheet
+ */
+export function reveal(sheet) {
+  const { top } = sheet.getBoundingClientRect();
+  const head = parseFloat(getComputedStyle(document.documentElement).scrollPaddingTop) || 0;
+  if (top < head || top > innerHeight / 2) sheet.scrollIntoView({ block: "start" });
+}
+
+/**
  * The element of the page with this id.
  * @param {string} id
  */

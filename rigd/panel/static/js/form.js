@@ -32,20 +32,30 @@ export class Form {
   }
 
   /**
-   * Show each problem at the field that it names, if any; `early`: only in changed fields.
+   * Show each problem at the field that it names, if any; `early`: only in changed fields. Returns all
+   * that are shown, each with the name of its field.
    * @param {Api.ProblemView[]} problems
+   * @returns {string[]}
    */
   blame(problems, early = false) {
     for (const field of this.fields) field.blame("");
     const rest = [];
+    const shown = [];
     for (const problem of problems) {
-      const text = withHint(problem);
       const field = this.fields.find((item) => new RegExp(`\\b${item.name}\\b`).test(problem.message));
       if (early && !field?.isGiven) continue;
+      const text = withHint(problem).replace(/^--set [^:]*: /, "");
       if (field === undefined) rest.push(el("li", {}, text));
-      else field.blame(text.replace(`--set ${field.name}=${field.text}: `, ""));
+      else field.blame(text);
+      shown.push(field === undefined ? text : `${words(field.name)}: ${text}`);
     }
     fill(this.problems, rest);
+    return shown;
+  }
+
+  /** Give the keyboard to the first field with a problem, and show it. */
+  goToProblem() {
+    this.fields.find((item) => item.isBlamed)?.input.focus();
   }
 }
 
@@ -103,6 +113,10 @@ class Field {
   get usual() {
     if (this.parameter.swept) return "all of the sweep";
     return this.parameter.default === null ? "–" : quantities(this.parameter.default);
+  }
+
+  get isBlamed() {
+    return this.input.getAttribute("aria-invalid") === "true";
   }
 
   /** @param {string} text */

@@ -96,11 +96,16 @@ export function quantities(text) {
     .replace(/(\d) ([A-Za-z%°µΩ][\w/^·*]*)(?=$|[\s,;)])/g, (_, digit, symbol) => `${digit}\u202f${unit(symbol)}`);
 }
 
-/** @param {number | null} seconds */
+/**
+ * An age in one unit, as narrow as its column: `3 min`.
+ * @param {number | null} seconds
+ */
 export function age(seconds) {
   if (seconds === null || !Number.isFinite(seconds)) return NO_VALUE;
   if (seconds < 9.95) return `${Math.max(0, seconds).toFixed(1)} s`;
-  return duration(seconds);
+  if (seconds < 60) return `${Math.round(seconds)} s`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min`;
+  return seconds < 48 * 3600 ? `${Math.floor(seconds / 3600)} h` : `${Math.floor(seconds / 86_400)} d`;
 }
 
 /** @param {number | null | undefined} seconds */
@@ -164,11 +169,25 @@ export const ACTIONS = {
   estop: "requested the drop of power",
 };
 
+/** Names an option or a command of the terminal, or what only the file of a procedure has. */
+const TERMINAL = /(^|[\s(`])--[a-z]|\brigd [a-z]|\$\{|'parameters'/;
+
 /**
- * The refusal, and its remedy.
+ * The text without what this page has no place for: commands of the terminal and their options.
+ * @param {string} text
+ */
+export const withoutCommands = (text) => text
+  .replace(/\s*\([^()]*\)/g, (part) => (TERMINAL.test(part) ? "" : part))
+  .split(/(?<=[;.,])\s+(?!e\.g\.)/)
+  .filter((part) => !TERMINAL.test(part))
+  .join(" ")
+  .replace(/[;,]$/, "");
+
+/**
+ * The refusal, and its remedy, if it is one for this page.
  * @param {{ message: string, hint?: string | null }} refused
  */
-export const withHint = ({ message, hint }) => [message, hint].filter(Boolean).join(" – ");
+export const withHint = ({ message, hint }) => [message, withoutCommands(hint ?? "")].filter(Boolean).join(" – ");
 
 /**
  * A typed number with a decimal point: a single comma is a decimal comma; several are ambiguous.

@@ -10,9 +10,10 @@ import { known, read, watch } from "./store.js";
 /** The states of a run in which its cycle watches. */
 const WATCHED = new Set(["armed", "running", "pausing", "held", "paused", "stopping", "finishing", "aborting"]);
 
-/** The end of the last run that this page knows, in ns since the Unix epoch. */
+/** The end of the last run, in ns since the Unix epoch; null if this page has not heard of it. */
 let endedNs = /** @type {number | null} */ (null);
 watchEvents(({ kind, t_ns }) => {
+  if (kind === "run_start") endedNs = null;
   if (kind === "run_end") endedNs = t_ns;
 });
 
@@ -75,7 +76,10 @@ function verdictOf(isWatched, count) {
   if (link !== "ok") return "not known";
   if (isWatched) return `all ${count} clear, watched since ${clock(status.t_ns / 1e6 - status.run_s * 1e3)}`;
   if (status.run !== null) return "not watched yet";
-  return endedNs === null ? "not watched: no run" : `not watched since the run ended, ${clock(endedNs / 1e6)}`;
+  // A daemon that was killed has told no end: what it told before is of an earlier run.
+  const begunNs = status.daemon.started_ns;
+  if (endedNs !== null && endedNs >= begunNs) return `not watched since the run ended, ${clock(endedNs / 1e6)}`;
+  return `not watched: no run since the daemon started, ${clock(begunNs / 1e6)}`;
 }
 
 /** @param {Api.InterlockView} interlock */

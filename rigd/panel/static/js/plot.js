@@ -2,9 +2,9 @@
 
 import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
-import { el, setText } from "./dom.js";
+import { el, flag, setText } from "./dom.js";
 import { clock, short, steady, unit } from "./format.js";
-import { columns as extremes, valueAt } from "./newest.js";
+import { columns as extremes, isOld, newest, valueAt } from "./newest.js";
 import { panAndZoom } from "./gestures.js";
 
 const AXIS_PX = 62; // the same in every plot, so that the plots are aligned
@@ -144,6 +144,15 @@ export class Plot {
     this.infos.forEach((info, index) => {
       setText(this.chips[index].value, steady(valueAt(info, at ?? this.end), size));
     });
+  }
+
+  /**
+   * Mark values that are no longer of now; `isHeld`: they are of another time, which the page states.
+   * @param {boolean} isHeld
+   */
+  age(isHeld) {
+    this.infos.forEach((info, index) =>
+      flag(this.chips[index].element, "data-stale", !isHeld && isOld(newest(info)[1])));
   }
 
   /** @returns {uPlot.Options} */

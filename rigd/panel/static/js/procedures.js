@@ -3,7 +3,7 @@
 import { About } from "./about.js";
 import { ask, asRefused, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
-import { el, fill, flag, icon, setText } from "./dom.js";
+import { el, fill, flag, icon, reveal, setText } from "./dom.js";
 import { words } from "./format.js";
 import { Form } from "./form.js";
 import { drawPreview, expected } from "./preview.js";
@@ -58,6 +58,7 @@ export function mountProcedures(root) {
       shown = new Sheet(view);
     } finally {
       if (number === chosen && (before === null || shown !== before)) fill(sheet, shown?.element ?? empty());
+      reveal(sheet);
     }
   }
 
@@ -85,18 +86,22 @@ class Sheet {
   /** @param {Api.PageProcedure} view */
   constructor(view) {
     this.view = view;
-    this.form = new Form(view.parameters, () => this.preview.classList.add("old"), () => this.#look());
+    this.form = new Form(view.parameters, () => {
+      this.preview.classList.add("old");
+      setText(this.problem, "");
+    }, () => this.#look());
     this.preview = el("div", { class: "preview", "aria-live": "polite" });
     this.try = el("button", { type: "button", onclick: () => this.#dryRun() }, "Dry run");
     this.start = el("button", { type: "button", class: "primary big", onclick: () => this.#confirm() }, icon("play"), "Start…");
     this.why = el("p", { class: "quiet", role: "status" });
+    this.problem = el("p", { class: "problem", role: "alert" });
     this.element = el("article", {},
       el("h2", {}, view.title || words(view.procedure.name)),
       prose(view.doc),
       this.form.element,
       this.#options(),
       isOperator() ? el("div", { class: "row" }, this.try, this.start) : null,
-      this.why, this.preview);
+      this.problem, this.why, this.preview);
     this.permit();
   }
 
@@ -135,17 +140,29 @@ class Sheet {
     }
   }
 
+  /**
+   * Check the values; if one is wrong, name it at the button that was pressed, and go to its field.
+   * @param {Given} given
+   */
+  async #checked(given) {
+    this.#blame([]);
+    const check = await ask("check", given);
+    if (check.ok) return check;
+    this.#blame(check.problems);
+    return null;
+  }
+
+  /** @param {Api.ProblemView[]} problems */
+  #blame(problems) {
+    setText(this.problem, this.form.blame(problems).join(" "));
+    this.form.goToProblem();
+  }
+
   async #dryRun() {
-    this.form.blame([]);
     fill(this.preview, el("p", { class: "quiet busy" }, "Playing it dry …"));
     const found = await attempt(this.try, async () => {
       const given = this.#given();
-      const check = await ask("check", given);
-      if (!check.ok) {
-        this.form.blame(check.problems);
-        return null;
-      }
-      return this.#dryRunOf(given);
+      return await this.#checked(given) && this.#dryRunOf(given);
     });
     this.preview.classList.remove("old");
     if (found === null) fill(this.preview);
@@ -153,15 +170,12 @@ class Sheet {
   }
 
   async #confirm() {
+    const closed = this.#seed.closest("details");
+    if (!this.#seed.checkValidity() && closed) closed.open = true; // what is not seen cannot be pointed to
     if (!this.#seed.reportValidity()) return;
-    this.form.blame([]);
-    const check = await attempt(this.start, () => ask("check", this.#given()));
+    const check = await attempt(this.start, () => this.#checked(this.#given()));
     this.permit();
     if (check === null) return;
-    if (!check.ok) {
-      this.form.blame(check.problems);
-      return;
-    }
     const seed = this.#seed.value.trim();
     const answered = this.#own.checked ? "answered by the procedure itself" : `${check.prompts}, for you to answer`;
     /** @type {Api.StartArguments} */

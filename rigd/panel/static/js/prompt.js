@@ -22,6 +22,7 @@ export function promptCard(prompt, mine) {
         return;
       }
       setText(problem, "");
+      card.dataset.done = `Answered: ${event.submitter?.getAttribute("value") ? event.submitter.textContent : new FormData(form).get("value")}`;
       await attempt(event.submitter, () => command("answer", { prompt_id: prompt.id, value }));
     },
   }, ...fields(prompt, mine));

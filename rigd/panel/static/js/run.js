@@ -29,7 +29,7 @@ export function mountRun(root) {
     resume.hidden = !["paused", "held", "pausing"].includes(status.state);
     for (const button of [pause, resume]) flag(button, "disabled", !mine);
     if (status.run === null) {
-      const key = JSON.stringify([status.last, isOperator()]);
+      const key = JSON.stringify([status.last, status.interrupted[0], isOperator()]);
       if (shape !== key) rest(title, body, status);
       shape = key;
       return;
@@ -98,10 +98,16 @@ function describe(facts, status) {
  * @param {Api.PageStatus} status
  */
 function rest(title, body, status) {
-  setText(title, status.last === null ? "No run yet" : "Last run");
-  const last = status.last;
+  const { last } = status;
+  // Before the daemon started: that one has played none yet.
+  const broken = last === null ? status.interrupted[0] : undefined;
+  setText(title, last !== null ? "Last run" : broken ? "Interrupted run" : "No run yet");
   fill(
     body,
+    broken === undefined ? null : el("dl", { class: "facts" },
+      el("dt", {}, "Trials"), el("dd", {}, `${broken.trials_done} of ${broken.trials_total} done`),
+      el("dt", {}, "Why"), el("dd", {}, broken.reason),
+      el("dt", {}, "Recording"), el("dd", {}, file(broken.run))),
     last === null ? null : el("dl", { class: "facts" },
       el("dt", {}, "Ended"), el("dd", {}, el("span", { class: "ending", data: { ending: last.ending } }, words(last.ending))),
       last.reason ? [el("dt", {}, "Why"), el("dd", {}, last.reason)] : null,

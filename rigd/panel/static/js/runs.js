@@ -1,7 +1,7 @@
 // The recordings, and the report of each.
 
 import { ask, asRefused, command, compare } from "./api.js";
-import { el, file, fill, icon, setText } from "./dom.js";
+import { el, file, fill, icon, reveal, setText } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
 import { resumeButton } from "./resume.js";
 import { hasControl, isOperator, read, watch } from "./store.js";
@@ -130,8 +130,7 @@ export function mountRuns(root) {
     open = item.run;
     for (const other of body.rows) other.dataset.chosen = String(other === row);
     drawRun(sheet, item, refresh);
-    // On a narrow page the run is below the list.
-    if (sheet.getBoundingClientRect().top > innerHeight / 2) sheet.scrollIntoView({ behavior: "smooth" });
+    reveal(sheet);
   }
 }
 
@@ -150,6 +149,7 @@ async function drawComparison(root, items) {
     el("div", { class: "panel-head" }, el("h2", {}, `${runs.length} runs compared`), own, note),
     el("p", { class: "quiet" }, ...runs.flatMap((run, index) => [index ? ", " : "", file(run)])),
     report);
+  reveal(root);
   try {
     await compare(runs);
     fill(report, el("iframe", { src: source, title: "Comparison of runs", sandbox: "" }));

@@ -1,7 +1,7 @@
 // Shows the state of the rig in one word, its activity, and its progress.
 
 import { setTitle } from "./call.js";
-import { el, icon, mark, setText } from "./dom.js";
+import { el, fill, icon, mark, setText } from "./dom.js";
 import { duration, STATES, words } from "./format.js";
 import { known, watch } from "./store.js";
 
@@ -9,7 +9,7 @@ import { known, watch } from "./store.js";
 export function mountState(root) {
   const word = el("strong", { class: "state-word" });
   const doing = el("span", { class: "state-doing" });
-  const rig = el("span", { class: "state-rig" });
+  const rig = el("h1", { class: "state-rig" });
   const left = el("span", { class: "state-left" });
   root.append(
     el("div", { class: "state-lamp" }, icon("play")),
@@ -35,7 +35,7 @@ export function mountState(root) {
     mark(root, "mood", look);
     setText(word, title);
     setText(doing, note);
-    setText(rig, status.title || status.rig);
+    fill(rig, el("strong", {}, status.rig), status.title ? ` – ${status.title}` : null);
     const trials = status.trials_total ? status.trials_done / status.trials_total : 0;
     bar.hidden = status.run === null;
     done.style.setProperty("--done", String(share(status, trials)));

@@ -201,6 +201,7 @@ export function mountTraces(root) {
   }).observe(area);
   setInterval(() => {
     toolbar();
+    for (const plot of plots) plot.age(view.end !== null);
     // The past of a stream ends with that of another stream; bodies become lost without more data.
     if (view.end === null && (hasMore || plane !== null)) redraw();
   }, 1000);
