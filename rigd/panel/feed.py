@@ -141,6 +141,7 @@ async def _listen(socket: WebSocket, outbox: Outbox) -> None:
                 outbox.points_per_s = float(points[1])
             else:
                 break
-    except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
+    except (WebSocketDisconnect, KeyError, RuntimeError):
+        # KeyError: a binary message; RuntimeError: the page has gone, as a write to it has shown.
         return
     await socket.close(1008, "unknown message")

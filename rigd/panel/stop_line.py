@@ -62,7 +62,7 @@ class StopLine:
                 text = await socket.receive_text()
                 request = StopRequest.model_validate_json(text[:MOST_CHARACTERS])
                 group.create_task(self._carry_out(socket, session, request))
-        except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
+        except (WebSocketDisconnect, KeyError, RuntimeError):  # binary, or closed by this side
             return
         except ValidationError:
             await socket.close(1008, "unknown message")

@@ -12,7 +12,20 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 from support.browser import Watched
-from support.page import DRAWN, given, in_control, press, running, state, turn_to, wait_until
+from support.page import (
+    DRAWN,
+    LOOK_MS,
+    SETTLE_MS,
+    given,
+    in_control,
+    press,
+    running,
+    settle,
+    stand_still,
+    state,
+    turn_to,
+    wait_until,
+)
 from support.panel import ServedPanel
 from support.played_campaign import TRIP
 from support.played_rig import PlayedRig
@@ -23,18 +36,6 @@ SAFETY = tuple(
     PromptView(id=number, name=f"safe_{number}", kind="confirm", text=f"Safety question {number}?")
     for number in (1, 2, 3)
 )
-#: Within this time after a change of the page, a press counts for nothing, in ms.
-SETTLE_MS = 600
-#: The page checks the positions of its buttons at least this often, in ms.
-LOOK_MS = 200
-#: The clock is stopped so far ahead, in s: it cannot be stopped in the past.
-AHEAD_S = 1.0
-#: Returns when the page has got the panel's next message: it takes no silence for a lost link then.
-HEARD = """async () => {
-    const { watch } = await import("/static/js/store.js");
-    let calls = -1;  // the first call is for what the page knows already
-    await new Promise(done => watch("panel", () => ++calls && done()));
-}"""
 
 
 @pytest.fixture
@@ -56,17 +57,6 @@ def touched(browser: Browser) -> Iterator[Watched]:
     context.page.clock.install()
     yield context
     context.context.close()
-
-
-def stand_still(page: Page) -> None:
-    """Let the page's clock stand from now on."""
-    page.clock.pause_at(page.evaluate("Date.now()") / 1000 + AHEAD_S)
-
-
-def settle(page: Page) -> None:
-    """Let just so much time pass that buttons take presses, if nothing changes meanwhile."""
-    page.evaluate(HEARD)
-    page.clock.run_for(SETTLE_MS + 2 * LOOK_MS)
 
 
 def middle(locator: Locator) -> tuple[float, float]:

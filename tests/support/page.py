@@ -19,6 +19,30 @@ DRAWN = """(async () => {
     await frame();
 })()"""
 
+#: Within this time after a change of the page, a press counts for nothing, in ms.
+SETTLE_MS = 600
+#: The page checks the positions of its buttons at least this often, in ms.
+LOOK_MS = 200
+#: The clock is stopped so far ahead, in s: it cannot be stopped in the past.
+AHEAD_S = 1.0
+#: Returns when the page has got the panel's next message: it takes no silence for a lost link then.
+HEARD = """async () => {
+    const { watch } = await import("/static/js/store.js");
+    let calls = -1;  // the first call is for what the page knows already
+    await new Promise(done => watch("panel", () => ++calls && done()));
+}"""
+
+
+def stand_still(page: Page) -> None:
+    """Let the page's clock, which a test has installed, stand from now on."""
+    page.clock.pause_at(page.evaluate("Date.now()") / 1000 + AHEAD_S)
+
+
+def settle(page: Page) -> None:
+    """Let just so much time pass that buttons take presses, if nothing changes meanwhile."""
+    page.evaluate(HEARD)
+    page.clock.run_for(SETTLE_MS + 2 * LOOK_MS)
+
 
 def state(page: Page, text: str) -> None:
     """Wait until the state of the rig reads ``text``."""

@@ -140,6 +140,7 @@ class PlayedRig:
         self.error: Exception = RuntimeError("a bug of the rig's own")
         self.stated: tuple[StatedView, ...] = ()  #: what the lab demands
         self.keeps_running = False  #: after any stop
+        self.told: dict[str, Any] = {}  #: fields of the status that a test sets
         self.can_hold = False  #: whether a pause holds the present step
         self.computes_s = 0.0  #: processor time that each reply to a question takes
         self.begun = threading.Event()  #: a verb hangs
@@ -291,7 +292,7 @@ class PlayedRig:
             prompt=self.prompt, lease=self.lease.view(),
             trips=tuple(self.trips), interrupted=self.interrupted, last=self.last,
             certificates=self.certificates,
-        )  # fmt: skip
+        ).model_copy(update=self.told)  # fmt: skip
 
     def answer(self, verb: Verb, requester: Requester, args: Message) -> Message:
         """Carry out a verb."""

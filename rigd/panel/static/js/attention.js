@@ -3,7 +3,7 @@
 import { command } from "./api.js";
 import { SETTLE_MS } from "./deliberate.js";
 import { el, file, icon } from "./dom.js";
-import { ACTIONS, clock, words } from "./format.js";
+import { ACTIONS, clock, date, words } from "./format.js";
 import { promptCard } from "./prompt.js";
 import { resumeButton } from "./resume.js";
 import { hasControl, known, nameOf, put, watch } from "./store.js";
@@ -78,18 +78,47 @@ function list(status) {
   if (mine) {
     for (const other of lease.asked_by) cards.push([key("asking", other), () => askingCard(other)]);
   }
+  for (const item of status.certificates) {
+    if (!putOff.has(item.name)) cards.push([key("certificate", [item, item.until_ns < status.t_ns]), () => certificateCard(item, status.t_ns)]);
+  }
   const [newest, ...older] = status.interrupted;
-  if (status.run === null && newest !== undefined && newest.run !== putOff) {
+  if (status.run === null && newest !== undefined && !putOff.has(newest.run)) {
     cards.push([key("interrupted", [newest, older.length]), () => interruptedCard(newest, older.length, mine)]);
   }
   return cards;
 }
 
 /**
- * The interrupted run that this page does not offer now.
- * @type {string | null}
+ * The interrupted runs and the certificates that this page does not show now.
+ * @type {Set<string>}
  */
-let putOff = null;
+const putOff = new Set();
+
+/** @param {string} name */
+const notNow = (name) => el("button", {
+  type: "button", onclick: () => {
+    putOff.add(name);
+    put("status", known.status);
+  },
+}, "Not now");
+
+const WHOSE = { daemon: "The daemon's certificate", authority: "The authority that signs all certificates", client: "The certificate of the client" };
+
+/**
+ * A certificate that expires soon, or has expired.
+ * @param {Api.CertificateView} item
+ * @param {number} nowNs
+ */
+function certificateCard({ whose, name, until_ns: untilNs }, nowNs) {
+  const isOver = untilNs < nowNs;
+  const follows = whose === "client" ? `${name} cannot connect` : "no client can connect, nor stop the rig from elsewhere";
+  return el("section", { class: "card", data: { mood: isOver ? "bad" : "ask" } },
+    icon("warn"),
+    el("div", { class: "card-text" },
+      el("h2", {}, `${WHOSE[whose]} ${name} ${isOver ? "expired" : "expires"} on ${date(untilNs / 1e6)}`),
+      el("p", { class: "quiet" }, `From then on ${follows}. The person who keeps the certificates of this rig has to renew it.`)),
+    notNow(name));
+}
 
 /**
  * @param {Api.TripView} trip
@@ -126,19 +155,13 @@ const reminder = (mine) => mine
  */
 function interruptedCard(item, older, mine) {
   const resume = resumeButton(item.run, mine);
-  const later = el("button", {
-    type: "button", onclick: () => {
-      putOff = item.run;
-      put("status", known.status);
-    },
-  }, "Not now");
   return el("section", { class: "card", data: { mood: "ask" } },
     icon("cut"),
     el("div", { class: "card-text" },
       el("h2", {}, `A run was interrupted after ${item.trials_done} of ${item.trials_total} trials`),
       el("p", {}, file(item.run)),
       el("p", { class: "quiet" }, `${item.reason}.${older ? ` ${older} more, in the list of runs.` : ""}`)),
-    el("div", { class: "card-buttons" }, later, resume));
+    el("div", { class: "card-buttons" }, notNow(item.run), resume));
 }
 
 /** @param {Api.ClientUser} other */

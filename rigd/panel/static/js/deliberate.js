@@ -21,7 +21,7 @@ const SCROLL_KEYS = new Set(["ArrowUp", "ArrowDown", "PageUp", "PageDown", "Home
 
 /**
  * The look of each button, its place among what scrolls with it, and the time since which it has them.
- * @type {WeakMap<Element, { is: string, place: string, since: number }>}
+ * @type {WeakMap<Element, { is: string, place: Place | null, since: number }>}
  */
 const standing = new WeakMap();
 /**
@@ -67,7 +67,9 @@ function hasSettled(control) {
 
 /**
  * Where a button stands among what scrolls with it, and its text: the same wherever the user scrolls.
+ * @typedef {{ left: number, top: number, text: string | null }} Place
  * @param {Element} control
+ * @returns {Place}
  */
 function placeOf(control) {
   let { left, top } = control.getBoundingClientRect();
@@ -75,8 +77,12 @@ function placeOf(control) {
     left += part.scrollLeft;
     top += part.scrollTop;
   }
-  return `${Math.round(left)} ${Math.round(top)} ${control.textContent}`;
+  return { left, top, text: control.textContent };
 }
+
+/** @type {(one: Place | null, other: Place | null) => boolean} */
+const isSamePlace = (one, other) => one !== null && other !== null && one.text === other.text
+  && Math.abs(one.left - other.left) < 1 && Math.abs(one.top - other.top) < 1;
 
 /**
  * Note buttons that have appeared, moved, or changed. What the user has scrolled there has not moved: they
@@ -90,9 +96,9 @@ function look() {
     const is = how(control);
     const before = standing.get(control);
     if (before?.is !== is) {
-      const place = is === "away" ? is : placeOf(control);
-      const isSame = isScrolling && before !== undefined && place !== "away" && before.place === place;
-      standing.set(control, { is, place, since: isSame ? before.since : now });
+      const place = is === "away" ? null : placeOf(control);
+      const isSame = isScrolling && isSamePlace(before?.place ?? null, place);
+      standing.set(control, { is, place, since: isSame && before !== undefined ? before.since : now });
     }
     const text = String(!hasSettled(control));
     if (control.ariaDisabled !== text) control.ariaDisabled = text;

@@ -129,6 +129,10 @@ const DAY = new Intl.DateTimeFormat("en-GB", {
   day: "2-digit", month: "short", hour: "2-digit", minute: "2-digit",
 });
 
+const DATE = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "long", year: "numeric", hour: "2-digit", minute: "2-digit" });
+
+/** @param {number} milliseconds */
+export const date = (milliseconds) => DATE.format(milliseconds);
 /** @param {number} milliseconds */
 export const clock = (milliseconds) => TIME.format(milliseconds);
 /** @param {number} milliseconds */

@@ -53,6 +53,15 @@ export function columns({ stream, place, factor, offset }, first, step, count, v
 }
 
 /**
+ * The age of the newest point of a channel's trace in s; null if it has none.
+ * @param {import("./infos.js").Info} info
+ */
+export function traceAge({ stream }) {
+  const history = histories.get(stream.number);
+  return history === undefined ? null : rigNow() / 1e3 - history.newest;
+}
+
+/**
  * Whether a value of this age, or any value without connection, is no longer of now.
  * @param {number | null} seconds
  */

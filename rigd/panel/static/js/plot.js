@@ -4,7 +4,7 @@ import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
 import { el, flag, setText } from "./dom.js";
 import { clock, short, steady, unit } from "./format.js";
-import { columns as extremes, isOld, newest, valueAt } from "./newest.js";
+import { columns as extremes, isOld, traceAge, valueAt } from "./newest.js";
 import { panAndZoom } from "./gestures.js";
 
 const AXIS_PX = 62; // the same in every plot, so that the plots are aligned
@@ -152,7 +152,7 @@ export class Plot {
    */
   age(isHeld) {
     this.infos.forEach((info, index) =>
-      flag(this.chips[index].element, "data-stale", !isHeld && isOld(newest(info)[1])));
+      flag(this.chips[index].element, "data-stale", !isHeld && isOld(traceAge(info))));
   }
 
   /** @returns {uPlot.Options} */

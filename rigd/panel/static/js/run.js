@@ -2,7 +2,7 @@
 
 import { command } from "./api.js";
 import { el, file, fill, flag, icon, setText } from "./dom.js";
-import { duration, parameters, words } from "./format.js";
+import { duration, parameters, quantities, words } from "./format.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
@@ -25,7 +25,8 @@ export function mountRun(root) {
     const { status } = known;
     const mine = hasControl();
     pause.hidden = status.state !== "running";
-    pause.title = status.can_hold ? "Holds this step" : "At the next step that can be held, or after this trial";
+    pause.title = pauseOf(status);
+    resume.classList.toggle("primary", status.state !== "pausing");
     resume.hidden = !["paused", "held", "pausing"].includes(status.state);
     for (const button of [pause, resume]) flag(button, "disabled", !mine);
     if (status.run === null) {
@@ -53,6 +54,9 @@ function steer(drawing, text, title) {
   return el("button", { type: "button", title, hidden: true }, icon(drawing), text);
 }
 
+/** @param {Api.PageStatus} status */
+const pauseOf = ({ can_hold }) => (can_hold ? "holds this step" : "at the next step that can be held, or after this trial");
+
 /**
  * A dot for each trial, or a bar if there are too many trials.
  * @param {HTMLElement} dots
@@ -79,6 +83,8 @@ function describe(facts, status) {
       : status.left_s === null
       ? `${duration(status.run_s)} so far`
       : `${duration(status.run_s)} of about ${duration(status.run_s + status.left_s)}, ${Math.round(100 * share(status, 0))}\u202f%`],
+    ...(status.state === "pausing" ? [["Pause", `${status.pause_in_s === null ? "" : `within ${duration(status.pause_in_s)}: `}${pauseOf(status)}`]] : []),
+    ...(status.waits === "" ? [] : [["Paused", quantities(status.waits)]]),
     ["Step", status.step ?? "–"],
     ...(status.trial === null ? [] : parameters(status.trial))
       .map(([name, value]) => [words(name), value]),

@@ -39,7 +39,7 @@ export function mountState(root) {
     const trials = status.trials_total ? status.trials_done / status.trials_total : 0;
     bar.hidden = status.run === null;
     done.style.setProperty("--done", String(share(status, trials)));
-    setText(left, status.left_s === null ? "" : `${duration(status.left_s)} left`);
+    setText(left, until(status));
     setTitle(`${title} – ${status.rig}`);
   });
 }
@@ -52,8 +52,20 @@ export function mountState(root) {
 function pressing(status) {
   if (status.prompt !== null) return ["Waiting for you", `${words(status.procedure ?? "")} asks a question`, "ask"];
   const tripped = status.trips.some((item) => item.action !== "warn" && !item.acknowledged);
-  if (tripped && status.run === null) return ["Tripped", "An interlock waits to be acknowledged", "bad"];
+  const isOver = status.run === null || status.ending !== "";
+  const rests = "The rig comes to rest; rows are recorded until then";
+  if (tripped && isOver) return ["Tripped", status.coming_to_rest ? rests : "An interlock waits to be acknowledged", "bad"];
+  if (status.coming_to_rest) return ["Coming to rest", `${words(status.ending)}. ${rests}`, "warn"];
   return null;
+}
+
+/**
+ * The time that is left, until the pause or until the end; "" if it is not known, or the run has ended.
+ * @param {Api.PageStatus} status
+ */
+function until({ state, pause_in_s: pause, left_s: left, ending }) {
+  if (state === "pausing") return pause === null ? "" : `pauses within ${duration(pause)}`;
+  return left === null || ending !== "" ? "" : `${duration(left)} left`;
 }
 
 /**
