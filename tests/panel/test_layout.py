@@ -7,7 +7,7 @@ from itertools import pairwise, product
 
 from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 from support.browser import Watched
-from support.page import DRAWN, in_control, press, running, state, turn_to
+from support.page import BROKEN, DRAWN, in_control, press, running, state, turn_to
 from support.panel import ServedPanel
 from support.played_rig import PlayedRig
 
@@ -23,24 +23,6 @@ NARROW = [(320, 256), (320, 640), (390, 844), (768, 1024), (1280, 800)]
 CUT = """() => [...document.querySelectorAll("input, select")]
   .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth)
   .map(one => [one.id, one.scrollWidth, one.clientWidth])"""
-
-#: Words of a text that are broken within: each word has one box.
-BROKEN = r"""(root) => {
-  const bad = [];
-  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
-  while (walker.nextNode()) {
-    for (const { 0: word, index } of walker.currentNode.textContent.matchAll(/\S+/g)) {
-      const range = document.createRange();
-      range.setStart(walker.currentNode, index);
-      range.setEnd(walker.currentNode, index + word.length);
-      // A first letter has a box of its own.
-      const boxes = [...range.getClientRects()];
-      const isBroken = Math.max(...boxes.map(b => b.top)) > Math.min(...boxes.map(b => b.bottom));
-      if (isBroken) bad.push(word);
-    }
-  }
-  return bad;
-}"""
 
 #: Text of the head that something else covers, by what stands at the ends of each of its lines.
 COVERED = """() => {

@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from support import played_rig
 from support.browser import Watched
 from support.page import (
+    BROKEN,
     DRAWN,
     given,
     in_control,
@@ -344,15 +345,32 @@ def test_every_text_has_contrast(panel: ServedPanel, watched: Watched, theme: st
 
 def test_every_page_fits_a_phone(panel: ServedPanel, browser: Browser) -> None:
     watched = Watched(browser, 390, 844)
-    page = running(panel, watched)
-    for name in ("Live", "Procedures", "Runs", "Events"):
+    page = in_control(panel, watched)
+    opened(page)
+    press(page, "Dry run")
+    expect(page.locator(".preview")).to_contain_text("Fit to run")
+    page.locator(".steps tbody").first.wait_for()
+    shown = {
+        "Procedures": page.locator(".steps tbody").first,
+        "Runs": page.locator(".row-button").first,
+        "Events": page.locator(".event-table tbody tr").first,
+        "Live": page.locator(".legend .chip").first,
+    }
+    panel.rig.emit(
+        "interlock", name="overrun_far", reason="carriage.position 1.68 m is above 1.65 m"
+    )
+    for name, part in shown.items():
         turn_to(page, name)
+        part.wait_for()
         page.evaluate(DRAWN)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, name
-        cut = page.evaluate("""() => [...document.querySelectorAll("main .scroll")]
+        cut = page.evaluate("""() => [...document.querySelectorAll("main .scroll, main .panel")]
           .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth)
           .map(one => [one.className, one.scrollWidth, one.clientWidth])""")
         assert cut == [], name
+    names = page.locator(".channel-table tbody th").all()
+    broken = [text for text in (name.evaluate(BROKEN) for name in names) if text]
+    assert broken == [], "no word of a name is broken"
     watched.context.close()
 
 

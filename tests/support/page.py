@@ -19,6 +19,24 @@ DRAWN = """(async () => {
     await frame();
 })()"""
 
+#: Words of a text that are broken within: each word has one box.
+BROKEN = r"""(root) => {
+  const bad = [];
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    for (const { 0: word, index } of walker.currentNode.textContent.matchAll(/\S+/g)) {
+      const range = document.createRange();
+      range.setStart(walker.currentNode, index);
+      range.setEnd(walker.currentNode, index + word.length);
+      // A first letter has a box of its own.
+      const boxes = [...range.getClientRects()];
+      const isBroken = Math.max(...boxes.map(b => b.top)) > Math.min(...boxes.map(b => b.bottom));
+      if (isBroken) bad.push(word);
+    }
+  }
+  return bad;
+}"""
+
 #: Within this time after a change of the page, a press counts for nothing, in ms.
 SETTLE_MS = 600
 #: The page checks the positions of its buttons at least this often, in ms.

@@ -13,7 +13,7 @@ const AGAIN_MS = 700; // a second press within this time is the same press
 const FORGET_MS = 20_000; // after that, Esc begins with stop again
 const RETRY_MS = 250; // between attempts to deliver a request that failed
 const KEPT_MS = 60_000; // after this time the request is obsolete
-const SHOWN_MS = 8000; // a confirmation; a message without confirmation stays until the user closes it
+const SHOWN_MS = 4000; // a confirmation; a message without confirmation stays until the user closes it
 
 /** @typedef {"stop" | "abort" | "estop"} Stop */
 
