@@ -145,8 +145,8 @@ def opened(link: str, folder: Path, width: int, height: int) -> Iterator[Tab]:
         browser.wait(30)
 
 
-def mapped_mb(pid: int) -> Counter[str]:
-    """Return the PSS of a process in MB by what is mapped."""
+def mapped_kb(pid: int) -> Counter[str]:
+    """Return the PSS of a process in kB by what is mapped."""
     found: Counter[str] = Counter()
     name = ""
     for line in Path(f"/proc/{pid}/smaps").read_text().splitlines():
@@ -154,7 +154,7 @@ def mapped_mb(pid: int) -> Counter[str]:
         if "-" in words[0]:
             name = words[5] if len(words) > 5 else "anonymous"
         elif words[0] == "Pss:":
-            found[re.sub(r"\d+", "N", name)] += int(words[1]) / 1024
+            found[re.sub(r"\d+", "N", name)] += int(words[1])
     return found
 
 
@@ -168,7 +168,7 @@ def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
     }  # fmt: skip
     tab.value(COUNT)
     rows: list[Row] = []
-    maps = mapped_mb(renderer)
+    maps = mapped_kb(renderer)
     begun = before_s = time.monotonic()
     before = {name: cpu_s(pid) for name, pid in pids.items()}
     received = 0.0
@@ -177,14 +177,14 @@ def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
         time.sleep(every_s)
         now_s = time.monotonic()
         now = {name: cpu_s(pid) for name, pid in pids.items()}
-        grown = mapped_mb(renderer)
+        grown = mapped_kb(renderer)
         heap, counters = tab.ask(("Runtime.getHeapUsage", {}), ("Memory.getDOMCounters", {}))
         now_received = float(tab.value("received"))
         rows.append(
             Row(
                 minutes=(now_s - begun) / 60,
                 hourly=(now_received - received) / 1e6 * 3600 / (now_s - before_s),
-                memory=sum(grown.values()),
+                memory=sum(grown.values()) / 1024,
                 objects=heap["usedSize"] / 1e6,
                 buffers=heap.get("backingStorageSize", float("nan")) / 1e6,
                 elements=counters["nodes"],
@@ -197,7 +197,7 @@ def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
     print("what grew, in MB:")
     grown.subtract(maps)
     for name, size in grown.most_common(4):
-        print(f"{size:9.1f} {name}")
+        print(f"{size / 1024:9.1f} {name}")
     return rows
 
 

@@ -199,6 +199,16 @@ def test_legend_after_trip_is_marked_old(panel: ServedPanel, watched: Watched) -
     expect(page.locator(".legend .chip[data-stale]")).to_have_count(chips.count())
 
 
+def test_changing_value_makes_no_new_nodes(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    value = page.locator(".channel-table tr", has_text="angle").locator(".value")
+    expect(value).not_to_have_text("0.000")
+    before = value.inner_text()
+    value.evaluate("one => { window.node = one.firstChild; }")
+    expect(value).not_to_have_text(before)
+    assert value.evaluate("one => one.firstChild === window.node")
+
+
 def test_no_command_of_terminal_is_advised(panel: ServedPanel, watched: Watched) -> None:
     page = in_control(panel, watched)
     opened(page)
@@ -288,7 +298,7 @@ def test_certificate_of_daemon_is_shown_with_date(
     page = watched.enter(panel.links["operator"])
     until_ns = panel.rig.status().t_ns + days * 86_400 * 10**9
     view = CertificateView(whose="daemon", name="daemon.crt", until_ns=until_ns)
-    panel.rig.told = {"certificates": (view,)}
+    panel.rig.certificates = (view,)
     panel.rig.show()
     card = page.locator("#attention .card")
     expect(card).to_contain_text(re.compile(rf"daemon.crt {word} on \d+ \w+ 20\d\d"))

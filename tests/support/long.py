@@ -406,6 +406,15 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_resuming_is_confirmed_with_all_that_will_happen",
             "test_second_tap_does_not_answer_next_question",
         ),
+        "panel/test_stumbles.py": (
+            "test_ages_are_not_cut",
+            "test_every_page_fits_a_phone",
+            "test_every_text_has_contrast",
+            "test_place_of_answer_says_so_and_closes",
+            "test_press_after_scroll_of_page_counts_later",
+            "test_rig_can_be_called_by_its_name_alone",
+            "test_wrong_seed_is_shown_in_closed_part",
+        ),
     },
     "another fault, signal or kill of a rig in real time": {
         "drivers/lines/test_conformance.py": ("test_it_keeps_what_a_slow_driver_promises[False",),

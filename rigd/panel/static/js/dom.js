@@ -70,7 +70,12 @@ export function fill(parent, ...children) {
  */
 export function setText(element, text) {
   const shown = visible(text);
-  if (element.textContent !== shown) element.textContent = shown;
+  if (element.textContent === shown) return;
+  const only = element.firstChild === element.lastChild ? element.firstChild : null;
+  // To set the text of the element would make a new node each time: hundreds each second, which stay in memory
+  // until the browser looks for them.
+  if (only instanceof Text && shown !== "") only.data = shown;
+  else element.textContent = shown;
 }
 
 /**
