@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import queue
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Final, Self
+
+#: Functions of C by which bytes leave this computer, and by which they come.
+SENDS: Final = frozenset({"send", "sendto", "sendall", "sendmsg", "write", "writev"})
+RECEIVES: Final = frozenset({"recv", "recvfrom", "recvmsg", "recv_into", "recvfrom_into", "read"})
 
 
 @dataclass(frozen=True)
@@ -61,3 +67,19 @@ class Caller:
             except BaseException as error:  # noqa: BLE001  # whatever a driver raises is a finding
                 value, failure = None, error
             self._outcomes.put(CallOutcome(value, failure, time.perf_counter() - start))
+
+
+@contextmanager
+def hearing(names: frozenset[str], hear: Callable[[], object]) -> Iterator[None]:
+    """Call ``hear`` each time a function of C of one of ``names`` returns to this thread."""
+
+    def profile(_: object, event: str, called: Any) -> None:
+        if event == "c_return" and called.__name__ in names:
+            hear()
+
+    before = sys.getprofile()
+    sys.setprofile(profile)
+    try:
+        yield
+    finally:
+        sys.setprofile(before)

@@ -6,9 +6,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.caller import SENDS, Caller, CallOutcome, hearing
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import row_problems, untrue
@@ -31,9 +32,11 @@ FOLLOWS_S: Final = 0.3
 PERIOD_S: Final = 0.002
 #: A call of a cycle that takes longer waits for something, in s, if the machine goes on meanwhile.
 WAITS_S: Final = 0.015
-#: What a row shows was measured at most so long before it was read, in s; that of a device with a
-#: pace of its own, `silent_s` more.
+#: What the peer has sent has arrived after this time, in s: a row is the newest that has arrived.
 AGE_S: Final = 0.05
+#: After each thing that is sent outside the cycle the driver is held for so long, in s: the device
+#: obeys, and is looked at, before the driver can take it back.
+HELD_S: Final = 0.004
 
 
 class Bench:
@@ -48,7 +51,9 @@ class Bench:
         self.waits: Counter[str] = Counter()  # how often one waited, while the machine went on
         self.rows = 0  # that came since it was opened
         self._last_ns: int | None = None  # taken_ns of the last of them
-        self._sent: int | None = None  # how many readings the device had sent when it was opened
+        #: Rows since all that the device had sent was read, and how many readings it had sent then.
+        self._fresh_rows = 0
+        self._sent: int | None = None
         self.replace()
         self.watcher = Watcher(peer)  # a plant is there once it has a link
         self.gap_s = 0.0  # for how long the machine stood still
@@ -80,6 +85,19 @@ class Bench:
         """Make one call; see :meth:`Caller.call`."""
         return self._caller.call(function, within_s)
 
+    def call_slowly(self, function: Callable[[], Any]) -> CallOutcome:
+        """Make a call that may wait, and look at the device after each thing that it sends."""
+
+        def look() -> None:
+            time.sleep(HELD_S)
+            self.watcher.look()
+
+        def watched() -> Any:
+            with hearing(SENDS, look):
+                return function()
+
+        return self.call(watched if self.peer.observed is not None else function, OPEN_S)
+
     def must(self, what: str, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Any:
         """Return the value of a call that must not fail.
 
@@ -109,12 +127,13 @@ class Bench:
 
     def open(self) -> CallOutcome:
         """Open the link, if there is one, then the driver."""
-        self.rows, self._last_ns, self._sent = 0, None, self.look().sent
+        self.rows, self._last_ns = 0, None
+        self._fresh_rows, self._sent = 0, self.look().sent
         if isinstance(self.link, Link):
             opened = self.call(self.link.open, OPEN_S)
             if opened.error is not None:
                 return opened
-        return self.call(self.driver.open, OPEN_S)
+        return self.call_slowly(self.driver.open)
 
     def close(self) -> CallOutcome:
         """Close the driver, then the link; return how the driver's ended."""
@@ -161,13 +180,22 @@ class Bench:
             self.call(lambda: link.end(t_ns))
         return written
 
+    def timed(self, function: Callable[[], Any]) -> CallOutcome:
+        """Make one call; it took no time if this machine stalled meanwhile."""
+        self.watcher.gap_s = 0.0
+        outcome = self.call(function)
+        return replace(outcome, took_s=0.0) if self._stalled_in(outcome) else outcome
+
+    def _stalled_in(self, outcome: CallOutcome) -> bool:
+        return self.watcher.gap_s >= outcome.took_s / 3
+
     def _timed(self, name: str, function: Callable[[], Any]) -> CallOutcome:
         self.gap_s = max(self.gap_s, self.watcher.gap_s)  # since the call before
         self.watcher.gap_s = 0.0
         outcome = self.call(function)
         self.took.setdefault(name, []).append(outcome.took_s)
         self.gap_s = max(self.gap_s, self.watcher.gap_s)
-        if outcome.took_s > WAITS_S and self.watcher.gap_s < outcome.took_s / 3:
+        if outcome.took_s > WAITS_S and not self._stalled_in(outcome):
             self.waits[name] += 1
         return outcome
 
@@ -177,12 +205,16 @@ class Bench:
         Raises:
             StepFailed: it is not as declared, not true, or no reading of the device is behind it.
         """
-        if row is None:
-            return
         now_s, declared = time.monotonic(), self.driver.declaration
+        look = self.look()
+        if row is None:
+            if self.watcher.at(now_s - AGE_S).sent == look.sent:  # all that was sent is read
+                self._fresh_rows, self._sent = 0, look.sent
+            return
         for problem in row_problems(declared, row):
             raise StepFailed(problem)
         self.rows += 1
+        self._fresh_rows += 1
         taken_ns = self.driver.taken_ns
         if taken_ns is not None:
             if taken_ns > now_s * 1e9:
@@ -190,24 +222,16 @@ class Bench:
             if self._last_ns is not None and taken_ns <= self._last_ns:
                 raise StepFailed("taken_ns of a row is not after that of the row before")
             self._last_ns = taken_ns
-        look = self.look()
-        if self._sent is not None and self.rows > (look.sent or 0) - self._sent:
+        if self._sent is not None and self._fresh_rows > (look.sent or 0) - self._sent:
             raise StepFailed(f"row {self.rows} is read, and the device has sent fewer readings")
         if look.measured:
-            age_s = AGE_S + (0.0 if declared.every_cycle else declared.silent_s)
+            age_s = AGE_S
+            if look.sent is None and not declared.every_cycle:
+                age_s += declared.silent_s
             for problem in untrue(
-                declared, row, [item.measured for item in self.watcher.since(now_s - age_s)]
+                declared, row, [item.measured for item in self.watcher.since_reading(now_s - age_s)]
             ):
                 raise StepFailed(problem)
-
-    def cycles(self, for_s: float) -> Iterator[CallOutcome]:
-        """Go through cycles for a while, until one fails."""
-        end = time.monotonic() + for_s
-        while time.monotonic() < end:
-            outcome = self.cycle()
-            yield outcome
-            if outcome.error is not None:
-                return
 
     def arm(self) -> None:
         """Arm the device and go through cycles until it is ready."""

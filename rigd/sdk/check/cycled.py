@@ -15,12 +15,15 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far
-from rigd.sdk.check.fast import any_order
+from rigd.sdk.check.caller import RECEIVES, hearing
+from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far, rest
+from rigd.sdk.check.fast import any_order, near
 from rigd.sdk.check.rows import row_problems
+from rigd.sdk.check.sequences import StepFailed
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import until
 
@@ -33,18 +36,29 @@ CYCLES: Final = 100
 #: Cycles of which memory is compared, and the bytes that each may keep.
 GROWS_CYCLES: Final = 120
 GROWS_BYTES: Final = 24
+#: Commands without a read, whose answers then wait, and after how long, in s; of so many frames one
+#: read may take so many.
+FLOOD: Final = 200
+FLOOD_S: Final = 0.05
+MOST_TAKEN: Final = 100
 #: For so long after the link is dead, in s, and for so many cycles, as this machine may stall,
 #: read() may still return rows that arrived before.
 TAIL_S: Final = 0.5
 TAIL_CYCLES: Final = 50
 #: For so long, and 2 silent_s, a fault is looked at, in s.
 FAULT_S: Final = 0.7
+#: After this time an answer that is late has come, in s.
+LATE_S: Final = 1.3
+#: Time from one setpoint to the next while answers are late, in s.
+CHANGES_S: Final = 0.15
 #: What a device may take until it is safe, in s.
 SAFE_S: Final = 1.0
 #: Rows of the measurement come within so many silent_s, and 2 s.
 ROWS_SILENT: Final = 3
-#: arm() only sends: it takes no longer, in s, if the machine goes on meanwhile.
+#: arm() and make_safe() only send: they take no longer, in s, if the machine goes on meanwhile.
 ORDER_S: Final = 0.15
+#: confirm_safe() and rescue() end within this time, in s: 0.5 s, and some more.
+CONFIRM_S: Final = 0.75
 #: For so long a device that does not enable its actuator is asked whether it is ready, in s.
 LOCKED_S: Final = 0.5
 #: Relative room for a time that a device keeps in its own unit.
@@ -59,26 +73,17 @@ def _opens(subject: Subject) -> Iterator[str]:
         if outcome.error is not None:
             yield f"open raises {described(outcome.error)}"
             return
-        began_s = time.monotonic()
-        reasons = found.must("preflight", found.driver.preflight)
-        if any(look.energised for look in found.watcher.since(began_s)):
-            yield "preflight() energises the device"
-        if not all(isinstance(reason, str) for reason in reasons):
-            yield f"preflight() returns {reasons!r}, expected sentences"
-        elif reasons:
-            yield f"preflight() finds fault with a healthy device: {'; '.join(reasons)}"
-        else:
-            found.arm()
-            end = time.monotonic() + 2.0 + ROWS_SILENT * found.driver.declaration.silent_s
-            while not found.rows and found.driver.declaration.channels:
-                outcome = found.cycle()
-                if outcome.error is not None:
-                    yield f"a cycle raises {described(outcome.error)}"
-                    return
-                found.check_row(outcome.value)
-                if time.monotonic() > end:
-                    yield "it has channels, and read() gave no row"
-                    return
+        found.arm()
+        end = time.monotonic() + 2.0 + ROWS_SILENT * found.driver.declaration.silent_s
+        while not found.rows and found.driver.declaration.channels:
+            outcome = found.cycle()
+            if outcome.error is not None:
+                yield f"a cycle raises {described(outcome.error)}"
+                return
+            found.check_row(outcome.value)
+            if time.monotonic() > end:
+                yield "it has channels, and read() gave no row"
+                return
 
 
 def _bounded(subject: Subject) -> Iterator[str]:
@@ -87,6 +92,7 @@ def _bounded(subject: Subject) -> Iterator[str]:
         for _ in range(CYCLES):
             found.cycle(far(found.driver))
         yield from _waits(found)
+        yield from _taken_at_once(found)
         yield from _grown(found, Path(inspect.getfile(subject.driver_class)).parent)
 
 
@@ -99,6 +105,21 @@ def _waits(found: Bench) -> Iterator[str]:
                 f"{name} takes {half_s * 1e3:.1f} ms, half of the time more; it waits "
                 f"{found.waits[name]} times of {len(took)}, {max(took) * 1e3:.0f} ms at most"
             )
+
+
+def _taken_at_once(found: Bench) -> Iterator[str]:
+    """Yield that one read() takes as many frames as there are, if it does."""
+    for _ in range(FLOOD):
+        found.write(far(found.driver))
+    time.sleep(FLOOD_S)
+    taken: list[None] = []
+
+    def read() -> object:
+        with hearing(RECEIVES, partial(taken.append, None)):
+            return found.driver.read(time.monotonic_ns())
+
+    if found.call(read).error is None and len(taken) > MOST_TAKEN:
+        yield f"one read() takes {len(taken)} frames of {FLOOD} that wait: a flood stops the cycle"
 
 
 def _grown(found: Bench, package: Path) -> Iterator[str]:
@@ -158,8 +179,27 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                 if found.peer.mend is not None:
                     found.peer.mend()
                     yield from _works_again(found, fault)
+        if fault == "late":
+            yield from _behind(subject)
 
     return check
+
+
+def _behind(subject: Subject) -> Iterator[str]:
+    """Yield that rows stay as many readings behind as once were late, if they do."""
+    with bench(subject) as found:
+        mend, silence = found.peer.mend, found.peer.faults.get("silent")
+        if mend is None or silence is None:
+            return
+        found.run()
+        for change in (found.peer.faults["late"], mend):
+            change()
+            end = time.monotonic() + LATE_S
+            while time.monotonic() < end:
+                if found.cycle(far(found.driver)).error is not None:
+                    return
+        silence()
+        yield from _cycled(found, "silent", rows=False)
 
 
 def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
@@ -167,9 +207,18 @@ def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
     found.took.clear()
     found.waits.clear()
     began_s, number = time.monotonic(), 0
-    while time.monotonic() < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
-        outcome = found.cycle(far(found.driver))
+    # A row that is not of the newest answer takes a late one for the answer to another question.
+    asks = fault == "late" and not found.driver.declaration.every_cycle
+    while (now_s := time.monotonic()) < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
+        rests = asks and (now_s - began_s) % (2 * CHANGES_S) > CHANGES_S
+        outcome = found.cycle((rest if rests else far)(found.driver))
         number += 1
+        if asks and outcome.error is None:
+            try:
+                found.check_row(outcome.value)
+            except StepFailed as failed:
+                problems[f"an answer that is late is taken: {failed}"] = None
+                break
         if outcome.error is not None and not isinstance(outcome.error, FAILURES):
             problems[f"a cycle raises {described(outcome.error)}"] = None
         elif outcome.error is None and outcome.value is not None:
@@ -185,7 +234,10 @@ def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[st
     """Yield what is wrong with make_safe() and confirm_safe(): a device is safe, or they raise."""
     raised = False
     for step in (found.driver.make_safe, found.driver.confirm_safe, found.driver.make_safe):
-        outcome = found.call(step)
+        outcome = found.timed(step)
+        most_s = CONFIRM_S if step == found.driver.confirm_safe else ORDER_S
+        if outcome.took_s > most_s:
+            yield f"{step.__name__}() takes {outcome.took_s:.2g} s"
         raised |= outcome.error is not None
         if outcome.error is not None and not isinstance(outcome.error, FAILURES):
             yield f"{step.__name__}() raises {described(outcome.error)}"
@@ -226,8 +278,53 @@ def _locked(subject: Subject) -> Iterator[str]:
             if found.must("ready", found.driver.ready):
                 yield "ready() returns True, and the device is not energised"
                 return
-            if found.cycle().error is not None:
+            outcome = found.cycle()
+            if outcome.error is not None:
                 return
+            found.check_row(outcome.value)
+
+
+def _refused(subject: Subject) -> Iterator[str]:
+    with bench(subject) as found:
+        declared = found.driver.declaration
+        if not declared.setpoints:
+            return
+        found.run()
+        found.peer.faults["refusing"]()
+        wanted = tuple(value / 2 for value in far(found.driver))
+        end = time.monotonic() + FAULT_S + 2 * declared.silent_s
+        while time.monotonic() < end:
+            error = found.cycle(wanted).error
+            if error is not None:
+                if not isinstance(error, FAILURES):
+                    yield f"a cycle raises {described(error)}"
+                return
+        driven = found.look().driven
+        if not all(map(near, declared.setpoints, driven, wanted)):
+            yield f"the device refuses {wanted}, is driven at {driven}, and no cycle raises"
+
+
+def _rescued_silent(subject: Subject) -> Iterator[str]:
+    for rescues in (False, True):
+        with bench(subject) as found:
+            if not found.driver.second_link or not found.driver.declaration.setpoints:
+                return
+            found.run()
+            trips = found.look().trips
+            found.peer.faults["silent"]()
+            if rescues:
+                found.close()
+                found.replace()
+            outcome = found.call(found.driver.rescue if rescues else found.driver.make_safe, OPEN_S)
+            if outcome.error is not None and not isinstance(outcome.error, FAILURES):
+                yield f"rescue() raises {described(outcome.error)}"
+            until(lambda: not found.look().energised, (found.driver.watchdog_s or SAFE_S) / 2)
+            after = found.look()
+            if not after.energised and after.trips == trips:
+                continue
+            if rescues:
+                yield f"after rescue() the device is driven at {after.driven}"
+            return  # a device that does not obey while it is silent is not rescued either
 
 
 def _armed_silent(subject: Subject) -> Iterator[str]:
@@ -235,9 +332,8 @@ def _armed_silent(subject: Subject) -> Iterator[str]:
         found.run()
         found.must("make_safe", found.driver.make_safe)
         found.peer.faults["silent"]()
-        found.watcher.gap_s = 0.0
-        armed = found.call(found.driver.arm)
-        if armed.took_s > ORDER_S and found.watcher.gap_s < armed.took_s / 3:
+        armed = found.timed(found.driver.arm)
+        if armed.took_s > ORDER_S:
             yield f"arm() takes {armed.took_s:.2g} s"
         if armed.error is not None and not isinstance(armed.error, FAILURES):
             yield f"arm() raises {described(armed.error)}"
@@ -351,6 +447,20 @@ RULES: Final = (
         "ready() returns what the device reports of its actuator, not what it was ordered to do",
         _locked,
         "locked",
+    ),
+    Rule(
+        "refused",
+        "ask the device whether it has refused a setpoint, and raise a DeviceError if it has",
+        _refused,
+        "refusing",
+        observes=True,
+    ),
+    Rule(
+        "rescue without an answer",
+        "rescue() makes the device safe before it asks anything: it may obey and not answer",
+        _rescued_silent,
+        "silent",
+        observes=True,
     ),
     Rule(
         "arm never waits",

@@ -41,6 +41,15 @@ STEPS: Final = 22
 #: An actuator that is driven with a value within this part of its range of another has that value:
 #: frames and cards carry whole numbers.
 NEAR: Final = 0.004
+#: Setpoints of a step that creeps, and the smallest of them, as powers of ten of the range.
+CREEPS: Final = 24
+CREEP: Final = (1.5, 5.0)
+#: The device has such a setpoint after this time, in s.
+CREEPS_S: Final = 0.04
+#: A setpoint is lost if the actuator has another value, and at this part of that difference, which
+#: its resolution would be, or closer, has so many others that are not smaller.
+LOST_PART: Final = 0.125
+LOST_OF: Final = 8
 #: What was sent has arrived after this time, in s; no command of a cycle follows in it.
 ARRIVES_S: Final = 0.05
 #: What a device may take until it follows, or is safe, in s: some look at commands every 20 ms.
@@ -53,6 +62,8 @@ REPORTED_S: Final = 1.5
 ACTS_S: Final = 10.0
 #: A proof returns the time of the device's watchdog, less at most this part of it.
 PROOF_PART: Final = 0.2
+#: It returns at most so much more than the time that was seen, in s.
+PROOF_S: Final = 0.02
 #: A setpoint is held for this part of the time of the watchdog, which must not act; if there is
 #: none, for so long, in s.
 HELD_PART: Final = 1.4
@@ -66,6 +77,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "arm": KindOfStep("open", 4, "armed"),
     "arm and at once make safe": KindOfStep("open", 0.5, "open", 1),
     "write": KindOfStep("armed", 10),
+    "creep": KindOfStep("armed", 1, "", 1),
     "write unarmed": KindOfStep("open", 1.5, "", 2),
     "write without a read": KindOfStep("armed", 1),
     "go on": KindOfStep("armed", 2),
@@ -81,9 +93,12 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 }
 #: Those that a driver without setpoints, without a watchdog, a second link, actions does not know.
 OF_SETPOINTS: Final = {
-    "write", "write unarmed", "write without a read", "go on", "hold", "arm and at once make safe",
+    "write", "write unarmed", "write without a read", "creep", "go on", "hold",
+    "arm and at once make safe",
 }  # fmt: skip
 OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill"}
+#: Those after which the device is driven, or in which it may be.
+DRIVES: Final = {"prove watchdog", "arm", "arm and at once make safe", "act"}
 #: Those in which the driver may be silent for so long that the watchdog acts.
 SILENT: Final = {"prove watchdog", "wait for the watchdog", "kill", "open again"}
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
@@ -158,6 +173,18 @@ class Setpoints:
         return low + span * rng.random()
 
 
+def small_steps(declared: Declaration, seed: int) -> Iterator[tuple[float, ...]]:
+    """Yield setpoints from a hundred thousandth of the range to all of it, each size as often."""
+    rng = random.Random(seed)
+    for number in range(CREEPS):
+        part = 10.0 ** -rng.uniform(*(CREEP if number % 2 else (0.0, 1.0)))
+        yield tuple(
+            min(max(part * rng.choice((channel.low or channel.high, channel.high or channel.low)),
+                    channel.low), channel.high)
+            for channel in declared.setpoints
+        )  # fmt: skip
+
+
 def near(channel: Channel, value: float, wanted: float) -> bool:
     """Return whether an actuator that is driven with ``value`` has the setpoint ``wanted``."""
     return abs(value - wanted) <= NEAR * (channel.high - channel.low)
@@ -170,6 +197,8 @@ def any_order(subject: Subject) -> Iterator[str]:
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         if name.startswith("write"):
             return setpoints.draw(subject.declare(), rng)
+        if name == "creep":
+            return rng.randrange(10**6)
         if name == "act":
             return rng.choice([*subject.declare().actions, "no_such_action"])
         return "twice" if name == "prove watchdog" and next(proofs) == 0 else None
@@ -222,6 +251,7 @@ class _Played:
     def _step(self, step: DrawnStep) -> None:
         """Make the calls of one step, and check the device while and after they are made."""
         self._stalled = False
+        self._passed: list[Sequence[float]] = []  # other setpoints of this step
         self._called_s = time.monotonic()
         self._before_s = max(self._found.gap_s, self._found.watcher.gap_s)
         self._found.gap_s = self._found.watcher.gap_s = 0.0
@@ -234,11 +264,12 @@ class _Played:
             raise StepFailed(
                 "the watchdog of the device acts, though the driver is called all the time"
             )
+        calm = not {self._walk.state, CALLS[step.name].after} - {"closed", "open", ""}
         for look in self._found.watcher.since(began_s):
+            if calm and look.energised and step.name not in DRIVES:
+                raise StepFailed("meanwhile the device is energised")
             for index, channel in enumerate(self._channels):
-                ends = before[index], self._wanted[index], *(
-                    (rest(self._found.driver)[index],) if "arm" in step.name else ()
-                )  # fmt: skip
+                ends = [each[index] for each in (before, self._wanted, *self._passed)]
                 room = NEAR * (channel.high - channel.low)
                 if not min(ends) - room <= look.driven[index] <= max(ends) + room:
                     raise StepFailed(
@@ -256,6 +287,10 @@ class _Played:
     def _open(self) -> None:
         self._must("open", self._found.open())
         self._safe_now("after open()")
+        outcome = self._found.call_slowly(self._found.driver.preflight)
+        self._must("preflight", outcome)
+        if reasons := list(outcome.value):
+            raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
 
     def _open_again(self) -> None:
         """Open what is open: it is as before, or it is open anew and not armed."""
@@ -272,11 +307,15 @@ class _Played:
             self._prove()
 
     def _prove(self) -> None:
-        before, promised = self._found.look(), self._found.driver.watchdog_s or 0.0
-        outcome = self._found.call(self._found.driver.prove_watchdog, OPEN_S)
+        found, began_s = self._found, time.monotonic()
+        before, promised = found.look(), found.driver.watchdog_s or 0.0
+        outcome = found.call_slowly(found.driver.prove_watchdog)
         self._must("prove_watchdog", outcome)
-        least_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0)
-        if not least_s < outcome.value <= promised + ROOM_S / 4:
+        least_s, most_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0), promised + ROOM_S / 4
+        if before.trips is not None:  # it cannot have taken longer than since the proof began
+            acted_s = found.watcher.when(lambda look: look.trips != before.trips)
+            most_s = min(most_s, acted_s - began_s + PROOF_S)
+        if not least_s < outcome.value <= most_s:
             of = f", and the device acts after {before.watchdog_s:g} s" if before.watchdog_s else ""
             raise StepFailed(
                 f"it returns {outcome.value!r} s, and watchdog_s is {promised:g} s{of}"
@@ -288,7 +327,8 @@ class _Played:
     def _arm(self) -> None:
         found = self._found
         self._wanted = self._last = rest(found.driver)
-        self._must("arm", found.call(found.driver.arm))
+        self._passed.append(self._last)
+        self._must("arm", found.call_slowly(found.driver.arm))
         self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
         end = time.monotonic() + FOLLOWS_S * 10
         while True:
@@ -314,6 +354,7 @@ class _Played:
         self._settle()
 
     def _arm_and_at_once_make_safe(self) -> None:
+        self._passed.append(rest(self._found.driver))
         self._must("arm", self._found.call(self._found.driver.arm))
         self._make_safe()
 
@@ -324,6 +365,27 @@ class _Played:
                 raise StepFailed("write() takes NaN as if it were a setpoint")
             self._last, self._wanted = setpoints, self._clipped(setpoints)
         self._settle()
+
+    def _creep(self, seed: int) -> None:
+        """Have the device follow small setpoints and large ones: none is lost."""
+        followed: list[tuple[Sequence[float], Sequence[float]]] = []
+        for setpoints in small_steps(self._found.driver.declaration, seed):
+            self._last = self._wanted = setpoints
+            self._passed.append(setpoints)
+            end = time.monotonic() + CREEPS_S
+            while time.monotonic() < end or not self._driven():
+                self._cycle(setpoints)
+                if time.monotonic() > end + FOLLOWS_S:
+                    break
+            self._still()
+            followed.append((setpoints, self._found.look().driven))
+        for index, channel in enumerate(self._channels if self._observed else ()):
+            pairs = [(wanted[index], driven[index]) for wanted, driven in followed]
+            for wanted, driven in _lost(pairs):
+                raise StepFailed(
+                    f"the device is driven at {driven:.4g} {channel.unit}, not {wanted:.4g}, and "
+                    "follows larger setpoints closer"
+                )
 
     def _write_unarmed(self, setpoints: Sequence[float]) -> None:
         for _ in range(3):
@@ -412,8 +474,10 @@ class _Played:
         self._wanted = self._safe
         self._must("make_safe", found.call(found.driver.make_safe))
         self._await_safe("after make_safe()", trips)
-        self._must("confirm_safe", found.call(found.driver.confirm_safe))
+        self._must("confirm_safe", found.call_slowly(found.driver.confirm_safe))
         self._must("make_safe again", found.call(found.driver.make_safe))
+        if found.look().sent is not None:  # what is read then is not what was read before
+            time.sleep(1.5 * AGE_S)
         self._cycle(())
         self._safe_now("after make_safe()")
 
@@ -438,7 +502,7 @@ class _Played:
         found.close()
         found.replace()
         self._wanted = self._safe
-        self._must("rescue", found.call(found.driver.rescue, OPEN_S))
+        self._must("rescue", found.call_slowly(found.driver.rescue))
         self._await_safe("after rescue() over a new connection", trips)
         found.replace()  # it has closed what it opened
 
@@ -495,6 +559,8 @@ class _Played:
                 raise StepFailed(f"{when} the device is energised")
             if not self._driven(look):
                 raise StepFailed(f"{when} the device is driven at {self._shown(look.driven)}")
+            if look.ordered and not self._driven(replace(look, driven=look.ordered)):
+                raise StepFailed(f"{when} the device is told {self._shown(look.ordered)}")
 
     def _await_safe(self, when: str, trips: int | None) -> None:
         """Check that the device becomes safe, and not by its watchdog."""
@@ -541,3 +607,16 @@ class _Played:
             f"{value:.4g} {channel.unit}, not {want:.4g}"
             for channel, value, want in zip(self._channels, driven, self._wanted, strict=True)
         )
+
+
+def _lost(pairs: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Yield setpoint and value of an actuator that does not follow as its resolution permits.
+
+    A device that knows steps errs as much with setpoints of some steps as with one below the first.
+    """
+    for wanted, driven in pairs:
+        off = abs(driven - wanted)
+        others = [abs(value - want) for want, value in pairs if want != wanted and abs(want) >= off]
+        lost = off > LOST_PART * abs(wanted) and len(others) >= LOST_OF
+        if lost and max(others) < LOST_PART * off:
+            yield wanted, driven

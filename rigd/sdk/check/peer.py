@@ -20,6 +20,7 @@ FAULTS: Final[Mapping[str, str]] = {
     "frozen": "it sends the same frame again and again; for a protocol that counts its frames",
     "lossy": "a part of what it sends is lost, once; for a device that sends blocks",
     "stuck": "it answers, and its actuator stays energised, like a relay that is welded",
+    "refusing": "it answers, and refuses what it is told, with the error of its manual",
     "locked": "it answers, and does not enable its actuator: its enable input is open",
     "unguarded": "its watchdog never acts",
 }
@@ -36,6 +37,9 @@ class Observed:
     #: What the actuator of each setpoint is driven with, in the order and the units of the
     #: declaration; while it is safe, what safe means (0 for a drive that is switched off).
     driven: Sequence[float] = ()
+    #: What each would be driven with if it were switched on at the device itself, as at its front
+    #: panel; () if it cannot be.
+    ordered: Sequence[float] = ()
     #: Whether an actuator is in another state than the safe one.
     energised: bool = False
     #: The time that is set at its watchdog, in s; None: it has none.

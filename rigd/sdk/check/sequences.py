@@ -22,6 +22,8 @@ from rigd.sdk.check.subject import Subject, UnfitSubject, described
 SHORTEN_S: Final = 10.0
 #: So often a sequence is played again if the machine stalled in it.
 TRIES: Final = 4
+#: So often a sequence that fails is played again; a failure that does not come again is stated.
+REPLAYS: Final = 3
 #: What an author is told beside a failure that only some options show.
 DESCRIBES: Final = (
     "; if this option describes the device itself, as its scale does, give it to check_driver: "
@@ -58,6 +60,10 @@ class DrawnTrial:
     def __str__(self) -> str:
         steps = ", ".join(map(str, self.steps))
         return f"with {self.drawn}: {steps}" if self.options else steps
+
+    def until(self, step: int) -> DrawnTrial:
+        """Return the trial with the steps up to this one."""
+        return replace(self, steps=self.steps[: step + 1])
 
     @property
     def drawn(self) -> str:
@@ -166,8 +172,9 @@ class RandomWalk:
 def first_failure(play: Play, trials: Iterable[DrawnTrial], notes: list[str]) -> Iterator[str]:
     """Yield what the first trial that fails shows, behind the fewest steps that show it.
 
-    A failure counts if it shows itself twice: the machine may have stalled. ``notes`` gets what was
-    not judged. If the machine stalled in more than half of the trials, that is yielded.
+    A trial that fails is played again from the beginning, with a new driver before a new device: it
+    counts once it fails again. ``notes`` gets what was seen once only, and what was not judged. If
+    the machine stalled in more than half of the trials, that is yielded.
     """
     why: Counter[str] = Counter()
     count = stalled = 0
@@ -175,12 +182,13 @@ def first_failure(play: Play, trials: Iterable[DrawnTrial], notes: list[str]) ->
         count += 1
         try:
             once = _failure(play, trial)
-            if once and not (failed := _failure(play, trial)):
-                why[f"{once}, and not when it was played again"] += 1
-            elif once and failed:
+            if once is None:
+                continue
+            if failed := next(filter(None, (_fails(play, trial) for _ in range(REPLAYS))), None):
                 shortest, problem = _shortened(play, trial, failed)
                 yield f"{shortest}: {problem}{DESCRIBES if shortest.options else ''}"
                 break
+            notes.append(f"showed once in {1 + REPLAYS} times: {trial.until(once.at)}: {once}")
         except Unjudged as unjudged:
             why[str(unjudged)] += 1
             if isinstance(unjudged, Stalled):
@@ -220,17 +228,17 @@ def _fails(play: Play, trial: DrawnTrial) -> StepFailed | None:
 def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[DrawnTrial, StepFailed]:
     """Return the shortest trial that was found to fail, and how it fails."""
     end = time.monotonic() + SHORTEN_S
-    trial = replace(trial, steps=trial.steps[: failed.at + 1])
+    trial = trial.until(failed.at)
     for shorter in _without_options(trial):
         if time.monotonic() < end and (now := _fails(play, shorter)):
-            trial, failed = replace(shorter, steps=shorter.steps[: now.at + 1]), now
+            trial, failed = shorter.until(now.at), now
     size = len(trial.steps) // 2
     while size and time.monotonic() < end:
         first = len(trial.steps) - 1 - size  # the last step is what fails
         while first >= 0 and time.monotonic() < end:
             shorter = replace(trial, steps=trial.steps[:first] + trial.steps[first + size :])
             if now := _fails(play, shorter):
-                trial, failed = replace(shorter, steps=shorter.steps[: now.at + 1]), now
+                trial, failed = shorter.until(now.at), now
                 first = min(first, len(trial.steps) - 1)
             first -= size
         size //= 2

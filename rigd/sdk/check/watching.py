@@ -55,10 +55,34 @@ class Watcher:
 
     def since(self, began_s: float) -> Sequence[Observed]:
         """Return all that the device did since a time, beginning with what it did then."""
-        first = len(self.seen) - 1
-        while first > 0 and self.seen[first][0] > began_s:
+        return [look for _, look in self.seen[self._index(began_s) :]]
+
+    def at(self, time_s: float) -> Observed:
+        """Return what the device did at a time."""
+        return self.seen[self._index(time_s)][1]
+
+    def since_reading(self, began_s: float) -> Sequence[Observed]:
+        """Return all that the device did since it sent the newest reading of a time, or before."""
+        first = self._index(began_s)
+        sent = self.seen[first][1].sent
+        while sent is not None and first > 0 and self.seen[first - 1][1].sent == sent:
             first -= 1
         return [look for _, look in self.seen[first:]]
+
+    def when(self, holds: Callable[[Observed], bool]) -> float:
+        """Return the first time since when something holds up to now."""
+        at_s = time.monotonic()
+        for time_s, look in reversed(self.seen):
+            if not holds(look):
+                break
+            at_s = time_s
+        return at_s
+
+    def _index(self, time_s: float) -> int:
+        index = len(self.seen) - 1
+        while index > 0 and self.seen[index][0] > time_s:
+            index -= 1
+        return index
 
     def _watch(self) -> None:
         last = time.monotonic()
