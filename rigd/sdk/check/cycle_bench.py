@@ -54,6 +54,7 @@ class Bench:
         #: Rows since all that the device had sent was read, and how many readings it had sent then.
         self._fresh_rows = 0
         self._sent: int | None = None
+        self.sent_s: list[float] = []  # when something was sent in calls that may wait
         self.replace()
         self.watcher = Watcher(peer)  # a plant is there once it has a link
         self.gap_s = 0.0  # for how long the machine stood still
@@ -89,6 +90,7 @@ class Bench:
         """Make a call that may wait, and look at the device after each thing that it sends."""
 
         def look() -> None:
+            self.sent_s.append(time.monotonic())
             time.sleep(HELD_S)
             self.watcher.look()
 

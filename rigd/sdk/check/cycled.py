@@ -55,10 +55,10 @@ CHANGES_S: Final = 0.15
 SAFE_S: Final = 1.0
 #: Rows of the measurement come within so many silent_s, and 2 s.
 ROWS_SILENT: Final = 3
-#: arm() and make_safe() only send: they take no longer, in s, if the machine goes on meanwhile.
+#: arm() only sends: it takes no longer, in s, if the machine goes on meanwhile.
 ORDER_S: Final = 0.15
-#: confirm_safe() and rescue() end within this time, in s: 0.5 s, and some more.
-CONFIRM_S: Final = 0.75
+#: make_safe() and confirm_safe() end within this time, in s; the latter within 0.5 s and some more.
+SAFE_ENDS_S: Final = {"make_safe": 0.55, "confirm_safe": 0.75}
 #: For so long a device that does not enable its actuator is asked whether it is ready, in s.
 LOCKED_S: Final = 0.5
 #: Relative room for a time that a device keeps in its own unit.
@@ -235,8 +235,7 @@ def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[st
     raised = False
     for step in (found.driver.make_safe, found.driver.confirm_safe, found.driver.make_safe):
         outcome = found.timed(step)
-        most_s = CONFIRM_S if step == found.driver.confirm_safe else ORDER_S
-        if outcome.took_s > most_s:
+        if outcome.took_s > SAFE_ENDS_S[step.__name__]:
             yield f"{step.__name__}() takes {outcome.took_s:.2g} s"
         raised |= outcome.error is not None
         if outcome.error is not None and not isinstance(outcome.error, FAILURES):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import contextlib
 import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from functools import partial
 from typing import Final
@@ -26,6 +27,11 @@ from rigd.sdk.options import options_of
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Every call on a driver that is not open must return at once; machines stall, so in s:
 AT_ONCE_S: Final = 2.0
+#: Time limit of open(), in s: it may wait for a device that does not answer.
+OPEN_S: Final = 30.0
+#: Two addresses of this computer; simulated devices are at the first.
+HERE: Final = "127.0.0.1"
+THERE: Final = "127.0.0.2"
 
 
 def _title(subject: Subject) -> Iterator[str]:
@@ -74,15 +80,29 @@ def _options_strict(subject: Subject) -> Iterator[str]:
 
 def _options_read(subject: Subject) -> Iterator[str]:
     config_class = subject.driver_class.Config
-    package = subject.driver_class.__module__.partition(".")[0]
-    homes = {  # of classes that options are derived from, such as those of a port
-        item.__module__.rpartition(".")[0]
-        for item in config_class.__mro__
-        if config_class.model_fields.keys() & inspect.get_annotations(item).keys()
-    } - {""}
-    read: set[str] = set()
+    used = _used(_folder(item.__module__) for item in _own_classes(subject.driver_class))
+    for name in config_class.model_fields:
+        # An option of a class that others derive from, such as that of a port, is read beside it.
+        homes = [
+            _folder(item.__module__)
+            for item in config_class.__mro__
+            if name in inspect.get_annotations(item)
+        ]
+        read = used | _used(homes)
+        if read and name not in read and "model_dump" not in read:
+            yield f"nothing reads option {name}"
+
+
+def _folder(module: str) -> str:
+    return module.rpartition(".")[0] or module
+
+
+def _used(folders: Iterable[str]) -> set[str]:
+    """Return the names of attributes and the texts in modules that lie in ``folders``."""
+    wanted = set(folders)
+    used: set[str] = set()
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] != package and name.rpartition(".")[0] not in homes:
+        if _folder(name) not in wanted and name not in wanted:
             continue
         try:
             tree = ast.parse(inspect.getsource(module))
@@ -90,13 +110,28 @@ def _options_read(subject: Subject) -> Iterator[str]:
             continue  # it has no source
         for node in ast.walk(tree):
             if isinstance(node, ast.Attribute):
-                read.add(node.attr)
+                used.add(node.attr)
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                read.add(node.value)  # as of getattr
-    if read:
-        for name in config_class.model_fields:
-            if name not in read and "model_dump" not in read:
-                yield f"nothing reads option {name}"
+                used.add(node.value)  # as of getattr
+    return used
+
+
+def _elsewhere(subject: Subject) -> Iterator[str]:
+    with subject.fresh_peer() as peer:
+        given = {**dict(subject.config(peer.options))}
+        for name, value in given.items():
+            if not isinstance(value, str) or HERE not in value:
+                continue
+            try:
+                config = subject.config({**peer.options, name: value.replace(HERE, THERE)})
+            except ValueError:
+                continue
+            driver = subject.driver_class(config, peer.link())
+            with Caller() as caller:
+                ended = caller.call(partial(_listened, _opening_and_closing(driver)), OPEN_S)
+            _, opened = ended.value
+            if any(HERE in item for item in opened) and not any(THERE in item for item in opened):
+                yield f"{name} is {value.replace(HERE, THERE)}, and open() connects to {HERE}"
 
 
 def _declares(subject: Subject) -> Iterator[str]:
@@ -243,6 +278,26 @@ def _listened(make: Callable[[], object]) -> tuple[object, list[str]]:
         return make(), opened
 
 
+def _opening_and_closing(driver: AnyDriver) -> Callable[[], object]:
+    """Return what opens a driver, with or without success, and closes it."""
+
+    async def slow() -> None:
+        if isinstance(driver, SlowDriver):
+            with contextlib.suppress(Exception):  # other rules report it
+                await driver.open()
+            with contextlib.suppress(Exception):
+                await driver.close()
+
+    def other() -> None:
+        if isinstance(driver, Driver | BlockDriver):
+            with contextlib.suppress(Exception):
+                driver.open()
+            with contextlib.suppress(Exception):
+                driver.close()
+
+    return (lambda: asyncio.run(slow())) if isinstance(driver, SlowDriver) else other
+
+
 def _unopened(subject: Subject) -> Iterator[str]:
     with subject.fresh_peer() as peer, Caller() as caller:
         driver = subject.make(peer, peer.link())
@@ -366,6 +421,12 @@ UNOPENED_RULES: Final = (
         "safe and closed before open",
         "make_safe() and close() do nothing, silently, while nothing is open",
         _unopened,
+        "",
+    ),
+    Rule(
+        "address is used",
+        "connect to the address that the rig file gives, and to no other",
+        _elsewhere,
         "",
     ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import socket
 import sys
 import threading
 import time
@@ -17,8 +18,9 @@ from typing import Any, Final
 
 from rigd.sdk.check.sequences import StepFailed
 
-#: What is left gets this time to end, in s: threads end in their next turn.
-ENDS_S: Final = 1.5
+#: What is left gets this time to end, in s: threads end in their next turn, processes on a busy
+#: machine later.
+ENDS_S: Final = 10.0
 _LOOK_S: Final = 0.01
 _FOLDER: Final = Path("/proc/self/fd")
 #: Files that are opened by reading them in once, such as maps of a device, are no connections.
@@ -26,6 +28,7 @@ _OPENS: Final = ("socket.connect", "socket.bind", "socket.sendto", "subprocess.P
                  "_thread.start_new_thread")  # fmt: skip
 
 _opened: dict[int, list[str]] = {}  # by thread: what it opens, while it is watched
+_connected: dict[int, list[socket.socket]] = {}  # by thread: what it connects
 _hooked = threading.Event()
 
 
@@ -86,10 +89,11 @@ def _held() -> dict[str, str]:
 
 @contextlib.contextmanager
 def opens() -> Iterator[list[str]]:
-    """Yield the list of the connections, processes and threads that this thread opens meanwhile."""
-    if not _hooked.is_set():
-        _hooked.set()
-        sys.addaudithook(_hear)
+    """Yield the list of the connections, processes and threads that this thread opens meanwhile.
+
+    A connection with the address to which it leads.
+    """
+    _hook()
     seen = _opened[threading.get_ident()] = []
     try:
         yield seen
@@ -97,13 +101,33 @@ def opens() -> Iterator[list[str]]:
         del _opened[threading.get_ident()]
 
 
+@contextlib.contextmanager
+def connections() -> Iterator[list[socket.socket]]:
+    """Yield the list of the sockets that this thread connects meanwhile."""
+    _hook()
+    seen = _connected[threading.get_ident()] = []
+    try:
+        yield seen
+    finally:
+        del _connected[threading.get_ident()]
+
+
+def _hook() -> None:
+    if not _hooked.is_set():
+        _hooked.set()
+        sys.addaudithook(_hear)
+
+
 def _hear(event: str, args: tuple[Any, ...]) -> None:
+    if event == "socket.connect" and _connected:
+        _connected.get(threading.get_ident(), []).append(args[0])
     if not _opened:
         return
     seen = _opened.get(threading.get_ident())
     if seen is None:
         return
     if event in _OPENS:
-        seen.append(event)
+        address = args[1] if event.startswith("socket.") else ""
+        seen.append(f"{event} {address}".rstrip())
     elif event == "open" and str(args[0]).startswith("/dev/"):
         seen.append(f"open {args[0]}")

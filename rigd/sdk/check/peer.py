@@ -37,9 +37,6 @@ class Observed:
     #: What the actuator of each setpoint is driven with, in the order and the units of the
     #: declaration; while it is safe, what safe means (0 for a drive that is switched off).
     driven: Sequence[float] = ()
-    #: What each would be driven with if it were switched on at the device itself, as at its front
-    #: panel; () if it cannot be.
-    ordered: Sequence[float] = ()
     #: Whether an actuator is in another state than the safe one.
     energised: bool = False
     #: The time that is set at its watchdog, in s; None: it has none.
@@ -52,6 +49,9 @@ class Observed:
     sent: int | None = None
     #: The actions that it has done, in their order; None: it does not count them.
     acted: Sequence[str] | None = None
+    #: What each would be driven with if it were switched on at the device itself, as at its front
+    #: panel; () if it cannot be.
+    ordered: Sequence[float] = ()
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,12 @@ LARGEST: Final = 100.0
 SMALL_STEP: Final = 0.04
 #: A value may differ from what the device measures by this part of it: its noise, its resolution.
 TRUE_PART = 0.02
+#: And by this part of its range: frames and cards carry whole numbers.
+RANGE_PART: Final = 1e-4
+#: After so many values the resolution of a device is known.
+LEARNED: Final = 3
+#: The part of a value that is lost in single precision.
+ROUNDED: Final = 1e-6
 
 
 def row_problems(declared: Declaration, row: object, *, in_range: bool = True) -> Iterator[str]:
@@ -59,11 +65,15 @@ def beyond_range(channel: Channel, value: float) -> str:
 
 
 def untrue(
-    declared: Declaration, row: Sequence[float], looks: Sequence[Mapping[str, float]]
+    declared: Declaration,
+    row: Sequence[float],
+    looks: Sequence[Mapping[str, float]],
+    rooms: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
     """Yield the problems of a row whose device measured ``looks`` in turn, by channel in its unit.
 
-    A value lies between the least and the greatest of them.
+    A value lies between the least and the greatest of them, or beyond by at most its room of
+    ``rooms``, in its unit; by default that is a part of the value.
     """
     names = [channel.name for channel in declared.channels]
     units = [channel.unit for channel in declared.channels]
@@ -76,7 +86,12 @@ def untrue(
         index = names.index(name)
         values = [look[name] for look in looks if name in look]
         low, high = min(values), max(values)
-        room = TRUE_PART * max(abs(low), abs(high)) if units[index] else 0.0
+        room = 0.0
+        if units[index]:
+            span = declared.channels[index].high - declared.channels[index].low
+            steps = RANGE_PART * span if math.isfinite(span) else 0.0
+            room = max(TRUE_PART * max(abs(low), abs(high)), steps)
+        room = min(room, (rooms or {}).get(name, room))
         if not low - room <= row[index] <= high + room:
             measured = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             yield f"{name} is {row[index]:g} {units[index]}, and the device measures {measured}"
@@ -113,3 +128,26 @@ def measure(peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
     measured = peer.look().measured
     if peer.measure is not None:
         peer.measure({n: v for n, v in zip(names, values, strict=True) if n in measured})
+
+
+class Resolution:
+    """Learns what a simulated device can measure: it shows what it was told, rounded to its digits.
+
+    ``rooms`` are what rows may differ from what the device measures, by channel in its unit, of
+    those of which it is known.
+    """
+
+    def __init__(self) -> None:
+        self.rooms: dict[str, float] = {}
+        self._off: dict[str, list[float]] = {}
+
+    def measure(self, peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
+        """Have the device measure ``values``; see :func:`measure`."""
+        measure(peer, declared, values)
+        shown = peer.look().measured
+        for channel, value in zip(declared.channels, values, strict=True):
+            if channel.name in shown:
+                off = self._off.setdefault(channel.name, [])
+                off.append(abs(shown[channel.name] - value))
+                if len(off) >= LEARNED and max(off) > 0.0:
+                    self.rooms[channel.name] = 2 * max(off) + ROUNDED * abs(value)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import math
 import random
 import time
@@ -18,9 +19,9 @@ from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.fast import Setpoints, near
-from rigd.sdk.check.leaks import nothing_left
+from rigd.sdk.check.leaks import connections, nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import drawn_values, measure, nearby, row_problems, untrue
+from rigd.sdk.check.rows import Resolution, drawn_values, nearby, row_problems, untrue
 from rigd.sdk.check.sequences import (
     DrawnTrial,
     KindOfStep,
@@ -38,6 +39,8 @@ from rigd.sdk.driver import SlowDriver
 
 #: Time limit of a whole scene, in s, opening and a fault included.
 SCENE_S: Final = 120.0
+#: A connection that is closed has ended after this time, in s.
+SCENE_ENDS_S: Final = 1.0
 #: Time limit of open(), in s: it may wait for a device that does not answer.
 OPEN_S: Final = 30.0
 #: A driver that is cancelled must end within this time, in s.
@@ -65,6 +68,11 @@ TRIALS: Final = 5
 STEPS: Final = 14
 #: What a row shows was measured at most so long before it was emitted, in s.
 AGE_S: Final = 0.05
+#: Faults that a device has for a while, and after which time an answer that is late has come, in s.
+FAULTS_THAT_END: Final = ("late", "silent")
+LATE_S: Final = 1.3
+#: So often the device is made to measure something else after a fault.
+AGAIN: Final = 3
 #: What was sent has arrived after this time, in s.
 ARRIVES_S: Final = 0.06
 #: For so long what is closed is looked at, twice, in s.
@@ -85,14 +93,27 @@ def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]])
     """
     with nothing_left():
         with subject.fresh_peer() as peer, Caller() as caller:
-            outcome = caller.call(lambda: asyncio.run(play(peer)), SCENE_S)
+            outcome = caller.call(lambda: asyncio.run(_whole(play(peer))), SCENE_S)
         if outcome.error is not None:
             raise outcome.error
 
 
-def _tasks_left() -> str:
-    left = asyncio.all_tasks() - {asyncio.current_task()}
-    return ", ".join(sorted(task.get_name() for task in left))
+async def _whole(main: Coroutine[Any, Any, None]) -> None:
+    """Await what opens and closes drivers, and check that they have left nothing to the loop.
+
+    Raises:
+        StepFailed: a task or a connection is left; the loop would close it, the daemon's never.
+    """
+    with connections() as connected:
+        await main
+        if left := asyncio.all_tasks() - {asyncio.current_task()}:
+            names = ", ".join(sorted(task.get_name() for task in left))
+            raise StepFailed(f"tasks go on after close(): {names}")
+        end = time.monotonic() + SCENE_ENDS_S
+        while left_open := sum(each.fileno() >= 0 for each in connected):
+            if time.monotonic() > end:
+                raise StepFailed(f"{left_open} connections are left open after close()")
+            await asyncio.sleep(0.01)
 
 
 def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[str]]:
@@ -111,8 +132,6 @@ def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[
                 await play(driver, peer, problems)
             finally:
                 await driver.close()
-            if left := _tasks_left():
-                problems.add(f"tasks go on after close(): {left}")
 
         try:
             _played(subject, main)
@@ -210,6 +229,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "wait for rows": KindOfStep("running armed", 2),
     "measure": KindOfStep("running armed", 4),
     "act": KindOfStep("running armed", 1),
+    "fail": KindOfStep("running", 1, "running", 1),
     "cancel": KindOfStep("running", 1.5, "open"),
     "close": KindOfStep("open", 1, "closed"),
     "new driver": KindOfStep("closed", 0.5),
@@ -236,10 +256,12 @@ def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints = Setpoints()
+    setpoints, resolution, faults = Setpoints(), Resolution(), itertools.cycle(FAULTS_THAT_END)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         declared = subject.declare()
+        if name == "fail":
+            return next(faults)
         if name == "measure":
             return drawn_values(declared, rng)
         if name == "write":  # the cycle limits them
@@ -259,7 +281,7 @@ def any_order(subject: Subject) -> Iterator[str]:
         kept: list[_Session] = []  # what its drivers leave open stays to be seen
 
         async def main(peer: Peer) -> None:
-            kept.append(_Session(drawn, peer))
+            kept.append(_Session(drawn, peer, resolution))
             await kept[0].play(trial)
 
         try:
@@ -276,9 +298,11 @@ def any_order(subject: Subject) -> Iterator[str]:
 class _Session:
     """Makes the calls of a sequence, and knows what the device is to do."""
 
-    def __init__(self, subject: Subject, peer: Peer) -> None:
+    def __init__(self, subject: Subject, peer: Peer, resolution: Resolution) -> None:
         self._subject = subject
         self._peer = peer
+        self._resolution = resolution
+        self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
         self._watcher = Watcher(peer)
@@ -316,8 +340,6 @@ class _Session:
                     with contextlib.suppress(*FAILURES):
                         await self._driver.make_safe()
                 await self._driver.close()
-        if left := _tasks_left():
-            raise StepFailed(f"tasks go on after close(): {left}")
 
     # The calls of each step.
 
@@ -370,7 +392,7 @@ class _Session:
     async def _measure(self, values: tuple[float, ...]) -> None:
         declared = self._driver.declaration
         for given in (values, nearby(declared, values)):
-            await asyncio.to_thread(measure, self._peer, declared, given)
+            await asyncio.to_thread(self._resolution.measure, self._peer, declared, given)
             await self._wait_for_rows()
 
     async def _act(self, action: str) -> None:
@@ -390,6 +412,30 @@ class _Session:
             raise StepFailed(f"it returns {reply!r}, expected the reply of the device")
         if before is not None and list(self._watcher.look().acted or ()) != [*before, action]:
             raise StepFailed("the device has not done it")
+
+    async def _fail(self, fault: str) -> None:
+        """Have the device fail for a while; then rows are what it measures, as before."""
+        begin, mend = self._peer.faults.get(fault), self._peer.mend
+        if begin is None or mend is None:
+            return
+        assert self._task is not None  # noqa: S101
+        self._fails = True
+        for change in (begin, mend):
+            await asyncio.to_thread(change)
+            await asyncio.wait({self._task}, timeout=LATE_S)
+        self._fails, self._watcher.gap_s = False, 0.0
+        if self._task.done():
+            error, self._task = self._task.exception(), None
+            if not isinstance(error, FAILURES):
+                raise StepFailed(f"run() ends with {error!r}")
+            await self._must("close", self._driver.close())
+            await self._open()
+            await self._run()
+        self._rows, self._sent = 0, None  # what was late or lost is not counted
+        if self._driver.declaration.channels:
+            rng = random.Random(f"{self._subject.seed} {fault}")
+            for _ in range(AGAIN):
+                await self._measure(drawn_values(self._driver.declaration, rng))
 
     async def _cancel(self, steps: int = 1) -> None:
         for _ in range(steps):
@@ -416,8 +462,6 @@ class _Session:
             raise StepFailed("run() still gives rows after it was cancelled")
         if self._watcher.look().sent != before:
             raise StepFailed("the device goes on sending after close()")
-        if left := _tasks_left():
-            raise StepFailed(f"tasks go on after close(): {left}")
 
     async def _new_driver(self) -> None:
         self._new()
@@ -467,11 +511,13 @@ class _Session:
     def _emit(self, row: Sequence[float]) -> None:
         self._rows += 1
         self._came.set()
+        if self._fails:
+            return
         declared, look = self._driver.declaration, self._watcher.look()
         looks = [item.measured for item in self._watcher.since(time.monotonic() - AGE_S)]
         problems = list(row_problems(declared, row))
         if not problems and looks[-1]:
-            problems += untrue(declared, row, looks)
+            problems += untrue(declared, row, looks, self._resolution.rooms)
         if self._sent is not None and self._rows > (look.sent or 0) - self._sent:
             problems.append(f"row {self._rows} comes, and the device has sent fewer readings")
         self._wrong += map(StepFailed, problems)

@@ -15,4 +15,6 @@ def test_it_keeps_what_a_fast_driver_promises() -> None:
         "safe while stuck",
         "ready is true",
         "watchdog that never acts",
+        "refused",
+        "rescue without an answer",
     }
