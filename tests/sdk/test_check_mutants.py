@@ -33,8 +33,10 @@ def test_mutant_is_found_by_its_rule(kind: str, mutant: Mutant, tmp_path: Path) 
 
 
 def test_rules_skipped_without_an_observer_are_reported() -> None:
-    report = examine_driver(Good, peer=motor, only=["watchdog declared"])
-    assert report.skipped == {"watchdog declared": "the peer does not show what the device does"}
+    report = examine_driver(Good, peer=motor, only=["rescue without an answer"])
+    assert report.skipped == {
+        "rescue without an answer": "the peer does not show what the device does"
+    }
 
 
 def test_peer_must_show_an_actuator_per_setpoint() -> None:

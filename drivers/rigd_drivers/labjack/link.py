@@ -24,9 +24,9 @@ from rigd_drivers.labjack.config import (
 )
 from rigd_drivers.labjack.device import CALL_S, CYCLE_S, Device
 
-#: Outputs are put out within this time, in s, and at rest over a new connection: 0.5 s together.
+#: Outputs are put out within this time, in s, and at rest over a new connection.
 PUT_S: Final = 0.2
-PUT_ANEW_S: Final = 0.3
+PUT_ANEW_S: Final = 0.25
 #: More than a device has.
 _MOST_INPUTS: Final = 14
 _MOST_LINES: Final = 23
@@ -217,7 +217,7 @@ class Labjack(Card):
         """Put out what has been set now; see :class:`Card`.
 
         If the connection is of no use, all outputs are brought to rest over a new one. Takes 0.2 s
-        at most, and 0.3 s more with a new connection: it delays the stop of all other devices. If
+        at most, and 0.25 s more with a new connection: it delays the stop of all other devices. If
         that fails, it fails at once for a second: each drive of a card calls this as it is made
         safe.
         """

@@ -18,6 +18,8 @@ from rigd_drivers.card_watchdog import prove, prove_one_shot, wires_of
 from rigd_drivers.ni_io.config import NiIoConfig, WatchdogOptions
 from rigd_drivers.ni_io.signals import CALL_S, CYCLE_S, RANGE_V, Expired, Signals
 
+#: Outputs are put out within this time, in s: it delays the stop of all other devices.
+PUT_S: Final = 0.4
 #: More analogue inputs or counters than a card has.
 _MOST_INPUTS: Final = 80
 _MOST_COUNTERS: Final = 8
@@ -263,7 +265,8 @@ class NiIo(Card):
         if not self._open:
             return
         try:
-            self._signals.put_lines_first(self._volts_out, self._lines_out, again=again)
+            with self._signals.call_time.within(PUT_S):
+                self._signals.put_lines_first(self._volts_out, self._lines_out, again=again)
         except Expired:
             if not self._at_rest():
                 raise

@@ -29,6 +29,7 @@ from rigd.sdk.check.sequences import (
     StepFailed,
     expect,
     first_failure,
+    made,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
@@ -215,12 +216,10 @@ class _Played:
         walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
-                for step in walk:
-                    self._watcher.gap_s = 0.0
-                    calls = getattr(self, "_" + step.name.replace(" ", "_"))
-                    calls() if step.value is None else calls(step.value)
-            except StepFailed as failed:
-                raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
+                with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                    for step in walk:
+                        self._watcher.gap_s = 0.0
+                        made(self, step)
             finally:
                 self._caller.call(self._driver.close, OPEN_S)
 

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from rigd.model.channels import Channel
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, Bench, rest
+from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, READY_S, Bench, rest
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.sequences import (
@@ -30,6 +30,7 @@ from rigd.sdk.check.sequences import (
     StepFailed,
     expect,
     first_failure,
+    made,
 )
 from rigd.sdk.check.subject import FAILURES, Subject, described
 from rigd.sdk.check.watching import until
@@ -58,6 +59,10 @@ FOLLOWS_S: Final = 1.0
 ROOM_S: Final = 1.0
 #: A fault of the device in mid-run is reported within this time, in s.
 REPORTED_S: Final = 1.5
+#: The first row comes within this time after arm(), and 3 silent_s, in s.
+ROWS_S: Final = 2.0
+#: Room for a time that a device keeps in its own unit, in s.
+NUDGE: Final = 1e-3
 #: An action ends within this time, in s.
 ACTS_S: Final = 10.0
 #: A proof returns the time of the device's watchdog, less at most this part of it.
@@ -246,11 +251,9 @@ class _Played:
         found, self._walk = self._found, RandomWalk(trial, CALLS)
         with found.watcher:
             try:
-                for step in self._walk:
-                    self._step(step)
-            except StepFailed as failed:
-                stalled = self._stalled or self._stands()
-                raise self._walk.verdict(failed, stalled=stalled) from failed
+                with self._walk.judged(lambda: self._stalled or self._stands()):
+                    for step in self._walk:
+                        self._step(step)
             finally:
                 found.call(found.driver.make_safe)
                 found.close()
@@ -263,8 +266,7 @@ class _Played:
         self._before_s = max(self._found.gap_s, self._found.watcher.gap_s)
         self._found.gap_s = self._found.watcher.gap_s = 0.0
         began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
-        calls = getattr(self, "_" + step.name.replace(",", "").replace(" ", "_"))
-        calls() if step.value is None else calls(step.value)
+        made(self, step)
         if not self._observed or not self._channels:
             return
         if self._found.look().trips != trips and step.name not in SILENT:
@@ -298,6 +300,12 @@ class _Played:
         self._must("preflight", outcome)
         if reasons := list(outcome.value):
             raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
+        declared_s, there_s = self._found.driver.watchdog_s, self._found.look().watchdog_s
+        kept = (
+            there_s is None if declared_s is None else 0.0 < (there_s or 0.0) < declared_s + NUDGE
+        )
+        if self._observed and self._channels and not kept:
+            raise StepFailed(f"watchdog_s is {declared_s} s, and that of the device is {there_s} s")
 
     def _open_again(self) -> None:
         """Open what is open: it is as before, or it is open anew and not armed."""
@@ -343,14 +351,17 @@ class _Played:
         self._passed.append(self._last)
         self._must("arm", found.call_slowly(found.driver.arm))
         self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
-        end = time.monotonic() + FOLLOWS_S * 10
+        began_s, declared = time.monotonic(), found.driver.declaration
         while True:
             ready = found.call(found.driver.ready)
             self._must("ready", ready)
-            if ready.value:
+            if ready.value and (found.rows or not declared.channels):
                 break
-            if time.monotonic() > end:
+            took_s = time.monotonic() - began_s
+            if took_s > READY_S and not ready.value:
                 raise StepFailed("it never becomes ready")
+            if took_s > ROWS_S + 3 * declared.silent_s and ready.value:
+                raise StepFailed("it has channels, and read() gave no row")
             self._cycle(self._last)
         energised = found.look().energised
         if self._enables is None:

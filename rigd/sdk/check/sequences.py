@@ -159,14 +159,31 @@ class RandomWalk:
                 yield step
                 self.state = call.after or self.state
 
-    def verdict(self, failed: StepFailed, *, stalled: bool) -> Exception:
-        """Return what a failure of the present step tells: of the driver, or nothing."""
-        failed.at = self._number
-        if stalled:
-            return Stalled("this machine stalled")
-        if self._trial.options and isinstance(failed.error, REFUSALS):
-            return Unjudged(f"with {self._trial.drawn} {failed}")
-        return failed
+    @contextlib.contextmanager
+    def judged(self, stalled: Callable[[], bool]) -> Iterator[None]:
+        """Make of a step that fails what it tells: of the driver, of the machine, or nothing.
+
+        ``stalled`` returns whether this machine stood still in the present step.
+
+        Raises:
+            StepFailed: the driver breaks a promise.
+            Unjudged: it may be the machine, or the options.
+        """
+        try:
+            yield
+        except StepFailed as failed:
+            failed.at = self._number
+            if stalled():
+                raise Stalled("this machine stalled") from failed
+            if self._trial.options and isinstance(failed.error, REFUSALS):
+                raise Unjudged(f"with {self._trial.drawn} {failed}") from failed
+            raise
+
+
+def made(player: object, step: DrawnStep) -> Any:
+    """Make the calls of a step, a method of ``player`` of its name; return what they return."""
+    calls = getattr(player, "_" + step.name.replace(" ", "_"))
+    return calls() if step.value is None else calls(step.value)
 
 
 def first_failure(play: Play, trials: Iterable[DrawnTrial], notes: list[str]) -> Iterator[str]:

@@ -31,6 +31,7 @@ from rigd.sdk.check.sequences import (
     Unjudged,
     expect,
     first_failure,
+    made,
 )
 from rigd.sdk.check.stalls import Stalls
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
@@ -202,24 +203,6 @@ async def _stop(task: asyncio.Task[None], problems: Problems) -> None:
         problems.add(f"run() {how} when it is cancelled")
 
 
-async def _opens(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    reasons = driver.preflight()
-    if list(reasons):
-        problems.add(f"preflight() finds fault with a healthy device: {'; '.join(reasons)}")
-
-
-async def _rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    try:
-        await rows.enough(driver, task)
-        for row in rows.rows:
-            problems.update(row_problems(driver.declaration, row))
-    finally:
-        if not task.done():
-            await _stop(task, problems)
-
-
 #: States: closed, open, running, armed (and running).
 CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 3, "open"),
@@ -324,14 +307,12 @@ class _Session:
         walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
-                for step in walk:
-                    self._watcher.gap_s = 0.0
-                    calls = getattr(self, "_" + step.name.replace(" ", "_"))
-                    await (calls() if step.value is None else calls(step.value))
-                    if self._wrong:
-                        raise self._wrong[0]
-            except StepFailed as failed:
-                raise walk.verdict(failed, stalled=self._watcher.gap_s > STALL_S) from failed
+                with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                    for step in walk:
+                        self._watcher.gap_s = 0.0
+                        await made(self, step)
+                        if self._wrong:
+                            raise self._wrong[0]
             finally:
                 if self._task is not None:
                     self._task.cancel()
@@ -347,6 +328,8 @@ class _Session:
         self._rows, self._sent = 0, self._watcher.look().sent
         await self._must("open", self._driver.open())
         await self._still("after open()")
+        if reasons := list(self._driver.preflight()):
+            raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
 
     async def _open_and_cancel(self, steps: int) -> None:
         task = asyncio.create_task(self._driver.open())
@@ -584,27 +567,6 @@ def _stands(stalls: Stalls) -> bool:
     return len(stalls.found) >= STALLS or sum(stalls.found) >= STANDS_S
 
 
-async def _cancelled(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    for steps in CANCEL_STEPS:
-
-        async def whole() -> None:
-            await driver.open()
-            await driver.run(lambda row: None)
-
-        task = asyncio.create_task(whole())
-        for _ in range(steps):
-            await asyncio.sleep(0.002)
-        await _stop(task, problems)
-        try:
-            await driver.close()
-        except FAILURES as error:
-            problems.add(f"close() after a cancelled open() raises {described(error)}")
-    try:
-        await driver.open()
-    except FAILURES as error:
-        problems.add(f"after cancelled ones, open() raises {described(error)}")
-
-
 async def _cancelled_waiting(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     rows = _Rows()
     task = asyncio.create_task(driver.run(rows))
@@ -716,20 +678,11 @@ def _opens_in_words(fault: str) -> Scene:
 #: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
-        "opens", "open() opens a healthy device; preflight() returns () for it", _scene(_opens), ""
-    ),
-    Rule(
-        "rows",
-        "run() emits rows as declared: a finite number per channel, within its range, an int last "
-        "if it has a status, at least every silent_s; and goes on until it is cancelled",
-        _scene(_rows),
-        "",
-    ),
-    Rule(
         "any order of calls",
-        "run() emits what the device measures, as it comes, each reading once, until it is "
-        "cancelled; act() does each of actions; a device with setpoints is driven with the last "
-        "one while it is armed, otherwise not at all; close() may come twice and leaves nothing",
+        "run() emits rows as declared at least every silent_s, what the device measures, as it "
+        "comes, each reading once, until it is cancelled, anywhere; preflight() returns () for a "
+        "healthy device; act() does each of actions; a device with setpoints is driven with the "
+        "last one while it is armed, otherwise not at all; close() may come twice, leaves nothing",
         any_order,
         "",
     ),
@@ -737,12 +690,6 @@ RULES: Final = (
         "never blocks",
         "await whatever waits: one blocking call stops every other device of the daemon",
         _scene(_never_blocks),
-        "",
-    ),
-    Rule(
-        "cancelled anywhere",
-        "let CancelledError pass, clean up in finally, and let go of the port: it opens again",
-        _scene(_cancelled, opened=False),
         "",
     ),
     Rule(

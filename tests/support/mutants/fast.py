@@ -137,10 +137,12 @@ MUTANTS = (
         "        link.close()\n",
     ),
     # watchdog
-    Mutant("no watchdog declared", "watchdog declared", "            watchdog_s=WATCHDOG_S,\n", ""),
+    Mutant(
+        "no watchdog declared", "any order of calls", "            watchdog_s=WATCHDOG_S,\n", ""
+    ),
     Mutant(
         "watchdog too short",
-        "watchdog declared",
+        "any order of calls",
         "            watchdog_s=WATCHDOG_S,\n",
         "            watchdog_s=0.1 * WATCHDOG_S,\n",
     ),
@@ -194,18 +196,18 @@ MUTANTS = (
     ),
     Mutant(
         "position in mm",
-        "opens and arms",
+        "any order of calls",
         "position=newest.position",
         "position=1e3 * newest.position",
     ),
     Mutant(
         "position without sign",
-        "opens and arms",
+        "any order of calls",
         "position=newest.position",
         "position=abs(newest.position)",
     ),
     Mutant("speed inverted", "any order of calls", "speed=newest.speed", "speed=-newest.speed"),
-    Mutant("speed of the setpoint", "opens and arms", "speed=newest.speed", "speed=0.5"),
+    Mutant("speed of the setpoint", "any order of calls", "speed=newest.speed", "speed=0.5"),
     Mutant(
         "read waits",
         "bounded",

@@ -47,14 +47,16 @@ MUTANTS = (
     ),
     Mutant(
         "run returns when cancelled",
-        "rows",
+        "any order of calls",
         _SLEEP,
         "            try:\n    " + _SLEEP + "            except asyncio.CancelledError:\n"
         "                return\n",
     ),
     # rows
-    Mutant("bare number", "rows", _EMIT, "            (lambda row: emit(tuple(row)))("),
-    Mutant("unit forgotten", "rows", " + ICE_POINT_K\n", "\n", "protocol"),
+    Mutant(
+        "bare number", "any order of calls", _EMIT, "            (lambda row: emit(tuple(row)))("
+    ),
+    Mutant("unit forgotten", "any order of calls", " + ICE_POINT_K\n", "\n", "protocol"),
     Mutant(
         "factor of ten",
         "any order of calls",
@@ -158,7 +160,7 @@ MUTANTS = (
     # close
     Mutant(
         "task left",
-        "opens",
+        "any order of calls",
         _IDENTIFY,
         "            asyncio.create_task(asyncio.sleep(60))\n" + _IDENTIFY,
     ),
@@ -219,7 +221,7 @@ MUTANTS = (
     ),
     Mutant(
         "socket dropped",
-        "opens",
+        "any order of calls",
         "            writer.close()\n            with contextlib.suppress(OSError):"
         "  # the connection is lost already\n                await writer.wait_closed()\n",
         "            pass\n",
@@ -232,7 +234,7 @@ MUTANTS = (
     ),
     Mutant(
         "thread left",
-        "opens",
+        "any order of calls",
         _IDENTIFY,
         "            import threading\n"
         "            threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
