@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import colorsys
+import contextlib
 import itertools
+import socket
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -236,6 +238,29 @@ class NeedsOpen(Good):
             raise LinkError("the link is not open")
 
 
+class PlacedConfig(MotorConfig):
+    """A motor at an address."""
+
+    host: str = "127.0.0.1"
+    """Where it is."""
+
+
+class Placed(Good):
+    Config: ClassVar[type[DriverConfig]] = PlacedConfig
+
+    def open(self) -> None:
+        with contextlib.suppress(OSError), socket.socket() as connection:
+            connection.connect((self.host(), 9))
+
+    def host(self) -> str:
+        return str(self.config.host)  # type: ignore[attr-defined]
+
+
+class Misplaced(Placed):
+    def host(self) -> str:
+        return "127.0.0.1"
+
+
 BAD: list[tuple[str, type[Driver], str]] = [
     ("title", Untitled, "title is ''"),
     ("safe is described", Unsaid, "no docstring"),
@@ -263,6 +288,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("hooks", Unproven, "prove_watchdog"),
     ("hooks", Inert, "actions tare"),
     ("silence", Patient, "silent_s is 0"),
+    ("address is used", Misplaced, "host is 127.0.0.2, and open() connects to 127.0.0.1"),
     ("safe and closed before open", NeedsOpen, "make_safe before open raises LinkError"),
 ]
 
@@ -270,6 +296,10 @@ BAD: list[tuple[str, type[Driver], str]] = [
 @each_mistake(BAD)
 def test_mistake_is_found_by_its_rule(rule: str, driver: type[Driver], words: str) -> None:
     assert_found(examine_driver(driver, peer=motor, only=[rule]), rule, words)
+
+
+def test_driver_at_the_address_of_its_file_passes() -> None:
+    assert examine_driver(Placed, peer=motor, only=["address is used"]).findings == ()
 
 
 def test_every_rule_has_a_driver_that_breaks_it() -> None:

@@ -267,7 +267,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("bounded", Waiting, "read takes"),
     ("arm never waits", Dawdling, "arm() takes 0.4 s"),
     ("bounded", Hanging, "did not return"),
-    ("any order of calls", TakesNan, "as if it were a setpoint"),
+    ("any order of calls", TakesNan, "nan"),
     ("any order of calls", Brittle, "KeyError"),
     ("any order of calls", SafeOnce, "make_safe again raises RuntimeError"),
     ("any order of calls", OpenOnce, "RuntimeError"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import count
 
 import pytest
 from support.memory_motor import Good, motor
@@ -72,10 +73,17 @@ def test_failure_that_shows_only_once_is_stated() -> None:
         for failed in failing:
             raise failed
 
-    assert examined(play) == (
-        [],
-        ["1 of 5 trials were not judged: it drives on, and not when it was played again"],
-    )
+    assert examined(play) == ([], ["showed once in 4 times: open, write 0: it drives on"])
+
+
+def test_failure_that_shows_now_and_then_is_finding() -> None:
+    times = count()
+
+    def play(number: int) -> None:
+        if next(times) % 3 == 0:
+            raise StepFailed("it drives on")
+
+    assert examined(play) == (["open, write 0: it drives on"], [])
 
 
 class Choosy(Good):

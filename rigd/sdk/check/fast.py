@@ -31,6 +31,7 @@ from rigd.sdk.check.sequences import (
     expect,
     first_failure,
     made,
+    surely,
 )
 from rigd.sdk.check.subject import FAILURES, Subject, described
 from rigd.sdk.check.watching import until
@@ -359,9 +360,9 @@ class _Played:
                 break
             took_s = time.monotonic() - began_s
             if took_s > READY_S and not ready.value:
-                raise StepFailed("it never becomes ready")
+                raise surely("it never becomes ready")
             if took_s > ROWS_S + 3 * declared.silent_s and ready.value:
-                raise StepFailed("it has channels, and read() gave no row")
+                raise surely("it has channels, and read() gave no row")
             self._cycle(self._last)
         energised = found.look().energised
         if self._enables is None:
@@ -397,7 +398,7 @@ class _Played:
             self._last = self._wanted = setpoints
             self._passed.append(setpoints)
             end = time.monotonic() + CREEPS_S
-            while time.monotonic() < end or not self._driven():
+            while time.monotonic() < end or (self._observed and not self._driven()):
                 self._cycle(setpoints)
                 if time.monotonic() > end + FOLLOWS_S:
                     break
@@ -405,7 +406,7 @@ class _Played:
             followed.append((setpoints, self._found.look().driven))
         for index, channel in enumerate(self._channels if self._observed else ()):
             pairs = [(wanted[index], driven[index]) for wanted, driven in followed]
-            for wanted, driven in _lost(pairs):
+            for wanted, driven in lost(pairs):
                 raise StepFailed(
                     f"the device is driven at {driven:.4g} {channel.unit}, not {wanted:.4g}, and "
                     "follows larger setpoints closer"
@@ -633,7 +634,7 @@ class _Played:
         )
 
 
-def _lost(pairs: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+def lost(pairs: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
     """Yield setpoint and value of an actuator that does not follow as its resolution permits.
 
     A device that knows steps errs as much with setpoints of some steps as with one below the first.

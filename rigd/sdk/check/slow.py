@@ -206,7 +206,7 @@ async def _stop(task: asyncio.Task[None], problems: Problems) -> None:
 #: States: closed, open, running, armed (and running).
 CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 3, "open"),
-    "open and cancel": KindOfStep("closed", 0.5, "closed", 2),
+    "open and cancel": KindOfStep("closed", 1, "closed", 2),
     "run": KindOfStep("open", 4, "running"),
     "run and at once act": KindOfStep("open", 1, "running"),
     "wait for rows": KindOfStep("running armed", 2),
@@ -339,6 +339,9 @@ class _Session:
         await asyncio.wait({task}, timeout=CANCEL_S)
         if not task.done():
             raise StepFailed(f"it goes on {CANCEL_S:g} s after it was cancelled")
+        for _ in range(2):  # it opens again
+            await self._must("close", self._driver.close())
+            await self._must("open", self._driver.open())
         await self._must("close", self._driver.close())
 
     async def _run(self) -> None:
