@@ -15,7 +15,7 @@ from rigd.sdk.check import Observed, Peer
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import lost, small_steps
 from rigd.sdk.check.leaks import connections
-from rigd.sdk.check.rows import Resolution, untrue
+from rigd.sdk.check.rows import Truth, untrue
 from rigd.sdk.check.watching import Watcher
 
 STEP = 0.004
@@ -76,14 +76,35 @@ def test_offset_is_found_once_resolution_is_known() -> None:
         shown["temperature"] = round(dict(values)["temperature"] - 273.15, 2) + 273.15  # type: ignore[call-overload]
 
     peer = Peer(measure=show, observed=lambda: Observed(measured=dict(shown)))
-    resolution, rng = Resolution(), random.Random(1)
+    truth, rng = Truth(), random.Random(1)
     off = KelvinRow.of(temperature=300.0)
-    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.15}], resolution.rooms))
+    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.15}], truth.rooms))
     for _ in range(5):
-        resolution.measure(peer, THERMOMETER, [rng.uniform(250.0, 350.0)])
-    (problem,) = untrue(THERMOMETER, off, [{"temperature": 300.15}], resolution.rooms)
+        truth.measure(peer, THERMOMETER, [rng.uniform(250.0, 350.0)])
+    (problem,) = untrue(THERMOMETER, off, [{"temperature": 300.15}], truth.rooms)
     assert problem == "temperature is 300 K, and the device measures 300.15"
-    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.0}], resolution.rooms))
+    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.0}], truth.rooms))
+
+
+@pytest.mark.parametrize("wrong", [lambda value: 1.01 * value, lambda value: value - 0.15])
+def test_same_error_each_time_is_found(wrong: Callable[[float], float]) -> None:
+    truth, rng, found = Truth(), random.Random(1), []
+    for _ in range(12):
+        value = rng.uniform(250.0, 350.0)
+        row = KelvinRow.of(temperature=wrong(value))
+        found += truth.problems(THERMOMETER, row, [{"temperature": value}])
+    assert "temperature is off by " in found[0]
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-4, 0.1, 1.0])
+def test_resolution_of_a_device_is_no_error(step: float) -> None:
+    for seed in range(20):
+        truth, rng = Truth(), random.Random(seed)
+        for _ in range(40):
+            value = rng.uniform(250.0, 350.0)
+            shown = step * math.floor(value / step) if step else value
+            row = KelvinRow.of(temperature=shown)
+            assert not list(truth.problems(THERMOMETER, row, [{"temperature": value}]))
 
 
 def test_what_is_sent_and_received_is_heard() -> None:

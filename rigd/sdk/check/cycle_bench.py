@@ -12,7 +12,7 @@ from typing import Any, Final
 from rigd.sdk.check.caller import SENDS, Caller, CallOutcome, hearing
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import row_problems, untrue
+from rigd.sdk.check.rows import Truth, row_problems
 from rigd.sdk.check.sequences import StepFailed
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
@@ -49,6 +49,7 @@ class Bench:
         self.peer = peer
         self.took: dict[str, list[float]] = {}  # how long each read and write took, in s
         self.waits: Counter[str] = Counter()  # how often one waited, while the machine went on
+        self._truth = Truth()
         self.rows = 0  # that came since it was opened
         self._last_ns: int | None = None  # taken_ns of the last of them
         #: Rows since all that the device had sent was read, and how many readings it had sent then.
@@ -230,9 +231,8 @@ class Bench:
             age_s = AGE_S
             if look.sent is None and not declared.every_cycle:
                 age_s += declared.silent_s
-            for problem in untrue(
-                declared, row, [item.measured for item in self.watcher.since_reading(now_s - age_s)]
-            ):
+            looks = [item.measured for item in self.watcher.since_reading(now_s - age_s)]
+            for problem in self._truth.problems(declared, row, looks):
                 raise StepFailed(problem)
 
     def arm(self) -> None:

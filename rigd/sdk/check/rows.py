@@ -21,6 +21,11 @@ SMALL_STEP: Final = 0.04
 TRUE_PART = 0.02
 #: And by this part of its range: frames and cards carry whole numbers.
 RANGE_PART: Final = 1e-4
+#: After so many values it is known whether their errors lie on a straight line: they are not less
+#: than this part of the largest value, and what the line does not explain is this part of them.
+LINE_OF: Final = 10
+LINE_PART: Final = 3e-4
+LINE_LEFT: Final = 0.02
 #: After so many values the resolution of a device is known.
 LEARNED: Final = 3
 #: The part of a value that is lost in single precision.
@@ -130,16 +135,19 @@ def measure(peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
         peer.measure({n: v for n, v in zip(names, values, strict=True) if n in measured})
 
 
-class Resolution:
-    """Learns what a simulated device can measure: it shows what it was told, rounded to its digits.
+class Truth:
+    """Compares rows with what the device measured, the closer the more it knows of the device.
 
-    ``rooms`` are what rows may differ from what the device measures, by channel in its unit, of
-    those of which it is known.
+    A simulated device that is told what to measure shows it rounded to its digits: that is its
+    resolution. And a value that is off by the same part and the same offset each time is off by a
+    mistake of the driver, however little that is.
     """
 
     def __init__(self) -> None:
+        #: What a value may differ by, by channel in its unit, of those of which that is known.
         self.rooms: dict[str, float] = {}
         self._off: dict[str, list[float]] = {}
+        self._errors: dict[str, dict[float, float]] = {}  # by channel and measured value
 
     def measure(self, peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
         """Have the device measure ``values``; see :func:`measure`."""
@@ -151,3 +159,33 @@ class Resolution:
                 off.append(abs(shown[channel.name] - value))
                 if len(off) >= LEARNED and max(off) > 0.0:
                     self.rooms[channel.name] = 2 * max(off) + ROUNDED * abs(value)
+
+    def problems(
+        self, declared: Declaration, row: Sequence[float], looks: Sequence[Mapping[str, float]]
+    ) -> Iterator[str]:
+        """Yield the problems of a row whose device measured ``looks``; see :func:`untrue`."""
+        yield from untrue(declared, row, looks, self.rooms)
+        for channel, value in zip(declared.channels, row, strict=False):
+            measured = {look.get(channel.name, math.nan) for look in looks}
+            if len(measured) == 1 and not any(map(math.isnan, measured)):
+                errors = self._errors.setdefault(channel.name, {})
+                before = len(errors)
+                errors[measured.pop()] = value - min(look[channel.name] for look in looks)
+                if len(errors) > before and (problem := _same_error(errors)):
+                    yield f"{channel.name} is off {problem}, in {channel.unit}"
+
+
+def _same_error(errors: Mapping[float, float]) -> str:
+    """Return the straight line on which the errors of a channel lie; "" if they lie on none."""
+    count = len(errors)
+    largest = max(map(abs, errors))
+    size = math.sqrt(sum(error**2 for error in errors.values()) / count)
+    if count < LINE_OF or size < LINE_PART * largest:
+        return ""
+    middle, offset = sum(errors) / count, sum(errors.values()) / count
+    spread = sum((value - middle) ** 2 for value in errors)
+    slope = sum((value - middle) * error for value, error in errors.items()) / spread
+    left = sum((error - offset - slope * (value - middle)) ** 2 for value, error in errors.items())
+    if math.sqrt(left / count) > LINE_LEFT * size:
+        return ""
+    return f"by {offset - slope * middle:.3g} and {100 * slope:.3g} % each time"

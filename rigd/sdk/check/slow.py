@@ -21,7 +21,7 @@ from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.fast import Setpoints, near
 from rigd.sdk.check.leaks import connections, nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import Resolution, drawn_values, nearby, row_problems, untrue
+from rigd.sdk.check.rows import Truth, drawn_values, nearby, row_problems
 from rigd.sdk.check.sequences import (
     DrawnTrial,
     KindOfStep,
@@ -59,6 +59,8 @@ MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
 #: For so long after the device is dead, run() may still emit rows that arrived before, in s.
 TAIL_S: Final = 0.5
+#: Faults in which no answer says that an action was done.
+UNANSWERED: Final = ("silent", "garbled")
 #: How long after a row run() has asked for the next one and waits for it, in s.
 WAITS_S: Final = 0.3
 #: Steps of the loop after which open() and run() are cancelled: any await may be the last.
@@ -239,7 +241,7 @@ def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, resolution, faults = Setpoints(), Resolution(), itertools.cycle(FAULTS_THAT_END)
+    setpoints, truth, faults = Setpoints(), Truth(), itertools.cycle(FAULTS_THAT_END)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         declared = subject.declare()
@@ -264,7 +266,7 @@ def any_order(subject: Subject) -> Iterator[str]:
         kept: list[_Session] = []  # what its drivers leave open stays to be seen
 
         async def main(peer: Peer) -> None:
-            kept.append(_Session(drawn, peer, resolution))
+            kept.append(_Session(drawn, peer, truth))
             await kept[0].play(trial)
 
         try:
@@ -281,10 +283,10 @@ def any_order(subject: Subject) -> Iterator[str]:
 class _Session:
     """Makes the calls of a sequence, and knows what the device is to do."""
 
-    def __init__(self, subject: Subject, peer: Peer, resolution: Resolution) -> None:
+    def __init__(self, subject: Subject, peer: Peer, truth: Truth) -> None:
         self._subject = subject
         self._peer = peer
-        self._resolution = resolution
+        self._truth = truth
         self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
@@ -378,7 +380,7 @@ class _Session:
     async def _measure(self, values: tuple[float, ...]) -> None:
         declared = self._driver.declaration
         for given in (values, nearby(declared, values)):
-            await asyncio.to_thread(self._resolution.measure, self._peer, declared, given)
+            await asyncio.to_thread(self._truth.measure, self._peer, declared, given)
             await self._wait_for_rows()
 
     async def _act(self, action: str) -> None:
@@ -503,7 +505,7 @@ class _Session:
         looks = [item.measured for item in self._watcher.since(time.monotonic() - AGE_S)]
         problems = list(row_problems(declared, row))
         if not problems and looks[-1]:
-            problems += untrue(declared, row, looks, self._resolution.rooms)
+            problems += self._truth.problems(declared, row, looks)
         if self._sent is not None and self._rows > (look.sent or 0) - self._sent:
             problems.append(f"row {self._rows} comes, and the device has sent fewer readings")
         self._wrong += map(StepFailed, problems)
@@ -595,56 +597,35 @@ async def _rate(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     await _stop(task, problems)
 
 
-def _lost(fault: str) -> Scene:
+def _fault(fault: str) -> Scene:
+    """Return the scene of a fault in mid-run, also of an action meanwhile."""
+
     async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        rows = _Rows()
+        rows, declared = _Rows(), driver.declaration
         task = asyncio.create_task(driver.run(rows))
         await rows.enough(driver, task)
         peer.faults[fault]()
         began = time.monotonic()
-        await asyncio.wait({task}, timeout=TAIL_S + 2 * driver.declaration.silent_s)
-        if rows.last_s > began + TAIL_S:
+        for action in [*declared.actions][:1] if fault in UNANSWERED else ():
+            with contextlib.suppress(*FAILURES):  # the scene reports any other error
+                reply = await asyncio.wait_for(driver.act(action), OPEN_S)
+                problems.add(f"the device is {fault}, and act({action!r}) returns {reply!r}")
+        within_s = TAIL_S + 2 * declared.silent_s
+        await asyncio.wait({task}, timeout=began + within_s - time.monotonic())
+        if fault != "late" and rows.last_s > began + TAIL_S:
             problems.add(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
         if fault == "dead" and not task.done():
-            waited = TAIL_S + 2 * driver.declaration.silent_s
-            problems.add(f"{waited:g} s after the device is dead run() has not raised")
-        await _ended(task, problems)
-
-    return play
-
-
-def _bad_answers(fault: str, *, may_emit: bool) -> Scene:
-    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        rows = _Rows()
-        task = asyncio.create_task(driver.run(rows))
-        await rows.enough(driver, task)
-        peer.faults[fault]()
-        began = time.monotonic()
-        await asyncio.wait({task}, timeout=1.0 + driver.declaration.silent_s)
-        if not may_emit and rows.last_s > began + TAIL_S:
-            problems.add(f"run() gives rows though what the device sends is {fault}")
+            problems.add(f"{within_s:g} s after the device is dead run() has not raised")
         for row in rows.rows:
-            problems.update(row_problems(driver.declaration, row, in_range=False))
+            problems.update(row_problems(declared, row, in_range=False))
         await _ended(task, problems)
 
     return play
 
 
-def _acts(fault: str) -> Scene:
-    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        if not driver.declaration.actions:
-            return
-        rows = _Rows()
-        task = asyncio.create_task(driver.run(rows))
-        await rows.enough(driver, task)
-        peer.faults[fault]()
-        action = next(iter(driver.declaration.actions))
-        with contextlib.suppress(*FAILURES):  # the scene reports any other error
-            reply = await asyncio.wait_for(driver.act(action), OPEN_S)
-            problems.add(f"the device is {fault}, and act({action!r}) returns {reply!r}")
-        await _ended(task, problems)
-
-    return play
+def _silent(subject: Subject) -> Iterator[str]:
+    yield from _scene(_fault("silent"))(subject)
+    yield from _scene(_cancelled_waiting)(subject)
 
 
 async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
@@ -705,42 +686,29 @@ RULES: Final = (
     Rule(
         "dead",
         "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
-        _scene(_lost("dead")),
+        _scene(_fault("dead")),
         "dead",
     ),
     Rule(
         "silent",
-        "with the device silent run() raises a DeviceError, or emits nothing: no row is made up",
-        _scene(_lost("silent")),
-        "silent",
-    ),
-    Rule(
-        "cancelled while it waits",
-        "let CancelledError pass out of run() while it waits for an answer, each time",
-        _scene(_cancelled_waiting),
+        "with the device silent run() raises a DeviceError, or emits nothing: no row is made up; "
+        "it lets CancelledError pass while it waits for an answer; act() raises a DeviceError if "
+        "none comes within a bound",
+        _silent,
         "silent",
     ),
     Rule(
         "late",
         "an answer that is late is waited for within a bound, or raises a DeviceError",
-        _scene(_bad_answers("late", may_emit=True)),
+        _scene(_fault("late")),
         "late",
     ),
     Rule(
         "garbled",
-        "damaged answers are thrown away or raise a ProtocolError; they never become rows",
-        _scene(_bad_answers("garbled", may_emit=False)),
+        "damaged answers are thrown away or raise a ProtocolError; they never become rows, and "
+        "act() returns only what the device answers if it did it",
+        _scene(_fault("garbled")),
         "garbled",
-    ),
-    *(
-        Rule(
-            f"act while {fault}",
-            "act() returns once the device has answered that it did it; any other answer, or none "
-            "within a bound, is a DeviceError",
-            _scene(_acts(fault)),
-            fault,
-        )
-        for fault in ("silent", "garbled")
     ),
     Rule(
         "not there",

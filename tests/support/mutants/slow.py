@@ -32,7 +32,7 @@ MUTANTS = (
     Mutant("interval ignored", "not too often", _SLEEP, "            await asyncio.sleep(0)\n"),
     Mutant(
         "cancel swallowed once",
-        "cancelled while it waits",
+        "silent",
         _TIMEOUT,
         "            except asyncio.CancelledError:\n"
         '                if getattr(self, "_again", False):\n                    raise\n'
@@ -41,7 +41,7 @@ MUTANTS = (
     ),
     Mutant(
         "cancel taken for a fault",
-        "cancelled while it waits",
+        "silent",
         "            except TimeoutError as error:\n",
         "            except (TimeoutError, asyncio.CancelledError) as error:\n",
     ),
