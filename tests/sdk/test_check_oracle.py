@@ -88,7 +88,8 @@ def test_offset_is_found_once_resolution_is_known() -> None:
 
 @pytest.mark.parametrize("wrong", [lambda value: 1.01 * value, lambda value: value - 0.15])
 def test_same_error_each_time_is_found(wrong: Callable[[float], float]) -> None:
-    truth, rng, found = Truth(), random.Random(1), []
+    truth, rng = Truth(), random.Random(1)
+    found: list[str] = []
     for _ in range(12):
         value = rng.uniform(250.0, 350.0)
         row = KelvinRow.of(temperature=wrong(value))
