@@ -23,8 +23,7 @@ def test_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, {"speed_range": "1 m/s"}, peer=motor)
     assert report.findings == ()
     assert report.skipped.keys() == {
-        "safe while stuck", "ready is true", "watchdog that never acts", "refused",
-        "rescue without an answer",
+        "safe while stuck", "ready is true", "watchdog that never acts", "refused"
     }  # fmt: skip
     assert len(report.checked) > 20
 
@@ -318,8 +317,7 @@ def test_missing_device_must_raise_link_error(link: type[WireLink], words: str) 
 
 def test_every_rule_has_a_driver_that_breaks_it() -> None:
     of_actuators = {
-        "safe while stuck", "ready is true", "watchdog that never acts", "refused",
-        "rescue without an answer",
+        "safe while stuck", "ready is true", "watchdog that never acts", "refused"
     }  # fmt: skip
     assert {rule.name for rule in RULES} - of_actuators == {
         "not there", *(rule for rule, _, _ in BAD)

@@ -33,10 +33,13 @@ def test_mutant_is_found_by_its_rule(kind: str, mutant: Mutant, tmp_path: Path) 
 
 
 def test_rules_skipped_without_an_observer_are_reported() -> None:
-    report = examine_driver(Good, peer=motor, only=["rescue without an answer"])
-    assert report.skipped == {
-        "rescue without an answer": "the peer does not show what the device does"
-    }
+    @contextmanager
+    def refusing() -> Iterator[Peer]:
+        with motor() as peer:
+            yield replace(peer, faults={**peer.faults, "refusing": lambda: None})
+
+    report = examine_driver(Good, peer=refusing, only=["refused"])
+    assert report.skipped == {"refused": "the peer does not show what the device does"}
 
 
 def test_peer_must_show_an_actuator_per_setpoint() -> None:

@@ -144,6 +144,8 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                     yield from _works_again(found, fault)
         if fault == "late":
             yield from _behind(subject)
+        elif fault in {"silent", "stuck"}:
+            yield from _rescued(subject, fault)
 
     return check
 
@@ -266,25 +268,28 @@ def _refused(subject: Subject) -> Iterator[str]:
             yield f"the device refuses {wanted}, is driven at {driven}, and no cycle raises"
 
 
-def _rescued_silent(subject: Subject) -> Iterator[str]:
-    for rescues in (False, True):
+def _rescued(subject: Subject, fault: str) -> Iterator[str]:
+    """Yield that rescue() leaves a device driven which obeys in silence, or does not obey."""
+    for rescues in (False, True) if fault == "silent" else (True,):
         with bench(subject) as found:
-            if not found.driver.second_link or not found.driver.declaration.setpoints:
+            if not found.driver.second_link or not subject.observes:
                 return
             found.run()
             trips = found.look().trips
-            found.peer.faults["silent"]()
+            found.peer.faults[fault]()
             if rescues:
                 found.close()
                 found.replace()
-            outcome = found.call(found.driver.rescue if rescues else found.driver.make_safe, OPEN_S)
-            if outcome.error is not None and not isinstance(outcome.error, FAILURES):
-                yield f"rescue() raises {described(outcome.error)}"
+            error = found.call(
+                found.driver.rescue if rescues else found.driver.make_safe, OPEN_S
+            ).error
+            if error is not None and not isinstance(error, FAILURES):
+                yield f"{'rescue' if rescues else 'make_safe'}() raises {described(error)}"
             until(lambda: not found.look().energised, (found.driver.watchdog_s or SAFE_S) / 2)
             after = found.look()
             if not after.energised and after.trips == trips:
                 continue
-            if rescues:
+            if rescues and (fault == "silent" or error is None):
                 yield f"after rescue() the device is driven at {after.driven}"
             return  # a device that does not obey while it is silent is not rescued either
 
@@ -359,7 +364,8 @@ RULES: Final = (
     Rule(
         "silent",
         "with the device silent read() returns None or raises a DeviceError: no row is made up; "
-        "make_safe() or confirm_safe() raises, unless the device is safe",
+        "make_safe() or confirm_safe() raises, unless the device is safe; rescue() makes it safe "
+        "before it asks anything: it may obey and not answer",
         _fault("silent"),
         "silent",
     ),
@@ -383,8 +389,8 @@ RULES: Final = (
     ),
     Rule(
         "safe while stuck",
-        "make_safe() or confirm_safe() raises a LinkError or DeviceError, unless the device is "
-        "safe: wait for its answer in confirm_safe(), and check it",
+        "make_safe() or confirm_safe(), and rescue(), raises a LinkError or DeviceError, unless "
+        "the device is safe: wait for its answer in confirm_safe(), and check it",
         _fault("stuck", rows=True),
         "stuck",
         observes=True,
@@ -400,13 +406,6 @@ RULES: Final = (
         "ask the device whether it has refused a setpoint, and raise a DeviceError if it has",
         _refused,
         "refusing",
-        observes=True,
-    ),
-    Rule(
-        "rescue without an answer",
-        "rescue() makes the device safe before it asks anything: it may obey and not answer",
-        _rescued_silent,
-        "silent",
         observes=True,
     ),
     Rule(
