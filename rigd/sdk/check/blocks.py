@@ -30,6 +30,7 @@ from rigd.sdk.check.sequences import (
     expect,
     first_failure,
     made,
+    surely,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
@@ -252,7 +253,8 @@ class _Played:
                 blocks += 1
                 late = self._late() if blocks % count == 0 else late
             if time.monotonic() > end:
-                raise StepFailed(late or f"{blocks} blocks with rows in {BLOCKS_S:g} s")
+                problem = late or f"{blocks} blocks with rows in {BLOCKS_S:g} s"
+                raise StepFailed(problem) if blocks else surely(problem)
         span_s = (time.monotonic_ns() - self._began_ns) * 1e-9
         apart_s, rate_hz = float(np.median(self._steps)) * 1e-9, self._driver.rate_hz
         if span_s > GATHER_S and not abs(apart_s * rate_hz - 1) <= TIMES_PART:
