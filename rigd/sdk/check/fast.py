@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from rigd.model.channels import Channel
+from rigd.model.errors import DeviceError
 from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, READY_S, Bench, rest
 from rigd.sdk.check.leaks import nothing_left
@@ -327,6 +328,9 @@ class _Played:
         before, promised = found.look(), found.driver.watchdog_s or 0.0
         found.sent_s.clear()
         outcome = found.call_slowly(found.driver.prove_watchdog)
+        quiet = before.trips is None or found.look().trips != before.trips
+        if isinstance(outcome.error, DeviceError) and not quiet:
+            raise surely(f"prove_watchdog raises {described(outcome.error)}: it was not silent")
         self._must("prove_watchdog", outcome)
         least_s, most_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0), promised + ROOM_S / 4
         if before.trips is not None:
