@@ -20,6 +20,7 @@ from rigd.sdk import (
     DriverConfig,
     Link,
     LinkConfig,
+    LinkError,
     Plant,
     PlantConfig,
     Setting,
@@ -136,6 +137,15 @@ class SimulationSetup:
     simulation_class: type[Simulation]
     config: SimulationConfig
     settings: Mapping[str, Setting] | None = None
+
+    def missing(self, rig: str) -> tuple[str, ...]:
+        """Return what to do if no process serves the devices of ``rig``; nothing if one does."""
+        try:
+            self.simulation_class(self.config).ask({"do": "state"})
+        except LinkError:
+            start = f"start them in another terminal first: rigd sim {rig}"
+            return (f"nothing serves the simulated devices of {rig}\n  {start}",)
+        return ()
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,10 @@ class ProcessHost:
         open_all = partial(m.Open, judge=judge, peers=peers.known())
         opened = self._ask(open_all, OPEN_S, kill_on_stop=True)
         peers.learn(self._ask(m.Peers) or {})
-        return (*reasons, *self._or_lost(opened))
+        reasons += self._or_lost(opened)
+        if reasons and (simulation := self._rig.simulation) is not None:
+            reasons += simulation.missing(self._rig.name)
+        return reasons
 
     def identities(self) -> Mapping[str, str]:
         """Return the identity that each device reported, after all are open."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from support import wire
 from support.command import rigd
 from support.wire import TRIBOMETER, WireRig, wire_rig
 
@@ -93,6 +94,17 @@ def test_blocked_motor_ends_run_by_interlock(rig: WireRig) -> None:
     assert done.code == 4, done.out + done.err
     assert "spindle_follows" in done.out + done.err
     assert not rig.parts()["spindle"]["enabled"]
+
+
+def test_rig_that_nothing_serves_names_rigd_sim(rig: WireRig, tmp_path: Path) -> None:
+    (tmp_path / "sim_tribometer.yaml").write_text(
+        (rig.rig.parent / "sim_tribometer.yaml").read_text("utf-8")
+    )
+    unserved = wire.write_rig(tmp_path, "not-served", shipped=TRIBOMETER)
+    done = rigd("read", "--rig", unserved.rig, "--once", cwd=tmp_path)
+    assert done.code == 3
+    assert "nothing serves the simulated devices of not-served" in done.err
+    assert "first: rigd sim not-served" in done.err
 
 
 def test_new_rig_writes_the_same_rig_at_wire(tmp_path: Path) -> None:
