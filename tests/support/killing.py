@@ -361,7 +361,8 @@ def gaps(recording: Recording, stream: str) -> int:
     slots = np.rint(due_s / float(np.median(periods))).astype(np.int64)
     late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
-    return skipped - late + abs(len(rows) - len(cycles))
+    controlled = np.count_nonzero(rows["t_ns"] <= cycles["t_ns"][-1])  # then it comes to rest
+    return skipped - late + abs(int(controlled) - len(cycles))
 
 
 def captured(recording: Recording, held_s: float) -> tuple[int, int]:
