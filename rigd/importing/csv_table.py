@@ -38,6 +38,8 @@ _PLUS: Final = re.compile(rb"(?m)(^|[,;\t| \"])\+(?=[0-9.,])")
 #: A line end of old Macs and of some instruments.
 _LONE_CR: Final = re.compile(rb"\r(?!\n)")
 _SPACES: Final = re.compile(rb"[ \t]+")
+#: The column of LabVIEW in which a row, most often the first, may have words.
+_COMMENT: Final = "Comment"
 _EDGES: Final = re.compile(rb"(?m)^ | \r?$")
 
 
@@ -53,7 +55,7 @@ class CsvTable:
         self._path = path
         self._text = text
         self._first_line = text.first or max(text.header, text.units) + 1
-        self._drops_plus = False
+        self._drops_plus = self._drops_comments = False
         self._no_cells: list[str] = []
         head = self._head()
         named = text.header or self._first_line
@@ -80,12 +82,15 @@ class CsvTable:
                 f"the file has no data: it ends before line {self._first_line}",
                 place=self._at(len(head), 1),
             )
-        self._sample = self._cells(head[self._first_line - 1])
+        self._sample, *second = map(self._cells, head[self._first_line - 1 :])
         count = len(self._sample)
+        if count == len(cells) and cells[-1].strip() == _COMMENT and second and second[0]:
+            count = len(second[0])  # the first row has one, as LabVIEW writes it there
         if 1 < count < len(cells) and text.header:
-            # LabVIEW ends its line of names with `Comment`, of which most rows have no cell.
+            # LabVIEW ends its line of names with a name of which most rows have no cell.
             self._names, self._units = self._names[:count], self._units[:count]
             self._no_cells = [cell.strip() for cell in cells[count:]]
+            self._sample = self._sample[:count]
 
     @property
     def path(self) -> Path:
@@ -99,7 +104,7 @@ class CsvTable:
 
     @property
     def without_cells(self) -> Sequence[str]:
-        """The last names, if the first row of the data has no cells for them."""
+        """The last names, if rows of the data have no cells for them."""
         return self._no_cells
 
     @property
@@ -138,11 +143,16 @@ class CsvTable:
             yield batch
 
     def _parsed(self, line: int, block: bytes, row: int, wanted: Mapping[int, Kind]) -> Batch:
+        if self._drops_comments:
+            block = self._with_comment.sub(rb"\1", block)
         if self._text.separator == "space":
             block = _EDGES.sub(b"", _SPACES.sub(b" ", block))
         try:
             table = self._read(block, wanted)
         except pa.ArrowInvalid as error:
+            if self._no_cells == [_COMMENT] and not self._drops_comments:
+                self._drops_comments = True
+                return self._parsed(line, block, row, wanted)
             fault = self._fault(line, block, wanted)
             if fault is None and not self._drops_plus and _PLUS.search(block):
                 self._drops_plus = True
@@ -365,7 +375,7 @@ class CsvTable:
         if carry and len(lines) < self._first_line:
             lines.append(carry)
         head = []
-        for number, raw in enumerate(lines[: self._first_line], 1):
+        for number, raw in enumerate(lines[: self._first_line + 1], 1):
             try:
                 head.append(raw.decode().rstrip("\r"))
             except UnicodeDecodeError as error:
@@ -409,6 +419,14 @@ class CsvTable:
             elif letter == self._separator and not quoted:
                 cell += 1
         return position + 2 if cell == index else len(line) + 1
+
+    @cached_property
+    def _with_comment(self) -> re.Pattern[bytes]:
+        """A line with a cell more than there are columns; its group is the line without it."""
+        sign = re.escape(self._separator.encode())
+        cell = rb"[^" + sign + rb"\r\n]*"
+        others = rb"(?:" + cell + sign + rb"){%d}" % (len(self._names) - 1)
+        return re.compile(rb"(?m)^(" + others + cell + rb")" + sign + rb".*$")
 
     @cached_property
     def _file(self) -> str:

@@ -100,7 +100,7 @@ def find_column(table: SourceTable, name: str, place: Place) -> int:
         return int(name) - 1
     if name in getattr(table, "without_cells", ()):
         raise ConfigError(
-            f"the column {name!r} has a name and no cells: the first row has {len(bare)}",
+            f"the column {name!r} has a name and no cells: rows have {len(bare)}",
             place=table.place(0, 0),
         )
     raise ConfigError(

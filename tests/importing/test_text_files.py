@@ -178,6 +178,25 @@ def test_names_without_cells_are_passed_over(bring_in: Import) -> None:
         bring_in(LABVIEW + "1\t2\n", name="b.csv")
 
 
+@pytest.mark.parametrize("rows", [(0,), (0, 20), (7,)])
+@pytest.mark.parametrize("said", ["run 3", ""])
+def test_comments_of_labview_rows_are_passed_over(
+    bring_in: Import, rows: tuple[int, ...], said: str
+) -> None:
+    lines = LABVIEW.splitlines()
+    for row in rows:
+        lines[row + 1] += f"\t{said}"
+    found = bring_in("\n".join(lines) + "\n").read("samples")
+    assert found["force"].tolist() == [i * 0.5 for i in range(40)]
+
+
+def test_row_that_lacks_cell_beside_comment_is_named(bring_in: Import) -> None:
+    cut = LABVIEW.replace("0.02\t10.0\t20\n", "0.02\t10.0\n")
+    with pytest.raises(ConfigError, match="the line has 2 cells, expected 3 columns") as raised:
+        bring_in(cut.replace("0.0\t0\n", "0.0\t0\tbegins\n", 1))
+    assert str(raised.value.place).endswith("old.csv:22:10")
+
+
 @pytest.mark.parametrize("block_bytes", [64, 1 << 20])
 def test_last_line_parts_tables_of_a_file(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, block_bytes: int
