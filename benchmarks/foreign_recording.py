@@ -13,13 +13,15 @@ Then a run of the omni-wheel rig is written in each odd but valid way of
 `tests/support/odd_mcap.py`. Each command is to give what it gives for rigd's own file: `verify`
 finds nothing damaged, `open` gives the same rows and trials, `export` the same tables, `identify`
 the same numbers, and `recover` leaves the file as it is. Last, each is cut off and repaired: every
-message that the `mcap` package finds before the cut must be in the repaired file.
+message that the `mcap` package finds before the cut must be in the repaired file. `info`, `runs`,
+`measure`, `compare` and `report` are played on runs that have measures.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -34,6 +36,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.odd_commands import COMMANDS, of_run
 from support.odd_mcap import VALID, content_of, messages_in
 from support.shipped_runs import Pair, play
 
@@ -162,7 +165,8 @@ def keeps_all(path: Path) -> bool:
 
 
 def play_odd(folder: Path) -> None:
-    """Write a run in each odd way, and count for how many each command gives what it should."""
+    """Write runs in each odd way, and count for how many each command gives what it should."""
+    play_commands(folder)
     ours = folder / "odd_ours.mcap"
     rig = load_rig(shipped_folder("configs") / "sim_lugre.yaml")
     play(Pair(shipped_folder("procedures") / "constant_current.yaml", rig), 1, ours, trials=2)
@@ -188,6 +192,31 @@ def play_odd(folder: Path) -> None:
         path.unlink()
     for command, count in right.items():
         at_least(f"odd files, {command}", count, len(VALID), f"of {len(VALID)}")
+
+
+def play_commands(folder: Path) -> None:
+    """The same for the commands that show, measure and compare, with runs that have measures."""
+    rig = load_rig(shipped_folder("configs") / "sim_lugre.yaml")
+    paths = [folder / name for name in ("ours/a.mcap", "other/b.mcap", "theirs/a.mcap")]
+    for seed, path in enumerate(paths, 1):
+        path.parent.mkdir()
+        if seed < len(paths):
+            pair = Pair(shipped_folder("procedures") / "breakaway.yaml", rig)
+            play(pair, seed, path, trials=2)
+    ours, other, theirs = paths
+    content = content_of(ours)
+    expected = {name: of_run(call(ours, other)) for name, call in COMMANDS.items()}
+    right = dict.fromkeys(COMMANDS, 0)
+    for odd, make in VALID.items():
+        make(content, theirs)
+        os.utime(theirs, ns=(ours.stat().st_mtime_ns,) * 2)  # the date of a run in virtual time
+        for name, call in COMMANDS.items():
+            is_right = of_run(call(theirs, other)) == expected[name]
+            right[name] += is_right
+            if not is_right:
+                print(f"{odd}: {name}", flush=True)
+    for name, count in right.items():
+        at_least(f"odd files, {name}", count, len(VALID), f"of {len(VALID)}")
 
 
 def main() -> int:

@@ -356,9 +356,12 @@ def _kind(given: str) -> str:
                 refused.append(error.hint or "")
             else:
                 return kind
-        if not path.suffix:
-            return "rig"
         as_procedure, as_rig = refused
+        if not path.suffix:
+            is_rig = as_rig.startswith("did you mean") or not as_procedure.startswith(
+                "did you mean"
+            )
+            return "rig" if is_rig else "procedure"
         shipped = as_rig.startswith("to use") and not as_procedure.startswith("to use")
         hint = as_rig if shipped or path.parent.name == "configs" else as_procedure
         raise ConfigError(f"file {given!r} does not exist", hint=hint)

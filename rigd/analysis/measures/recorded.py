@@ -182,7 +182,10 @@ def recorded_procedure(recording: Recording) -> Procedure:
     """
     attached = recording.attachments.get("procedure.yaml")
     if attached is None:
-        raise DataError(f"{recording.path} carries no procedure", hint="give --plan PROCEDURE")
+        raise DataError(
+            f"{recording.path} carries no procedure",
+            hint="`rigd measure FILE --plan PROCEDURE` measures it by another one",
+        )
     return parse_procedure(attached.data.decode(errors="replace"), Path("procedure.yaml"))
 
 
