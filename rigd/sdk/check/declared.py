@@ -11,10 +11,11 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
-from functools import partial
+from functools import cache, partial
+from types import ModuleType
 from typing import Final
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
@@ -102,17 +103,8 @@ def _used(folders: Iterable[str]) -> set[str]:
     wanted = set(folders)
     used: set[str] = set()
     for name, module in list(sys.modules.items()):
-        if _folder(name) not in wanted and name not in wanted:
-            continue
-        try:
-            tree = ast.parse(inspect.getsource(module))
-        except (OSError, TypeError, SyntaxError):
-            continue  # it has no source
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Attribute):
-                used.add(node.attr)
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                used.add(node.value)  # as of getattr
+        if _folder(name) in wanted or name in wanted:
+            used |= _names_read(module)
     return used
 
 
@@ -132,6 +124,42 @@ def _elsewhere(subject: Subject) -> Iterator[str]:
             _, opened = ended.value
             if any(HERE in item for item in opened) and not any(THERE in item for item in opened):
                 yield f"{name} is {value.replace(HERE, THERE)}, and open() connects to {HERE}"
+
+
+def unread(model: type[BaseModel], user: type) -> Iterator[str]:
+    """Yield each field of ``model`` that no code reads.
+
+    The code is that of the package of ``user``, and the modules that the fields are from, such as
+    those of a port.
+    """
+    package = user.__module__.partition(".")[0]
+    homes = {
+        item.__module__.rpartition(".")[0]
+        for item in model.__mro__
+        if model.model_fields.keys() & inspect.get_annotations(item).keys()
+    } - {""}
+    read: set[str] = set()
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] == package or name.rpartition(".")[0] in homes:
+            read |= _names_read(module)
+    if read and "model_dump" not in read:
+        yield from (name for name in model.model_fields if name not in read)
+
+
+@cache
+def _names_read(module: ModuleType) -> frozenset[str]:
+    """Return the names of attributes in the source of a module, and the texts in it."""
+    try:
+        tree = ast.parse(inspect.getsource(module))
+    except (OSError, TypeError, SyntaxError):
+        return frozenset()  # it has no source
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute):
+            found.add(node.attr)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)  # as of getattr
+    return frozenset(found)
 
 
 def _declares(subject: Subject) -> Iterator[str]:

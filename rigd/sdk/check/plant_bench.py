@@ -7,8 +7,11 @@ no limits and no interlocks.
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from rigd.model.errors import RigdError
@@ -79,8 +82,22 @@ class Played:
 class PlantBench:
     """A plant with its devices opened and armed."""
 
-    def __init__(self, subject: PlantSubject, plant: Plant, *, start_ns: int = 0) -> None:
+    def __init__(
+        self,
+        subject: PlantSubject,
+        plant: Plant,
+        *,
+        start_ns: int = 0,
+        rng: random.Random | None = None,
+    ) -> None:
+        """Open and arm the devices; with ``rng`` they are read in an order at random.
+
+        Raises:
+            UnfitSubject: they cannot be armed.
+        """
         self.plant = plant
+        self._rng = rng
+        self._written: dict[str, Sequence[float]] = {}
         self.seen = Played()
         self._start_ns = start_ns
         self._cycle = 0
@@ -122,13 +139,18 @@ class PlantBench:
         """The devices on the plant, by name."""
         return {**self._drivers, **self._blocks}
 
-    def moment(self) -> Mapping[str, str]:
-        """Return what devices with a row in every cycle show now, for comparison."""
-        return {
-            name: repr(driver.read(self.now_ns))
-            for name, driver in self._drivers.items()
-            if driver.declaration.every_cycle
-        }
+    def touch(self, t_ns: int) -> None:
+        """Do at a time what changes nothing: advance, read a device, write what was written."""
+        rng = self._rng or random.Random()
+        steps: list[Callable[[], object]] = [partial(self.plant.advance, t_ns)] * 2
+        for name, driver in self._drivers.items():
+            if driver.declaration.every_cycle:
+                steps.append(partial(driver.read, t_ns))
+            if name in self._written:
+                steps.append(partial(driver.write, self._written[name]))
+        for step in rng.sample(steps, rng.randint(1, len(steps))):
+            with suppress(RigdError):
+                step()
 
     def play(self, cycles: int, commands: Commands | None, *, at_once: int = 1) -> Played:
         """Play ``cycles`` cycles and return everything observed so far.
@@ -148,10 +170,14 @@ class PlantBench:
 
     def look(self) -> None:
         """Take the rows of the moment."""
-        for name, driver in self._drivers.items():
-            row = driver.read(self.now_ns)
+        names = list(self._drivers)
+        if self._rng is not None:
+            self._rng.shuffle(names)
+        for name in names:
+            row = self._drivers[name].read(self.now_ns)
             if row is not None:
                 self.seen.rows[name].append(tuple(row))
+        self.plant.advance(self.now_ns)
         for name, block in self._blocks.items():
             while (got := block.read_block(0.0)) is not None:
                 self.seen.rows[name] += got.values.tolist()
@@ -161,7 +187,8 @@ class PlantBench:
 
     def _exchange(self, commands: Commands | None) -> None:
         try:
-            self.plant.advance(self.now_ns)
+            if self._rng is None:  # else the device that is read first does it
+                self.plant.advance(self.now_ns)
             self.look()
         except Exception as error:
             raise UnfitSubject(f"cycle {self._cycle} raises {described(error)}") from error
@@ -170,8 +197,9 @@ class PlantBench:
         for name, driver in self._drivers.items():
             if not driver.declaration.setpoints:
                 continue
+            values = self._written[name] = commands(driver, self._cycle)
             try:
-                driver.write(commands(driver, self._cycle))
+                driver.write(values)
             except RigdError as error:
                 self.seen.refused.append(f"{name}: {error}")
             except Exception as error:

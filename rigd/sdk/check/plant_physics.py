@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rigd.sdk.check.plant_bench import CYCLES, PlantBench, PlantSubject, gentle
-from rigd.sdk.check.plant_rules import PlantRule, needs_devices
+from rigd.sdk.check.plant_rules import PlantRule, needs_devices, needs_truth
 from rigd.sdk.plant import Energy
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ def needs_energy(subject: PlantSubject) -> str:
 
 def needs_steps(subject: PlantSubject) -> str:
     """Return why the rule for the step cannot be applied."""
-    if subject.truth not in subject.devices:
-        return "no truth was named"
+    if reason := needs_truth(subject):
+        return reason
     return "" if subject.plant_class.step_ns is not None else "the plant states no step_ns"
 
 

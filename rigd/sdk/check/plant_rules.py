@@ -33,11 +33,6 @@ if TYPE_CHECKING:  # drivers are checked without numpy
     from numpy.typing import NDArray
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
-#: A time of CLOCK_MONOTONIC on a machine that has run for a long time, in ns.
-LATE_NS: Final = 1_700_000_000_000_000_000
-#: Share of readings that may differ by the rounding of a count, and what is rounding of physics.
-FLIPPED: Final = 0.005
-ROUNDING: Final = 1e-6
 #: Two channels show the same quantity if they go together so well; one may fall short of the other,
 #: as a drive at the end of its supply does, by so much.
 ALIKE: Final = 0.95
@@ -60,14 +55,9 @@ def needs_devices(subject: PlantSubject) -> str:
     return "" if subject.devices else "no devices were given"
 
 
-def needs_seed(subject: PlantSubject) -> str:
-    """Return why the rule for another seed cannot be applied."""
-    return needs_devices(subject) if subject.plant_class.seeded else "the plant has no noise"
-
-
-def driven(subject: PlantSubject, *, seed: int = 1, start_ns: int = 0) -> Played:
-    """Return the rows of a new plant that is driven gently."""
-    return PlantBench(subject, subject.make(seed=seed), start_ns=start_ns).play(CYCLES, gentle)
+def needs_truth(subject: PlantSubject) -> str:
+    """Return why a rule on the hidden state cannot be applied."""
+    return "" if subject.truth in subject.devices else "no truth was named"
 
 
 def _title(subject: PlantSubject) -> Iterator[str]:
@@ -193,70 +183,6 @@ def _refuses(plant: Plant, name: str, value: float | str) -> Iterator[str]:
         yield f"change({name!r}, {value!r}) raises {described(error)}"
     else:
         yield f"change({name!r}, {value!r}) is accepted"
-
-
-def _repeats(subject: PlantSubject) -> Iterator[str]:
-    first, again = driven(subject), driven(subject)
-    if not any(first.rows.values()):
-        yield "no device gives a row"
-    for name in first.rows:
-        if first.table(name).tobytes() != again.table(name).tobytes():
-            yield f"two plants of the same seed show other rows of {name}"
-
-
-def _seeds(subject: PlantSubject) -> Iterator[str]:
-    if driven(subject, seed=1).bytes() == driven(subject, seed=2).bytes():
-        yield "seeds 1 and 2 give the same rows of all devices"
-
-
-def _trials(subject: PlantSubject) -> Iterator[str]:
-    first, other = subject.make(), subject.make()
-    first.begin_trial(1)
-    other.begin_trial(2)
-    if _bytes_of(subject, first) == _bytes_of(subject, other):
-        yield "after begin_trial(1) and begin_trial(2) all devices show the same rows"
-
-
-def _bytes_of(subject: PlantSubject, plant: Plant) -> bytes:
-    return PlantBench(subject, plant).play(CYCLES, gentle).bytes()
-
-
-def _origin(subject: PlantSubject) -> Iterator[str]:
-    if driven(subject).bytes() != driven(subject, start_ns=LATE_NS).bytes():
-        yield f"begun at {LATE_NS} ns it shows other rows than begun at 0"
-
-
-def _no_way_back(subject: PlantSubject) -> Iterator[str]:
-    bench = PlantBench(subject, subject.make())
-    bench.play(20, gentle)
-    before = bench.moment()
-    bench.plant.advance(bench.now_ns)
-    if bench.moment() != before:
-        yield "advance() to the time that the plant stands at changes what devices show"
-    try:
-        bench.plant.advance(bench.now_ns - 1)
-    except ValueError:
-        return
-    yield "advance() to an earlier time is accepted"
-
-
-def differing(first: Played, other: Played) -> Iterator[str]:
-    """Yield where two plants of the same seed and commands differ by more than rounding."""
-    import numpy as np
-
-    for name in first.rows:
-        a, b = first.table(name), other.table(name)
-        if a.shape != b.shape:
-            yield f"{name} gives {len(a)} rows in whole parts, {len(b)} in pieces of them"
-            continue
-        if not a.size:
-            continue
-        scale = np.abs(np.nan_to_num(a)).max(axis=0)
-        same = (np.abs(a - b) <= ROUNDING * scale) | (np.isnan(a) & np.isnan(b))
-        if 1.0 - same.mean(axis=0).min() > FLIPPED:
-            column = int(same.mean(axis=0).argmin())
-            far = float(np.abs(np.nan_to_num(a - b))[:, column].max())
-            yield f"column {column} of {name} differs by up to {far:.3g} in pieces of them"
 
 
 def _finite(subject: PlantSubject) -> Iterator[str]:
@@ -392,33 +318,6 @@ PLANT_RULES: Final = (
         "give every setting a name, a doc and what it takes; change() refuses all else with a "
         "ValueError",
         _settings,
-    ),
-    PlantRule(
-        "same seed",
-        "the same seed and commands give the same rows bit for bit: draw noise by normal_pair() "
-        "of seed and time",
-        _repeats,
-        needs_devices,
-    ),
-    PlantRule("other seed", "another seed gives other noise; use the seed", _seeds, needs_seed),
-    PlantRule(
-        "other trial",
-        "another trial has other noise: draw from `self.seed`, which begin_trial() sets",
-        _trials,
-        needs_seed,
-    ),
-    PlantRule(
-        "origin of time",
-        "time counts from the first call of advance(): use the t_ns that evolve() is given",
-        _origin,
-        needs_devices,
-    ),
-    PlantRule(
-        "one way",
-        "advance() to the same time does nothing, to an earlier one raises a "
-        "ValueError; override evolve(), not advance()",
-        _no_way_back,
-        needs_devices,
     ),
     PlantRule(
         "units agree",

@@ -103,7 +103,7 @@ def test_setpoint_beyond_the_range_is_clipped(flywheel: Path) -> None:
 def test_plant_keeps_the_promises_that_apply(flywheel: Path) -> None:
     report = check_plant(FmuPlant, {"file": str(flywheel)}, devices={"bench": (FmuDevice, OPTIONS)})
     assert set(report.skipped) == {
-        "other seed", "other trial", "energy balances", "friction takes", "passive", "halved step",
+        "settings from the start", "energy balances", "friction takes", "passive", "halved step",
     }  # fmt: skip
 
 

@@ -90,30 +90,30 @@ MUTANTS = (
     # repeatability, seed, time
     Mutant(
         "unseeded noise",
-        "same seed",
+        "any sequence",
         _NOISE,
         "(__import__('random').gauss(0.0, 1.0), 0.0)",
         "plant",
     ),
     Mutant(
         "state of another plant",
-        "same seed",
+        "any sequence",
         _START,
         "        type(self)._left = getattr(type(self), '_left', 0.0) + 0.1\n"
         "        self.state: State = (type(self)._left, 0.0, 0.0, 0.0)\n",
         "plant",
     ),
-    Mutant("seed ignored", "other seed", "normal_pair(self.seed, ", "normal_pair(1, ", "plant"),
+    Mutant("seed ignored", "any sequence", "normal_pair(self.seed, ", "normal_pair(1, ", "plant"),
     Mutant(
         "noise of absolute time",
-        "origin of time",
+        "any sequence",
         "self.now_ns - self.origin_ns",
         "self.now_ns",
         "plant",
     ),
     Mutant(
         "noise of each look",
-        "one way",
+        "any sequence",
         _ENCODER,
         "        self._looks = getattr(self, '_looks', 0) + 1\n"
         "        noise, _ = normal_pair(self.seed, self._looks)\n",
@@ -121,7 +121,7 @@ MUTANTS = (
     ),
     Mutant(
         "goes back in time",
-        "one way",
+        "any sequence",
         _DEF_RATES,
         "    def advance(self, t_ns: int) -> None:\n        if t_ns > getattr(self, '_at', -1):\n"
         "            self._at = t_ns\n            super().advance(t_ns)\n\n" + _DEF_RATES,
@@ -129,7 +129,7 @@ MUTANTS = (
     ),
     Mutant(
         "creeps with each call",
-        "time divided",
+        "any sequence",
         _DEF_RATES,
         "    def advance(self, t_ns: int) -> None:\n        super().advance(t_ns)\n"
         "        x, *rest = self.state\n        self.state = (x + 1e-4, *rest)\n\n" + _DEF_RATES,
