@@ -278,7 +278,7 @@ def test_a_correct_plant_keeps_every_rule() -> None:
         (OneStep, "any sequence", "of truth differs"),
         (Drawing, "any sequence", "of ruler differs"),
         (Unread, "everything is read", "nothing reads colour of ColouredConfig"),
-        (Waxed, "settings from the start", "floor at oiled from the start: column"),
+        (Waxed, "settings from the start", "floor at oiled from the start, and set after"),
         (Brittle, "finite", "NaN to integer with floor at oiled"),
         (Perpetual, "energy balances", "J are created"),
         (Leaky, "energy balances", "J are lost"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,24 +47,34 @@ class SimulatedTrial:
 class Case:
     """Trials with the values that are known of them.
 
-    ``truth`` are the parameters that they were simulated from, which must be found; ``unknown``
-    those that they cannot hold, of which no number may be quoted. ``calibration`` is the text of
-    a calibration file, for an analysis that needs one.
+    A constant is a number in SI or, if it differs from trial to trial, the name of the parameter of
+    the trials that holds it. ``truth`` are the parameters that they were simulated from, which must
+    be found; ``unknown`` those that they cannot hold, of which no number may be quoted.
+    ``calibration`` is the text of a calibration file, for an analysis that needs one.
     """
 
     trials: Sequence[SimulatedTrial]
-    constants: Mapping[str, float]
+    constants: Mapping[str, float | str]
     truth: Mapping[str, float]
     unknown: tuple[str, ...] = ()
     calibration: str = ""
 
 
 def write_case(
-    path: Path, analysis: type[Analysis], case: Case, *, complete: bool = True, model: str = "case"
+    path: Path,
+    analysis: type[Analysis],
+    case: Case,
+    *,
+    complete: bool = True,
+    model: str = "case",
+    numbers: Sequence[int] = (),
+    displayed: bool = False,
 ) -> Path:
     """Write the trials of ``case`` as one recording, whose plan is that of ``analysis``.
 
-    Without ``complete`` no trial comes to its end. ``model`` is the name in the plan.
+    Without ``complete`` no trial comes to its end. ``model`` is the name in the plan. The trials
+    have ``numbers``, from 1 on by default. If ``displayed``, people read the channels in
+    thousandths of their units; the samples are the same.
 
     Raises:
         ValueError: the trials have different signals or channels, or no signal.
@@ -75,7 +86,7 @@ def write_case(
         raise ValueError("all trials of a case have the same signals, one at least, and channels")
     declared = {**analysis.needs.signals, **analysis.needs.optional_signals}
     units = {name: "1" if unit == ANY_UNIT else unit for name, unit in declared.items()}
-    recorded = (Channel(name, units.get(name, "1")) for name in (*names, *beside))
+    recorded = (_channel(name, units.get(name, "1"), displayed) for name in (*names, *beside))
     stream = Stream(DEVICE, tuple(recorded))
     plan = {
         "model": model,
@@ -101,12 +112,20 @@ def write_case(
         sync_interval_s=None,
     ) as writer:
         begin_ns = _START_NS
-        for number, trial in enumerate(case.trials, start=1):
+        numbers = numbers or range(1, len(case.trials) + 1)
+        for number, trial in zip(numbers, case.trials, strict=True):
             begin_ns = _write_trial(writer, stream, number, begin_ns, trial, complete=complete)
         reason = "all trials played" if complete else "stopped"
         state = "complete" if complete else "stopped"
         writer.event(begin_ns, "run_end", -1, {"state": state, "reason": reason})
     return path
+
+
+def _channel(name: str, unit: str, displayed: bool) -> Channel:
+    if displayed:
+        with suppress(ValueError):  # it has no thousandths
+            return Channel(name, unit, display=f"m{unit}")
+    return Channel(name, unit)
 
 
 def _write_trial(

@@ -8,10 +8,11 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,24 @@ from numpy.typing import NDArray
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.check.case import Case, SimulatedTrial, write_case
+from rigd.analysis.check.compared import (
+    REPEATED,
+    SPOILT_WIDTH,
+    Found,
+    Interval,
+    altered_constants,
+    constants_count_anywhere,
+    counts_by_its_data,
+    held,
+    held_samples,
+    repeats,
+    rotated,
+    spoilt_samples,
+    watched_fits,
+    whole_in_parts,
+    wider,
+    wrong_derivatives,
+)
 from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.plan import check_plan
@@ -28,10 +47,11 @@ from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit
 from rigd.sdk.analysis import ANY_UNIT
 from rigd.sdk.check import Finding, NonConforming, Report
+from rigd.sdk.check.subject import described
 
-#: Lower and upper end of a 95 % interval; None: the data leave the value open.
-Interval = tuple[float, float] | None
-Read = Callable[[Evaluation], Mapping[str, Interval]]
+Read = Callable[[Evaluation], Found]
+#: Simulates a case from a truth at random.
+Drawn = Callable[[np.random.Generator], Case]
 
 #: A truth may lie so many half widths from the middle of its interval: one in 20 lies beyond 1,
 #: one in 10 000 beyond 2.
@@ -41,6 +61,11 @@ _WIDEST: Final = 1.0
 #: What checking a plan must not wait for.
 _HEAVY: Final = ("matplotlib", "numba", "scipy")
 _DECLARED: Final = "declares what it needs"
+_DRAWN: Final = "recovers what is drawn"
+#: Cases that are drawn, and the largest rms of their errors in half widths: with eight of normal
+#: errors, one analysis in 10 000 has more.
+_DRAWS: Final = 8
+_RMS: Final = 1.0
 _LIGHT: Final = "is checked without its numerics"
 #: When a report was made is all that may differ between two of them.
 _MADE: Final = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC")
@@ -53,16 +78,20 @@ def check_analysis(
     *,
     read: Read | None = None,
     only: Collection[str] = (),
+    drawn: Drawn | None = None,
+    seed: int = 1,
 ) -> Report:
     """Check ``analysis`` on ``cases``; recordings are written to ``folder``, which is empty.
 
     ``read`` returns the intervals in an evaluation by name; :func:`intervals_of` unless given.
-    ``only`` are names of the rules to apply, without their case; by default all.
+    ``only`` are names of the rules to apply, without their case; by default all. ``drawn``
+    simulates a case at random, with another truth, and constants, rates and lengths that differ
+    from trial to trial; what is drawn is drawn from ``seed``.
 
     Raises:
         NonConforming: a rule is broken; its report names each with what is asked for.
     """
-    report = examine_analysis(analysis, cases, folder, read=read, only=only)
+    report = examine_analysis(analysis, cases, folder, read=read, only=only, drawn=drawn, seed=seed)
     if report.findings:
         raise NonConforming(report)
     return report
@@ -75,11 +104,15 @@ def examine_analysis(
     *,
     read: Read | None = None,
     only: Collection[str] = (),
+    drawn: Drawn | None = None,
+    seed: int = 1,
 ) -> Report:
     """Return what :func:`check_analysis` finds, without raising."""
     bench = _Bench(analysis, folder, read or intervals_of)
     wrong = [Finding(_DECLARED, *item) for item in bench.declared()]
     rules: list[tuple[str, Callable[[], Iterator[tuple[str, str]]]]] = [(_LIGHT, bench.light)]
+    if drawn is not None:
+        rules.append((_DRAWN, partial(bench.random_truths, drawn, seed)))
     for index, case in enumerate(cases, start=1):
         rules += [
             (f"{rule} (case {index})", partial(check, case))
@@ -90,21 +123,36 @@ def examine_analysis(
                 ("uses the constants of the rig", bench.constants),
                 ("gives the same bytes for the same input", bench.repeatable),
                 ("refuses what it cannot read", bench.refusals),
+                ("uses each trial", bench.each_trial),
+                ("counts what was measured", bench.measured),
+                ("fits as it is asked to", bench.fits),
             )
         ]
     if wrong:  # no recording can be made for it
         skipped = {rule: "right declarations" for rule, _ in rules}
         return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
     skipped = {_LIGHT: "a module that another process can import"} if bench.heavy is None else {}
+    if drawn is None:
+        skipped[_DRAWN] = "cases that `drawn` simulates at random"
     played = [
         (rule, check)
         for rule, check in rules
         if rule not in skipped and (not only or rule.partition(" (")[0] in only)
     ]
-    findings = [Finding(rule, *item) for rule, check in played for item in check()]
-    return Report(
-        analysis.__name__, tuple(findings), (_DECLARED, *(rule for rule, _ in played)), skipped
-    )
+    findings = [Finding(rule, *item) for rule, check in played for item in _found_by(check)]
+    checked = (_DECLARED, *(rule for rule, _ in played))
+    return Report(analysis.__name__, tuple(findings), checked, skipped, seed if drawn else None)
+
+
+def _found_by(check: Callable[[], Iterator[tuple[str, str]]]) -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    try:
+        found += check()
+    except Exception as error:  # noqa: BLE001  # what the analysis raises is what is reported
+        found.append(
+            (f"it raises {described(error)}", "raise DataError with a sentence and a hint")
+        )
+    return found
 
 
 def intervals_of(evaluation: Evaluation) -> Mapping[str, Interval]:
@@ -142,9 +190,19 @@ class _Bench:
         self._written = 0
         self._first: dict[int, tuple[RecordedSweep, Evaluation]] = {}
 
-    def evaluate(self, case: Case, *, complete: bool = True) -> Evaluation:
-        """Return the evaluation of a recording of ``case``; raises as the analysis does."""
-        return self._evaluated(self._recorded(case, complete=complete))
+    def evaluate(self, case: Case, **written: Any) -> Evaluation:
+        """Return the evaluation of a recording of ``case``; raises as the analysis does.
+
+        ``written`` are arguments of :func:`write_case`.
+        """
+        return self._evaluated(self._recorded(case, **written))
+
+    def found(self, cases: Sequence[Case]) -> Found | None:
+        """Return what is found in recordings of ``cases``, all together; None if it is refused."""
+        try:
+            return self._read(self._evaluated(*map(self._recorded, cases)))
+        except RigdError:
+            return None
 
     def first(self, case: Case) -> tuple[RecordedSweep, Evaluation]:
         """Return a whole recording of ``case`` and its evaluation, made once."""
@@ -153,15 +211,15 @@ class _Bench:
             self._first[id(case)] = sweep, self._evaluated(sweep)
         return self._first[id(case)]
 
-    def _recorded(self, case: Case, *, complete: bool = True) -> RecordedSweep:
+    def _recorded(self, case: Case, **written: Any) -> RecordedSweep:
         self._written += 1
         path = self._folder / f"case{self._written}.mcap"
-        sweep = open_sweep(write_case(path, self._analysis, case, complete=complete))
+        sweep = open_sweep(write_case(path, self._analysis, case, **written))
         check_plan(sweep.plan, self._analysis)
         return sweep
 
-    def _evaluated(self, sweep: RecordedSweep) -> Evaluation:
-        return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
+    def _evaluated(self, *sweeps: RecordedSweep, options: Options | None = None) -> Evaluation:
+        return evaluate_sweeps(self._analysis, sweeps, options or Options(), lambda _: None)
 
     def declared(self) -> Iterator[tuple[str, str]]:
         needs = self._analysis.needs
@@ -231,39 +289,113 @@ class _Bench:
             yield f"with every second sample {problem}", f"take times from `t_s`; or {demand}"
 
     def permuted(self, case: Case) -> Iterator[tuple[str, str]]:
-        """Look for what is taken from the first or the last trial: they come in another order."""
-        if len(case.trials) < 2:
-            return
-        turned = replace(case, trials=[*case.trials[1:], case.trials[0]])  # none keeps its place
+        """Look for what depends on order or number of trials, or on how people read channels."""
+        numbers = [3 + 4 * index for index in range(len(case.trials))]
         try:
-            found = self._read(self.evaluate(turned))
+            found = self._read(self.evaluate(rotated(case), numbers=numbers, displayed=True))
         except RigdError as error:
             yield (
                 f"with its trials in another order it is refused: {error}",
                 "take them as they come",
             )
             return
-        for problem, demand in self._misses(turned, found, open_ends=True):
+        for problem, demand in self._misses(case, found, open_ends=True):
             yield (
                 f"with its trials in another order {problem}",
                 f"take each for itself; or {demand}",
             )
 
     def constants(self, case: Case) -> Iterator[tuple[str, str]]:
-        """Look for constants that are written into the analysis: all are changed by a tenth."""
+        """Look for constants that are written into the analysis: all are altered."""
         if not self._analysis.needs.constants:
             return
-        constants = {name: 1.1 * value for name, value in case.constants.items()}
-        try:
-            first = self._read(self.first(case)[1])
-            changed = self._read(self.evaluate(replace(case, constants=constants)))
-        except RigdError:
-            return  # reported by the rule on the truth, or not possible
-        if first == changed and any(interval is not None for interval in first.values()):
+        changed = self.found([altered_constants(case, len(case.trials))])
+        first = self._whole(case)
+        if first == changed and any(interval is not None for interval in (first or {}).values()):
             yield (
                 "with all constants a tenth larger it finds the same intervals",
                 "take each constant of `needs` from the recording",
             )
+
+    def each_trial(self, case: Case) -> Iterator[tuple[str, str]]:
+        if (whole := self._whole(case)) is not None:
+            yield from counts_by_its_data(case, self.found, whole)
+            turned = self.found([rotated(case)])
+            yield from constants_count_anywhere(case, self.found, whole, turned)
+            yield from whole_in_parts(case, self.found, whole)
+
+    def measured(self, case: Case) -> Iterator[tuple[str, str]]:
+        if (whole := self._whole(case)) is None:
+            return
+        yield from held_samples(case, self.found, whole)
+        for spoilt, found, less in spoilt_samples(case, self.found):
+            words = "with a trial that ends in samples that are no numbers"
+            demand = "refuse it with a sentence, or leave these samples out"
+            for problem, _ in self._misses(spoilt, found, open_ends=True):
+                yield f"{words} {problem}", demand
+            for name in case.truth:
+                if wider(name, found, less) > SPOILT_WIDTH:
+                    yield f"{words} {name} is known far less than without that trial", demand
+
+    def fits(self, case: Case) -> Iterator[tuple[str, str]]:
+        """Look at the fits of the library that the analysis makes: derivatives, starts, seed."""
+        taken = self._analysis.options
+        options = Options(
+            starts=3 if "starts" in taken else Options.starts,
+            seed=7 if "seed" in taken else Options.seed,
+        )
+        with suppress(RigdError), watched_fits() as seen:
+            self._evaluated(self.first(case)[0], options=options)
+            for model, theta in seen.models:
+                for problem in dict.fromkeys(wrong_derivatives(model, theta)):
+                    yield problem, "return the exact derivatives: intervals follow from them"
+                signals = [item for trial in case.trials for item in trial.signals.values()]
+                if repeats(model, theta) > REPEATED + max(map(held, signals)):
+                    yield (
+                        "residuals repeat the one before, and the signals do not",
+                        "count what is computed from the same samples once",
+                    )
+            for index, name in enumerate(("starts", "seed")):
+                asked = {item[index] for item in seen.asked}
+                if name in taken and asked and getattr(options, name) not in asked:
+                    yield f"it takes the option {name}, and fits with another", "pass `options` on"
+
+    def random_truths(self, drawn: Drawn, seed: int) -> Iterator[tuple[str, str]]:
+        errors: dict[str, list[float]] = {}
+        for number in range(_DRAWS):
+            case = drawn(np.random.default_rng((seed, number)))
+            try:
+                found = self._read(self.evaluate(case))
+            except RigdError as error:
+                yield (
+                    f"it refuses a case that was drawn: {error}",
+                    "evaluate what `drawn` simulates",
+                )
+                return
+            missed = list(self._misses(case, found, open_ends=True))
+            if missed:
+                yield from ((f"in draw {number + 1} {words}", demand) for words, demand in missed)
+                return
+            for name, value in case.truth.items():
+                interval = found.get(name)
+                if interval is not None and interval[1] > interval[0]:
+                    half = 0.5 * (interval[1] - interval[0])
+                    error_ = (value - 0.5 * (interval[0] + interval[1])) / half
+                    errors.setdefault(name, []).append(error_)
+        for name in case.truth:
+            rms = math.sqrt(np.mean(np.square(errors.get(name, [math.inf]))))
+            if not rms <= _RMS:
+                yield (
+                    f"{name} is found in none of {_DRAWS} draws"
+                    if math.isinf(rms)
+                    else f"{name} is {rms:.2g} half widths from the truth, rms of {_DRAWS} draws",
+                    "correct the estimate, or widen its interval by what it does not include",
+                )
+
+    def _whole(self, case: Case) -> Found | None:
+        with suppress(RigdError):  # reported by the rule on the truth
+            return self._read(self.first(case)[1])
+        return None
 
     def _misses(
         self, case: Case, found: Mapping[str, Interval], *, open_ends: bool = False

@@ -48,18 +48,20 @@ class Mean(Analysis):
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
-        (sweep,) = sweeps
-        if not sweep.trials:
+        trials = [(sweep, trial) for sweep in sweeps for trial in sweep.trials]
+        values = [
+            sweep.signals(trial)[1]["x"] - sweep.constant(trial, "offset")
+            for sweep, trial in trials
+        ]
+        if not values:
             raise DataError("no trial came to its end", hint="run it again")
-        values = np.concatenate([sweep.signals(trial)[1]["x"] for trial in sweep.trials])
-        if not np.all(np.isfinite(values)):
+        if not np.all(np.isfinite(np.concatenate(values))):
             raise DataError("samples are no numbers", hint="look at them")
-        offset = sweep.constant(sweep.trials[0], "offset")
-        return MeanEvaluation(self.found(values - offset))
+        return MeanEvaluation(self.found(np.concatenate(values)))
 
     def found(self, values: np.ndarray) -> dict[str, Interval]:
         middle, sd = float(values.mean()), float(values.std())
-        far = 2.0 * sd / np.sqrt(len(values))
+        far = 2.0 * sd / np.sqrt(1 + np.count_nonzero(np.diff(values)))  # held samples count once
         scatter = (0.9 * sd, 1.1 * sd) if sd else None
         return {"mean": (middle - far, middle + far), "scatter": scatter}
 
@@ -120,7 +122,7 @@ class Greedy(Mean):
         self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         found = super().evaluate(sweeps, options, notify)
-        sweeps[0].plan.constants["offset"] += 1.0  # type: ignore[index, operator]
+        sweeps[0].plan.constants["offset"] = 6.0  # type: ignore[index]
         return found
 
 
@@ -134,6 +136,75 @@ class Hasty(Mean):
         if not sweep.trials:
             raise DataError("no trial came to its end", hint="run it again")
         return MeanEvaluation(self.found(sweep.signals(sweep.trials[0])[1]["x"] - 5.0))
+
+
+class FirstOffset(Mean):
+    """Takes the offset of the first trial for all."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        first = sweeps[0]
+        if first.trials:
+            offset = first.constant(first.trials[0], "offset")
+            shared = replace(first.plan, constants={"offset": offset})
+            sweeps = [replace(sweep, plan=shared) for sweep in sweeps]
+        return super().evaluate(sweeps, options, notify)
+
+
+class WithoutFirst(Mean):
+    """Leaves the first trial out."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        info = sweeps[0].info
+        rest = replace(sweeps[0], info=replace(info, trials=info.trials[1:]))
+        return super().evaluate([rest, *sweeps[1:]], options, notify)
+
+
+class ByNumber(Mean):
+    """Keeps one trial of each number."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        last = {trial.number: sweep for sweep in sweeps for trial in sweep.trials}
+        kept = [
+            replace(
+                sweep,
+                info=replace(
+                    sweep.info,
+                    trials=tuple(each for each in sweep.trials if last[each.number] is sweep),
+                ),
+            )
+            for sweep in sweeps
+        ]
+        return super().evaluate(kept, options, notify)
+
+
+class Counting(Mean):
+    """Counts held samples as measurements."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        middle, far = float(values.mean()), 2.0 * float(values.std()) / np.sqrt(len(values))
+        return {**super().found(values), "mean": (middle - far, middle + far)}
+
+
+class Filling(Mean):
+    """Takes samples that are no numbers for zero, if there are others."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
+    ) -> Evaluation:
+        values = [
+            sweep.signals(trial)[1]["x"] - sweep.constant(trial, "offset")
+            for sweep in sweeps
+            for trial in sweep.trials
+        ]
+        if not values or not np.any(np.isfinite(np.concatenate(values))):
+            raise DataError("samples are no numbers", hint="look at them")
+        return MeanEvaluation(self.found(np.nan_to_num(np.concatenate(values))))
 
 
 class Trusting(Mean):
@@ -187,7 +258,7 @@ def test_a_good_analysis_keeps_every_rule(tmp_path: Path) -> None:
     report = check_analysis(Mean, [case(), case()], tmp_path, read=read)
     assert not report.findings
     of_cases = [rule for rule in report.checked if "case" in rule]
-    assert len(of_cases) == 2 * 6
+    assert len(of_cases) == 2 * 9
 
 
 def test_analysis_that_is_slow_to_import_is_found(
@@ -222,6 +293,11 @@ def test_analysis_that_is_slow_to_import_is_found(
         (Boastful, "recovers the truth (case 1)", "which these data cannot hold"),
         (Fickle, "gives the same bytes for the same input (case 1)", "two JSON objects"),
         (Greedy, "gives the same bytes for the same input (case 1)", "two JSON objects"),
+        (FirstOffset, "uses each trial (case 1)", "count at one place"),
+        (WithoutFirst, "uses each trial (case 1)", "trial 1 counts by being there"),
+        (ByNumber, "uses each trial (case 1)", "in two recordings it finds"),
+        (Counting, "counts what was measured (case 1)", "held for 3 rows"),
+        (Filling, "counts what was measured (case 1)", "samples that are no numbers mean is"),
         (Trusting, "refuses what it cannot read (case 1)", "no numbers gives mean"),
         (Crashing, "refuses what it cannot read (case 1)", "raises IndexError"),
         (Curt, "refuses what it cannot read (case 1)", "refused with 'no'"),
@@ -250,6 +326,38 @@ def test_what_depends_on_trial_order_is_found(
         analysis, [of_three], tmp_path, read=read, only=["recovers the truth", rule]
     )
     assert [finding.rule for finding in report.findings] == [f"{rule} (case 1)"] * found
+
+
+def drawn(random: np.random.Generator) -> Case:
+    """A case of another truth, whose trials have offsets of their own."""
+    truth, sd = random.uniform(1.0, 9.0), random.uniform(0.1, 0.5)
+    trials = []
+    for offset in random.uniform(-5.0, 5.0, 3):
+        x = truth + offset + sd * random.standard_normal(random.integers(200, 400))
+        trials.append(SimulatedTrial(np.arange(len(x)) / 1000.0, {"x": x}, {"offset": offset}))
+    return Case(trials, {"offset": "offset"}, {"mean": truth})
+
+
+class OneTruth(Mean):
+    """Knows the cases of its author."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return {**super().found(values), "mean": (2.9, 3.1)}
+
+
+class Narrow(Mean):
+    """Gives intervals of a fifth of the width."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        low, high = super().found(values)["mean"] or (0.0, 0.0)
+        return {"mean": (0.6 * low + 0.4 * high, 0.4 * low + 0.6 * high)}
+
+
+@pytest.mark.parametrize(("analysis", "found"), [(Mean, False), (OneTruth, True), (Narrow, True)])
+def test_random_truths_are_asked_for(analysis: type[Analysis], found: bool, tmp_path: Path) -> None:
+    rule = "recovers what is drawn"
+    report = examine_analysis(analysis, [], tmp_path, read=read, only=[rule], drawn=drawn)
+    assert {finding.rule for finding in report.findings} == {rule} if found else not report.findings
 
 
 def test_broken_promise_is_raised_with_its_report(tmp_path: Path) -> None:

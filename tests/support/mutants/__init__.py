@@ -119,7 +119,9 @@ def _analysis(tests: Any, module: str, name: str, folder: Path) -> Callable[...,
     cases = [tests.case(3.0, 1.5), tests.case(3.0, 0.0, unknown=("viscous",))]
     recordings = folder / "recordings"
     recordings.mkdir()
-    return lambda only: examine_analysis(getattr(tests, name), cases, recordings, only=only)
+    return lambda only: examine_analysis(
+        getattr(tests, name), cases, recordings, only=only, drawn=tests.drawn
+    )
 
 
 _EXAMINERS = {"plant": _plant, "analysis": _analysis}
