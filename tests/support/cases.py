@@ -10,6 +10,16 @@ Case = TypeVar("Case")
 
 #: In the environment of a suite that plays all cases.
 EVERY_CASE: Final = "RIGD_TESTS_EVERY_CASE"
+#: Rules of `check_analysis` for an analysis whose evaluation takes long: they need few of them.
+FEW_EVALUATIONS: Final = (
+    "is checked without its numerics",
+    "recovers the truth",
+    "does not depend on the rate",
+    "does not depend on the order of trials",
+    "uses the constants of the rig",
+    "gives the same bytes for the same input",
+    "refuses what it cannot read",
+)
 
 
 def some(cases: Sequence[Case], one_in: int, begin: int = 0) -> Sequence[Case]:

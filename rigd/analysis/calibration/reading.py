@@ -113,9 +113,15 @@ class Steps:
         """Return a known quantity of the plan, the same in every trial, in SI.
 
         Raises:
-            DataError: the plan does not have it.
+            DataError: the plan does not have it, or it differs from trial to trial.
         """
-        return self.sweep.constant(self.sweep.trials[0], name)
+        values = {self.sweep.constant(trial, name) for trial in self.sweep.trials}
+        if len(values) > 1:
+            raise DataError(
+                f"{self.sweep.path}: the constant {name!r} differs from trial to trial",
+                hint="a calibration takes one value for all of them",
+            )
+        return values.pop()
 
     def known(self, name: str) -> CalibratedValue:
         """Return a value that was calibrated before.

@@ -32,8 +32,8 @@ Evaluate = Callable[..., Found | None]
 #: How often a sample is held, and what intervals may shrink to by it.
 HELD: Final = 3
 HELD_WIDTH: Final = 0.75
-#: By how much a signal and a constant are altered.
-ALTERED_SIGNAL: Final = 1.02
+#: By which part a signal is altered, and by how much a constant.
+ALTERED_SIGNAL: Final = 0.02
 ALTERED_CONSTANT: Final = 1.1
 #: How much wider intervals may become if a part of one trial is no number.
 SPOILT_WIDTH: Final = 2.0
@@ -53,7 +53,10 @@ def counts_by_its_data(case: Case, evaluate: Evaluate, whole: Found) -> Iterator
         if len(case.trials) < 2:
             return
         trial = case.trials[index]
-        signals = {name: ALTERED_SIGNAL * values for name, values in trial.signals.items()}
+        signals = {
+            name: values + ALTERED_SIGNAL * (values + _largest(case, name))  # some are zero
+            for name, values in trial.signals.items()
+        }
         altered = _with_trial(case, index, replace(trial, signals=signals))
         if evaluate([altered]) == whole and evaluate([_left_out(case, index)]) != whole:
             yield (
@@ -244,6 +247,10 @@ def _with_trial(case: Case, index: int, trial: SimulatedTrial) -> Case:
     trials = list(case.trials)
     trials[index] = trial
     return replace(case, trials=trials)
+
+
+def _largest(case: Case, name: str) -> float:
+    return max(float(np.max(np.abs(trial.signals[name]), initial=0.0)) for trial in case.trials)
 
 
 def _left_out(case: Case, index: int) -> Case:

@@ -132,7 +132,7 @@ def examine_analysis(
         skipped = {rule: "right declarations" for rule, _ in rules}
         return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
     skipped = {_LIGHT: "a module that another process can import"} if bench.heavy is None else {}
-    if drawn is None:
+    if drawn is None and not only:
         skipped[_DRAWN] = "cases that `drawn` simulates at random"
     played = [
         (rule, check)

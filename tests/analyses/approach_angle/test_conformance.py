@@ -9,6 +9,7 @@ import numpy as np
 from support.angle_headless import SimulatedRun, simulate
 from support.angle_recording import calibration_of
 from support.angle_runs import TABLE_1
+from support.cases import FEW_EVALUATIONS
 
 from rigd.analysis import Evaluation
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
@@ -60,4 +61,4 @@ def test_approach_angle_analysis_conforms(tmp_path: Path) -> None:
         ("clean_0",),
         calibration_of(sliding[0], rig="case"),
     )
-    check_analysis(ApproachAngleAnalysis, [case], tmp_path, read=maxima)
+    check_analysis(ApproachAngleAnalysis, [case], tmp_path, read=maxima, only=FEW_EVALUATIONS)

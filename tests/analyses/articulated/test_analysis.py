@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.articulated_robots import Driven
+from support.cases import FEW_EVALUATIONS
 
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
@@ -91,7 +92,8 @@ def test_straight_runs_hold_no_lateral_number(
 
 
 def test_analysis_keeps_every_rule(straight: list[SimulatedTrial], tmp_path: Path) -> None:
-    check_analysis(ArticulatedAnalysis, [Case(straight, CONSTANTS, {}, SIDEWAYS)], tmp_path)
+    case = Case(straight, CONSTANTS, {}, SIDEWAYS)
+    check_analysis(ArticulatedAnalysis, [case], tmp_path, only=FEW_EVALUATIONS)
 
 
 UNDISTURBED = np.zeros((0, DISTURBED, LANES))

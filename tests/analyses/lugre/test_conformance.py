@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from support.cases import FEW_EVALUATIONS
+
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.lugre.analysis import LugreAnalysis
 
@@ -33,4 +35,5 @@ def test_lugre_analysis_conforms(bench: Callable[..., Any], tmp_path: Path) -> N
         "gravity": rig.constants.gravity_m_s2,
     }
     truth = {"sigma_0": rig.truth.s0, "sigma_2": rig.truth.s2}
-    check_analysis(LugreAnalysis, [Case(trials, constants, truth, ("V_s", "mu_s-mu_c"))], tmp_path)
+    case = Case(trials, constants, truth, ("V_s", "mu_s-mu_c"))
+    check_analysis(LugreAnalysis, [case], tmp_path, only=FEW_EVALUATIONS)

@@ -35,7 +35,7 @@ def test_static_law_passes_check_analysis(tmp_path: Path) -> None:
     fast = {"F_c": TRUTH["F_c"], "k_v": TRUTH["k_v"]}
     high = Case([stroke(0.1, 0.4, 9)], {}, fast, unknown=("F_s", "v_s"))
     report = check_analysis(StaticFrictionAnalysis, [whole, high], tmp_path)
-    assert report.skipped == {}
+    assert set(report.skipped) == {"recovers what is drawn"}
 
 
 def found(trials: list[SimulatedTrial], folder: Path) -> ParameterEvaluation:
