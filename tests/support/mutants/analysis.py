@@ -12,7 +12,7 @@ _LIGHT = "is checked without its numerics"
 _MEASURED = 'measured=-sweep.constant(trial, "mass") * slope'
 _FINITE = '    if not np.all(np.isfinite(signals["speed"])):\n        raise DataError('
 _SHORT = "    if count < 2:\n        raise DataError("
-_FIT = "        result = identify_response(model, WORDING, options, account(trials))\n"
+_FIT = "        result = identify_response(model, WORDING, options, account(group))\n"
 _QUOTED = (
     _FIT
     + "        from dataclasses import replace\n"
