@@ -169,7 +169,7 @@ def play_odd(folder: Path) -> None:
     play_commands(folder)
     ours = folder / "odd_ours.mcap"
     rig = load_rig(shipped_folder("configs") / "sim_lugre.yaml")
-    play(Pair(shipped_folder("procedures") / "constant_current.yaml", rig), 1, ours, trials=2)
+    play(Pair(shipped_folder("procedures") / "constant_current.yaml", rig), 1, ours, trials=6)
     content = content_of(ours)
     expected = opened(ours), tables(ours), estimates(ours)
     right = dict.fromkeys(("verify", "open", "export", "identify", "recover", "cut, recover"), 0)

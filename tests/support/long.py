@@ -68,6 +68,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "cli/test_design.py": ("test_designed_procedure_states_promise_and_passes_check",),
         "sim/mechanism/test_press.py": (),
+        "cli/test_foreign_files.py": (
+            "test_commands_give_the_same_of_odd_file[chunks of lz4]",
+            "test_commands_give_the_same_of_odd_file[definitions in the data alone]",
+            "test_commands_give_the_same_of_odd_file[options of CDR]",
+        ),
         "cli/test_measure.py": ("test_page_of_run_shows_measures",),
         "cli/test_new_rig.py": (
             "test_accepted_range_is_around_friction_asked_for[0.8]",
