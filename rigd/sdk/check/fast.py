@@ -107,7 +107,9 @@ OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill"}
 #: Those after which the device is driven, or in which it may be.
 DRIVES: Final = {"prove watchdog", "arm", "arm and at once make safe", "act"}
 #: Those in which the driver may be silent for so long that the watchdog acts.
-SILENT: Final = {"prove watchdog", "wait for the watchdog", "kill", "open again"}
+SILENT: Final = {
+    "prove watchdog", "wait for the watchdog", "kill", "open again", "close", "new driver", "open",
+}  # fmt: skip
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
     *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
