@@ -4,8 +4,9 @@ The candidates are everything that a family of rigs defines (:mod:`rigd.analysis
 each constant with an uncertainty, which is then left to the data. The tests need no fit; only the
 best candidate is fitted, and one with a name that promises nearly as much: what a score test shows
 is right to first order, and of two that promise the same one may leave much once it is fitted. The
-better of the two fits stands. The selection ends if no candidate is significant, after ``MOST``
-candidates, or if one leaves a large misfit nearly as it was: a refusal is not to take long.
+better of the two fits stands. One that leaves a large misfit nearly as it was, or would need a size
+that it cannot have, is not the cause: the next is tried. The selection ends if no candidate is
+significant, or after ``MOST`` candidates: a refusal is not to take long.
 """
 
 from __future__ import annotations
@@ -24,7 +25,16 @@ from rigd.analysis.result import BoolArray, Explanation, FloatArray, Meaning
 from rigd.analysis.score import Columns, Score, Scores, holm
 from rigd.analysis.structure import Suspect
 from rigd.analysis.system import System, Unknown
-from rigd.analysis.whiteness import EXCESS, Jump, LoudBand, largest_jump, levels, loudest_band
+from rigd.analysis.whiteness import (
+    EXCESS,
+    Jump,
+    LoudBand,
+    Shape,
+    largest_jump,
+    levels,
+    loudest_band,
+    shape_of,
+)
 from rigd.model.errors import DataError
 
 LEVEL = 0.005  #: chance of one false alarm in all tests together
@@ -102,6 +112,7 @@ class Diagnosis:
     trials: tuple[int, ...]
     band: LoudBand
     jump: Jump
+    shape: Shape
     doubts: tuple[FloatArray, ...] = ()
 
     @property
@@ -126,7 +137,6 @@ def diagnose(
     as_good: dict[str, list[Tested]] = {}
     vanished: set[str] = set()
     unfitted: set[str] = set()
-    hopeless = False
     while True:
         scores = Scores(found, block)
         tests = [
@@ -142,7 +152,7 @@ def diagnose(
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
         most = max(len(chosen), len(vanished), len(unfitted)) >= MOST
-        hopeless = hopeless or max(state.levels) > HOPELESS
+        hopeless = max(state.levels) > HOPELESS
         if not wrong or best.worth < WORTH or most or done or hopeless:
             break
         before, ends, rivals = _mean_square(found), [], _rivals(new, best)
@@ -158,10 +168,12 @@ def diagnose(
             unfitted |= {item.name for item in rivals}
             continue
         end = _preferred(ends)
+        if not end.gone and _mean_square(end.fit) > max(NEAR, LITTLE * before):
+            unfitted |= {item.name for item in rivals}
+            continue
         found, chosen = end.fit, end.chosen
         as_good[end.last.name] = _as_good(new, end.first)
         vanished |= {end.first.name if item is end.last else item.name for item in end.gone}
-        hopeless = not end.gone and _mean_square(found) > max(NEAR, LITTLE * before)
     explained = tuple(
         _explanation(system, found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
@@ -180,6 +192,7 @@ def diagnose(
         state.trials,
         state.band,
         state.jump,
+        state.shape,
         tuple(doubts),
     )
 
@@ -204,6 +217,7 @@ class _State:
     trials: tuple[int, ...]
     band: LoudBand
     jump: Jump
+    shape: Shape
 
     @property
     def wrong(self) -> bool:
@@ -218,6 +232,7 @@ def _state(white: Sequence[FloatArray], there: Sequence[BoolArray], period_s: fl
         tuple(int(x) for x in by_trial.argmax(axis=0)),
         loudest_band(white, period_s),
         largest_jump(white, there),
+        shape_of(white, int(np.argmax(levels(white, there)))),
     )
 
 
@@ -415,14 +430,17 @@ def _side_by_side(added: Sequence[Suspect], system: System) -> Columns:
 
 
 def _vanishes(fitted: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> bool:
-    """Whether ``item``, one of ``chosen``, has no size in the fit with all of these."""
+    """Whether ``item``, one of ``chosen``, has no size in the fit, or one that cannot be."""
     if item.candidate is None:
         stated = fitted.model.system.shared[item.place].parameter
         moved = fitted.fit.scaled[item.place] - stated.scaled(stated.start)
         return bool(abs(moved) < NO_SIZE * math.sqrt(fitted.covariance[item.place, item.place]))
     here = _places(fitted, chosen, item)
+    sizes = fitted.fit.theta[here]
+    if np.max(np.abs(sizes)) > item.candidate.most:
+        return True
     variance = np.maximum(np.diag(fitted.covariance)[here], np.finfo(float).tiny)
-    return bool(np.mean(fitted.fit.theta[here] ** 2 / variance) < NO_SIZE**2)
+    return bool(np.mean(sizes**2 / variance) < NO_SIZE**2)
 
 
 def _places(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> slice:
@@ -454,7 +472,11 @@ def _explanation(
             item.score.gain, "", parameter.start, pull, others,
         )  # fmt: skip
     here = _places(found, chosen, item)
-    size = float(theta[here][0]) if item.score.size.size == 1 else _amplitude(theta[here])
+    size = (
+        float(theta[here][0])
+        if item.score.size.size == 1
+        else _amplitude(theta[here], item.candidate.harmonics)
+    )
     sd = float(np.sqrt(np.mean(sds[here] ** 2)))
     return Explanation(
         item.name, item.unit, size, sd, item.score.gain, item.candidate.look, others=others,
@@ -462,6 +484,9 @@ def _explanation(
     )  # fmt: skip
 
 
-def _amplitude(sizes: FloatArray) -> float:
-    """Return the amplitude of a wave of which ``sizes`` are cosine and sine, or its mean."""
-    return float(np.sqrt(2.0 * np.mean(sizes**2)))
+def _amplitude(sizes: FloatArray, harmonics: int) -> float:
+    """Return the amplitude of the largest harmonic, of all trials the mean; or of any wave."""
+    if not harmonics:
+        return float(np.sqrt(2.0 * np.mean(sizes**2)))
+    power = np.sum(np.reshape(sizes, (-1, 2, harmonics)) ** 2, axis=1)
+    return float(np.sqrt(np.max(np.mean(power, axis=0))))

@@ -49,8 +49,9 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
         text = f"The model does not fit these data: {unexplained[0]}"
         if sentences:
             text += f" What explains most of it, though not all, is {sentences[0]}"
-        elif diagnosis.left:
-            text += f" There seems to be {diagnosis.left[0].name}."
+        else:
+            shape = _shape(diagnosis, labels, period_s)
+            text += f" Nothing that rigd knows explains most of it. {shape}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
         text = f"{REFUSED[laws[0].meaning]} {sentences[0]}"
@@ -127,6 +128,19 @@ def _unexplained(diagnosis: Diagnosis, labels: Sequence[str]) -> list[str]:
             )
             found.append((level, text))
     return [text for _, text in sorted(found, key=lambda item: -item[0])]
+
+
+def _shape(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> str:
+    """Return what a misfit without a known cause looks like: when, how fast, with what."""
+    shape = diagnosis.shape
+    found = (
+        f"Half of it is in trial {labels[shape.trial]} between {1e3 * shape.begin * period_s:.0f} "
+        f"and {1e3 * shape.end * period_s:.0f} ms from its begin, mostly below "
+        f"{max(shape.frequency / period_s, 1.0):.0f} Hz"
+    )
+    suspects = [item.candidate for item in diagnosis.left if item.candidate is not None]
+    with_it = next((suspect.context for suspect in suspects if suspect.context), "")
+    return f"{found}, and it goes with {with_it}." if with_it else f"{found}."
 
 
 def _left(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> list[str]:

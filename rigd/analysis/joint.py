@@ -27,7 +27,7 @@ from rigd.analysis.fit import fit
 from rigd.analysis.joint_account import ConstantAccount
 from rigd.analysis.output_error import ENOUGH, NEAR, OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
-from rigd.analysis.score import holm
+from rigd.analysis.score import OWN_SHARE, holm
 from rigd.analysis.system import Unknown
 from rigd.analysis.uncertainty import scaled_pinv
 from rigd.analysis.whitened import Knowledge
@@ -37,7 +37,6 @@ LEVEL = 1e-4
 UNSEEN = 1e-6  #: of the information that is stated of a constant: data that show less show nothing
 AGREED = 0.1  #: standard errors within which the groups must agree on each constant
 ROUNDS = 4
-LEAST_SHARE = 1e-9  #: of an offset's information that no other constant takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +204,7 @@ def _chance_of_differences(left: Sequence[Left], index: int) -> float:
             by_group[number - 1, index] += 1.0
         variance += by_group @ item.scores @ by_group.T
     direct = np.array([item.scores[index, index] for item in left[1:]])
-    used = np.flatnonzero(np.diag(variance) > LEAST_SHARE * np.maximum(direct, UNSEEN))
+    used = np.flatnonzero(np.diag(variance) > OWN_SHARE * np.maximum(direct, UNSEEN))
     if not used.size:
         return 1.0
     statistic = scores[used] @ scaled_pinv(variance[np.ix_(used, used)]) @ scores[used]

@@ -104,6 +104,25 @@ class Scores:
         if batch:
             yield from self._tests(batch)
 
+    def offsets(self, index: int, shares: FloatArray) -> Score:
+        """Return the evidence on offsets of the scaled parameter ``index`` of single trials.
+
+        Trial k has the offsets with ``shares[:, k]``, (c, trials).
+        """
+        model, width = self._fit.model, len(shares)
+        white = [
+            jacobian[:, index, None] * shares[:, trial]
+            for trial, jacobian in enumerate(self._jacobians)
+        ]
+        common = np.zeros((len(model.parameters), width))
+        information, score = np.zeros((width, width)), np.zeros(width)
+        for trial, part in enumerate(white):
+            common[model.columns(trial)] += self._jacobians[trial].T @ part
+            information += part.T @ part
+            score += self._errors[trial] @ part
+        places = [slice(0, width)] * model.trials
+        return self._score(white, places, common, information, score)
+
     def _tests(self, batch: Sequence[Candidate]) -> Iterator[Score]:
         model = self._fit.model
         white, by_jacobian, by_error, grams = [], [], [], []

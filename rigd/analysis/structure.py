@@ -9,6 +9,7 @@ the tests are the same for all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -79,7 +80,10 @@ class Suspect:
     that it is one thing with a name, not a dependence of any shape; ``each_trial`` that its amount
     may differ from trial to trial, as a phase does; ``meaning`` what it makes of the parameters.
     ``near`` makes the same thing a little
-    otherwise (another length of what repeats), if it comes in all sizes.
+    otherwise (another length of what repeats), if it comes in all sizes. ``most`` is the largest
+    size that it can have, in its unit: one that would be larger is not the cause. ``context`` is
+    the quantity of a dependence, ``harmonics`` how many waves it is the sum of: first the cosines
+    of all, then their sines.
     """
 
     name: str
@@ -90,6 +94,9 @@ class Suspect:
     each_trial: bool = False
     meaning: Meaning = Meaning.NUISANCE
     near: Callable[[], Iterable[Suspect]] | None = None
+    most: float = math.inf
+    context: str = ""
+    harmonics: int = 0
 
 
 def dependences(sources: Sequence[ErrorSource], contexts: Sequence[Context]) -> Iterator[Suspect]:
@@ -102,8 +109,9 @@ def dependences(sources: Sequence[ErrorSource], contexts: Sequence[Context]) -> 
             columns = partial(_responses, source, functions)
             look = f"whether {source.name} depends on {context.name}"
             yield Suspect(
-                f"{source.name} that depends on {context.name}", source.unit, columns, look
-            )
+                f"{source.name} that depends on {context.name}", source.unit, columns, look,
+                context=context.name, harmonics=HARMONICS if context.round_rad else 0,
+            )  # fmt: skip
 
 
 def _responses(source: ErrorSource, functions: Sequence[FloatArray]) -> Columns:

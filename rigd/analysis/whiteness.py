@@ -41,6 +41,20 @@ class Jump:
     p_value: float
 
 
+@dataclass(frozen=True)
+class Shape:
+    """Where most of a misfit is: its trial, the samples from ``begin`` to ``end``, its frequency.
+
+    Between the samples lies the middle half of the squared residuals; half of their power is below
+    ``frequency``, in cycles for each sample.
+    """
+
+    trial: int
+    begin: int
+    end: int
+    frequency: float
+
+
 def levels(white: Sequence[FloatArray], there: Sequence[BoolArray] | None = None) -> list[float]:
     """Return the mean square of each output's whitened residuals (n, m); noise alone leaves 1.
 
@@ -102,3 +116,17 @@ def largest_jump(white: Sequence[FloatArray], there: Sequence[BoolArray] | None 
             p_value = float(min(1.0, 2.0 * norm.sf(size) * count))
             best = Jump(int(output), trial, int(sample), size, p_value)
     return best
+
+
+def shape_of(white: Sequence[FloatArray], output: int) -> Shape:
+    """Return where the residuals (n, m) of an ``output`` have most of their squares."""
+    trial = int(np.argmax([np.mean(part[:, output] ** 2) for part in white]))
+    part = white[trial][:, output]
+    begin, end = (_reached(part**2, share) for share in (0.25, 0.75))
+    power = np.abs(np.fft.rfft(part)) ** 2
+    return Shape(trial, begin, end, _reached(power, 0.5) / max(len(part), 1))
+
+
+def _reached(parts: FloatArray, share: float) -> int:
+    """Return the place at which the sum of ``parts`` (n,) reaches a share of the whole."""
+    return int(np.searchsorted(np.cumsum(parts), share * np.sum(parts)))

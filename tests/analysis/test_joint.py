@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigd.analysis.homogeneity import Levels
+from rigd.analysis.homogeneity import LEVEL, differences, trend
 from rigd.analysis.joint import Joint, join, left_by
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.output_error import OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
+from rigd.analysis.score import Scores
 
 from .lines import BLOCK, ROWS, Lines, fitted
 
@@ -90,8 +91,20 @@ def test_trials_that_show_nothing_hide_no_change() -> None:
         y + more if 6 <= k < 12 else y
         for k, (y, more) in enumerate(zip(lines.measured, raised, strict=True))
     )
-    levels = Levels(fitted(replace(lines, measured=measured)), 0)
-    assert levels.differ([k // 6 for k in range(18)]).found
+    scores = Scores(fitted(replace(lines, measured=measured)), BLOCK)
+    assert differences(scores, 0, [k // 6 for k in range(18)]).p_value < LEVEL
+
+
+def test_fit_before_its_end_shows_no_trend() -> None:
+    """Parameters that have some way to go are no change from trial to trial."""
+    lines = Lines(tuple((0, 3.0 + 0.1 * k) for k in range(18)), (1.0,))
+    end = fitted(lines)
+    sds = np.sqrt(np.diag(end.covariance))
+    scaled = end.fit.scaled + 2.0 * sds
+    short = conclude(end.model, replace(end.fit, theta=scaled, scaled=scaled), BLOCK)
+    found = [trend(Scores(item, BLOCK), 0, 18) for item in (end, short)]
+    assert found[1].gain == pytest.approx(found[0].gain, abs=0.5)
+    assert found[1].p_value > 0.01
 
 
 def test_one_group_stays_as_it_is() -> None:

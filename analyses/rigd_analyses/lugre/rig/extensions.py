@@ -6,6 +6,7 @@ each unit of it, at the fitted motion (:mod:`.disturbed`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -26,8 +27,19 @@ LONGEST_M, SHORTEST_M = 0.5, 0.03  #: of what may repeat along the guide
 RESOLVED = 0.5  #: of one wave more along the longest travel
 NEAR = 13  #: lengths between two neighbours that a winner is refined with
 MAINS_HZ = (50.0, 60.0)
+#: Largest sizes that a cause can have; with a larger one it is not the cause.
+LATEST_S = 0.1  #: of a delay: a filter that is slower leaves no motion to identify
+LOOSEST_RAD = 0.2  #: of backlash: more than 10 degrees are heard
+OFF_CENTRE = 0.1  #: eccentricity of a wheel over its radius
 
 FRICTION = "friction"
+WEAR = "friction that changes from the first trial to the last"
+#: Things that differ between trials: what they are called beside friction that depends on them.
+BY_TRIAL = (
+    WEAR,
+    f"{FRICTION} that depends on the trial",
+    f"{FRICTION} that depends on the recording",
+)
 SLIP = "the slip"  #: an error that depends on it changes the motion as friction does
 #: What a law of friction holds; friction that depends on it otherwise follows another law.
 LAWS = ("the speed", "the slip", "the current", "the acceleration")
@@ -103,26 +115,29 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
 
     def yielded(
         name: str, unit: str, look: str, respond: Callable[[int, Motion], FloatArray],
-        meaning: Meaning = Meaning.NUISANCE,
+        meaning: Meaning = Meaning.NUISANCE, most: float = math.inf,
     ) -> Suspect:  # fmt: skip
         def columns() -> Columns:
             return [respond(k, motion) for k, motion in enumerate(rig.motions)]
 
-        return Suspect(name, unit, columns, look, special=True, meaning=meaning)
+        return Suspect(name, unit, columns, look, special=True, meaning=meaning, most=most)
 
     def position(name: str, unit: str, look: str, signal: Signal) -> Suspect:
         return yielded(name, unit, look, lambda k, m: rig.readings(position=signal(m)[:, None]))
 
-    def angle(name: str, unit: str, look: str, signal: Signal) -> Suspect:
-        return yielded(name, unit, look, lambda k, m: rig.readings(angle=signal(m)[:, None]))
+    def angle(name: str, unit: str, look: str, signal: Signal, most: float = math.inf) -> Suspect:
+        return yielded(
+            name, unit, look, lambda k, m: rig.readings(angle=signal(m)[:, None]), most=most
+        )
 
     def force(name: str, unit: str, look: str, signal: Signal) -> Suspect:
         return yielded(name, unit, look, lambda k, m: rig.forced(k, force_n=signal(m)[:, None]))
 
-    def current(name: str, unit: str, look: str, signal: Signal) -> Suspect:
+    def current(name: str, unit: str, look: str, signal: Signal, most: float = math.inf) -> Suspect:
         return yielded(
-            name, unit, look, lambda k, m: rig.forced(k, torque_nm=gain * signal(m)[:, None])
-        )
+            name, unit, look, lambda k, m: rig.forced(k, torque_nm=gain * signal(m)[:, None]),
+            most=most,
+        )  # fmt: skip
 
     def friction(
         name: str, look: str, signal: Signal, meaning: Meaning = Meaning.VARIES
@@ -163,6 +178,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "rad",
         "the play of the gear and of the wheel's key",
         lambda m: 0.5 * np.sign(gain * m.current - named["no_load"] * np.sign(m.turning)),
+        LOOSEST_RAD,
     )
     yield angle(
         "a shaft between motor and wheel that winds up",
@@ -175,6 +191,14 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "s",
         "the filter of the accelerometer and its amplifier",
         lambda k, m: rig.readings(acceleration=-np.gradient(m.acceleration, period)[:, None]),
+        most=LATEST_S,
+    )
+    yield yielded(
+        "a delay of both encoders",
+        "s",
+        "the counter or bus that reads both, its filter and time stamps",
+        lambda k, m: rig.readings(position=-m.speed[:, None], angle=-m.turning[:, None]),
+        most=LATEST_S,
     )
     yield yielded(
         "a zero of the accelerometer that drifts",
@@ -187,6 +211,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "s",
         "the filter of the current monitor, the amplifier's loop",
         lambda m: -np.gradient(m.current, period),
+        LATEST_S,
     )
     yield current(
         "a zero of the current that drifts", "A/s", "the current monitor", lambda m: driven(m)
@@ -229,6 +254,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "m",
         "the runout of the wheel",
         lambda k, m: _other_radius(rig, k, _circle(m.angle)),
+        most=OFF_CENTRE * radius,
     )
     yield yielded(
         "a drive wheel that grows with the square of the speed",
@@ -253,7 +279,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
     if count > 1:
         order = {id(m): k / (count - 1) - 0.5 for k, m in enumerate(rig.motions)}
         yield friction(
-            "friction that changes from the first trial to the last",
+            WEAR,
             "wear or dirt of wheel and floor, their temperature",
             lambda m: np.full(m.time.size, order[id(m)]),
         )
@@ -297,7 +323,7 @@ def _repeated(rig: Disturbed, waves_m: float, step: float) -> Suspect:
         f"an error of the carriage encoder each {1e3 / waves_m:.1f} mm", "m",
         partial(_along, rig, waves_m),
         "the runout of the measuring wheel (its turn is 2 pi times its radius)",
-        special=True, each_trial=True, near=near,
+        special=True, each_trial=True, near=near, most=OFF_CENTRE / (2.0 * np.pi * waves_m),
     )  # fmt: skip
 
 

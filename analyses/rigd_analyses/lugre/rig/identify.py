@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from rigd.analysis import DataError
 from rigd.analysis.diagnosis import diagnose
 from rigd.analysis.extended import same_with, without_added
 from rigd.analysis.fit import Fit, fit, multi_start
-from rigd.analysis.gate import judge_fit
+from rigd.analysis.gate import judge_fit, sentence
 from rigd.analysis.homogeneity import TrialParts, changes, homogeneity
 from rigd.analysis.left_out import without_each_trial
 from rigd.analysis.model import scaled_bounds
@@ -32,7 +33,6 @@ from rigd.analysis.result import (
     FloatArray,
     Gate,
     IdentificationResult,
-    Meaning,
     ResidualTest,
     TrialRejection,
 )
@@ -51,7 +51,7 @@ from rigd_analyses.lugre.model import (
 from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.extensions import candidates
+from rigd_analyses.lugre.rig.extensions import BY_TRIAL, WEAR, candidates
 from rigd_analyses.lugre.rig.found import (
     FRICTION,
     HEIGHT,
@@ -86,6 +86,7 @@ SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
 OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
 BASINS = 3  #: optima of method A that output error starts from
 OTHER_BASIN = 0.3  #: in scaled coordinates
+MONOTONIC, IN_ORDER = 4, 0.9  #: trials, and rank correlation, of which the order is one of currents
 LN_2 = math.log(2.0)
 OTHER_ITERATIONS = 3  #: with another filter; the optimum is near
 
@@ -154,16 +155,18 @@ def fit_group(
         raise Diverged(error.trial, described(used[error.trial])) from error
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
-    # Other things move friction from trial to trial too: a trend counts if friction explains most.
-    varies = any(item.meaning is Meaning.VARIES for item in gate.explanations[:1])
-    # A fit that is far off shows a change, and its sign, by chance; explained, it is close.
-    explained = without_added(diagnosis.fit, block) if varies else diagnosis.fit
-    alike = homogeneity(explained, MU_C, "friction", _parts(used, rig))
-    changed = changes(alike)
-    if varies and changed:
-        sentence = f"The model does not fit these data: {changed[0]}"
-        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)
-        gate = replace(gate, findings=(*changed, *gate.findings))
+    # Without what was added every trial disagrees: the tests count so only if that is by trial.
+    cause = next((item.name for item in gate.explanations[:1] if item.name in BY_TRIAL), "")
+    explained = without_added(diagnosis.fit, block) if cause else diagnosis.fit
+    alike = homogeneity(
+        explained, MU_C, "friction", _parts(used, rig), block, steady=cause in ("", WEAR)
+    )
+    if cause:
+        changed = changes(alike)
+        why = (*changed, sentence(gate.explanations[0]))[0]
+        text = f"The model does not fit these data: {why}"
+        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
+        gate = replace(gate, findings=(*changed, *gate.findings, *_confounded(used)))
     shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
     return FirstFit(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
@@ -279,6 +282,18 @@ def _parts(trials: Sequence[LugreTrial], rig: RigConstants) -> list[TrialParts]:
             "itself.",
         ),
     ]  # fmt: skip
+
+
+def _confounded(trials: Sequence[LugreTrial]) -> list[str]:
+    """Return a sentence if the order of the trials is that of their currents."""
+    currents = [float(np.max(np.abs(trial.motor_current_a))) for trial in trials]
+    if len(trials) < MONOTONIC or abs(spearmanr(range(len(trials)), currents)[0]) < IN_ORDER:
+        return []
+    return [
+        "The trials are in the order of their currents: what changes with time cannot be told from "
+        "what changes with speed. Play them with `order: random`, and an early one again at the "
+        "end."
+    ]
 
 
 def rig_system(
