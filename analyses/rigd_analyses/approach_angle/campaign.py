@@ -18,7 +18,7 @@ from rigd_analyses.approach_angle.flags import raw_flags
 from rigd_analyses.approach_angle.paper import PaperSettings, analyse_paper
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetResult, Trend
 from rigd_analyses.approach_angle.sets import evaluate_set
-from rigd_analyses.approach_angle.shared.balance import balance_errors
+from rigd_analyses.approach_angle.shared.balance import balance_errors, excluded_errors
 from rigd_analyses.approach_angle.shared.load import load_errors
 from rigd_analyses.approach_angle.shared.share import share_errors
 from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
@@ -48,6 +48,7 @@ def analyse_campaign(
     ]
     shared = (
         *balance_errors(runs, results),
+        *excluded_errors(runs, results),
         *load_errors(runs, results),
         *share_errors(runs, results),
     )

@@ -21,7 +21,7 @@ from rigd_analyses.approach_angle.data import (
 )
 from rigd_analyses.approach_angle.paper import PaperRun
 from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.balance import balance_errors
+from rigd_analyses.approach_angle.shared.balance import balance_errors, excluded_errors
 from rigd_analyses.approach_angle.shared.load import load_errors
 from rigd_analyses.approach_angle.shared.share import gauge_share, share_errors
 
@@ -153,8 +153,41 @@ def test_drag_of_rollers_leaves_maxima_alone(rig: AngleRig) -> None:
 
 def test_run_left_out_shows_no_shared_error(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(gain=0.08))
-    out = [replace(result, flags=(Flag("rubbing", "Bad."),)) for result in results]
+    out = [replace(result, flags=(Flag("gauge_dead", "Bad."),)) for result in results]
     assert balance_errors(known, out) == load_errors(known, out) == share_errors(known, out) == []
+
+
+def excluded(results: list[RunResult], count: int) -> list[RunResult]:
+    """Return ``results`` of which the balance excludes so many, those with the largest residual."""
+    sizes = [abs(b.residual_n) / b.normal_n if (b := r.better.balance) else 0.0 for r in results]
+    worst = sorted(range(len(sizes)), key=lambda k: -sizes[k])[:count]
+    flag = Flag("rubbing", "The gauges show more than the motion needs.")
+    return [replace(r, flags=(flag,)) if k in worst else r for k, r in enumerate(results)]
+
+
+def test_runs_that_the_balance_excludes_are_evidence(rig: AngleRig) -> None:
+    known, results = campaign(rig, Wrong(gain=0.06))
+    (found,) = balance_errors(known, excluded(results, 20))
+    assert found.code == "torque_gain"
+    assert abs(found.size - 0.06) < 2.0 * found.u
+
+
+@pytest.mark.parametrize(("count", "widened"), [(0, False), (1, False), (4, True), (12, True)])
+def test_more_excluded_runs_than_chance_widen(rig: AngleRig, count: int, widened: bool) -> None:
+    known, results = campaign(rig, Wrong(gain=0.05))
+    found = excluded_errors(known, excluded(results, count))
+    assert bool(found) is widened
+    for error in found:
+        assert min(error.effect.values()) > 0.5 * 0.05
+
+
+def test_more_runs_make_an_error_better_known(rig: AngleRig) -> None:
+    runs = [campaign(rig, Wrong(gain=0.08), seed) for seed in (1, 1, 1, 1)]
+    known = [k for some, _ in runs for k in some]
+    results = [r for _, some in runs for r in some]
+    (few,), (many,) = balance_errors(*runs[0]), balance_errors(known, results)
+    assert few.code == many.code == "torque_gain"
+    assert many.u < few.u
 
 
 @pytest.mark.parametrize(

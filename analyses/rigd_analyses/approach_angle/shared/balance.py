@@ -12,8 +12,13 @@ error d with the shape c has the generalised least-squares estimate
 
     d = c' V^-1 E/(c' V^-1 c),   u(d) = (c' V^-1 c)^-1/2
 
-If the residuals scatter more than V about the error, u(d) grows by the root of their mean chi^2
-(Birge 1932): what the equations leave out is no evidence.
+If the residuals scatter more than V about the error, S is as many times larger as makes their
+chi^2 that of n - 1 degrees of freedom (Paule and Mandel, J. Res. NBS 87, 1982): what the equations
+leave out is scatter of single runs, so that an error is the better known the more runs there are.
+
+Runs that the balance alone has excluded are part of the evidence: an error that is the same in all
+runs excludes those in which chance adds to it. If more runs are excluded than chance allows, the
+intervals are widened, whether or not one error explains them.
 
 A gain shows in proportion to the torque, rubbing not at all: sets of strong and weak friction tell
 them apart.
@@ -27,9 +32,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import binom
 
 from rigd_analyses.approach_angle.better.result import BalanceRow
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.data import FloatArray, KnownRun, Severity
 from rigd_analyses.approach_angle.result import RunResult
 from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
 
@@ -37,8 +44,14 @@ from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
 MIN_RUNS: Final = 8
 #: The least scatter of a residual over N: noise of the gauges' zero and of the speeds at the ends.
 LEAST_SCATTER: Final = 4e-4
-#: The scatter is that about a fit in which everything may be so many times as wrong as it is known.
-LOOSE: Final = 30.0
+#: Times the least scatter beyond which residuals are larger than the forces themselves.
+MOST_SCATTER: Final = 1e5
+#: Flags of runs that the force balance has excluded, and the share of good runs that it excludes:
+#: that of a normal distribution beyond 3 standard deviations.
+BY_BALANCE: Final = frozenset({"rubbing", "torque_missing"})
+EXCLUDED_SHARE: Final = 0.0027
+#: More excluded runs than these have so small a chance if nothing is wrong with all of them.
+LEVEL: Final = 1e-4
 #: What the equations leave out of a force, relative, from e times less load to more: on good
 #: simulated rigs the residuals change with the load by up to 1 %.
 LOAD_U: Final = 0.02
@@ -47,9 +60,6 @@ TYPICAL_N: Final = 55.0
 #: (on good simulated rigs sets differ by 0.3 to 1.5 %), and the angle.
 MOUNTING_U: Final = 0.01
 ANGLE_U_RAD: Final = math.radians(0.2)
-#: A drift counts from this many times what it is uncertain by: the order of the runs is also that
-#: of sets and loads, and on good simulated rigs it reached 6.5.
-DRIFTS: Final = 8.0
 #: Errors that explain the data as well as the best one, by so much in chi^2, are named beside it.
 AS_GOOD: Final = 4.0
 
@@ -67,11 +77,7 @@ class _Candidate:
 
 def balance_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
     """Return the error that explains the residuals of the sliding runs; none if none is needed."""
-    chosen = [
-        (k, row, r)
-        for k, r in zip(known, results, strict=True)
-        if not r.excluded and math.isfinite(r.better.mu) and (row := r.better.balance) is not None
-    ]
+    chosen = _evidence(known, results)
     if len(chosen) < MIN_RUNS:
         return []
     runs, rows = [k for k, _, _ in chosen], [row for _, row, _ in chosen]
@@ -82,26 +88,75 @@ def balance_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> l
             _of_mounting(runs, rows),
         ]
     )
-    candidates = _candidates(runs, rows)
-    scatter = _scatter(residual, explained, candidates, rows)
-    covariance = np.diag(scatter**2) + explained @ explained.T
-    misfit = float(residual @ np.linalg.solve(covariance, residual))
+    scatter = LEAST_SCATTER * np.array([row.normal_n for row in rows])
     found = []
-    for item in candidates:
-        weighted = np.linalg.solve(covariance, item.shape)
-        information = float(item.shape @ weighted)
-        if information > 0.0:
-            size = float(residual @ weighted) / information
-            left = misfit - size**2 * information
-            u = math.sqrt(max(1.0, left / (len(rows) - 1)) / information)
-            sure = abs(size) / u * (SIGNIFICANT / DRIFTS if item.code == "torque_drift" else 1.0)
-            found.append((sure, size, u, item))
+    for item in _candidates(runs, rows):
+        if np.any(item.shape):
+            size, u = _estimate(residual, item.shape, scatter, explained)
+            found.append((abs(size) / u, size, u, item))
     best = max(found, key=lambda entry: entry[0], default=None)
     if best is None or best[0] < SIGNIFICANT:
         return []
     as_good = [entry for entry in found if entry[0] ** 2 > best[0] ** 2 - AS_GOOD]
     names = [r.run.set_name for _, _, r in chosen]
     return [_error(best, [entry for entry in as_good if entry is not best], names)]
+
+
+def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
+    """Return the error that excludes more runs by their balance than chance; none if it does not.
+
+    Its size is the median residual of all sliding runs over what F_r/N they show.
+    """
+    chosen = _evidence(known, results)
+    count = sum(r.excluded for _, _, r in chosen)
+    chance = float(binom.sf(count - 1, max(len(chosen), 1), EXCLUDED_SHARE))
+    if len(chosen) < MIN_RUNS or chance > LEVEL:
+        return []
+    shares: dict[str, list[float]] = {}
+    for _, row, r in chosen:
+        share = row.residual_n / max(abs(row.force_n), 1e-9)
+        shares.setdefault(r.run.set_name, []).append(share)
+    effect = {name: abs(float(np.median(values))) for name, values in shares.items()}
+    size = float(np.median([value for values in shares.values() for value in values]))
+    sentence = (
+        f"The force balance excludes {count} of {len(chosen)} sliding runs; of good runs chance "
+        f"excludes {EXCLUDED_SHARE:.1%}. What all runs share, such as the gain or zero of the "
+        "gauges, an angle, a load, a mass or a calibration, is off in the others too. The "
+        "intervals are widened by the median residual."
+    )
+    return [SharedError("runs_excluded", sentence, size, abs(size), "1", effect)]
+
+
+def _evidence(
+    known: Sequence[KnownRun], results: Sequence[RunResult]
+) -> list[tuple[KnownRun, BalanceRow, RunResult]]:
+    """Return the sliding runs that have a balance, with those that only the balance excludes."""
+    return [
+        (k, row, r)
+        for k, r in zip(known, results, strict=True)
+        if (row := r.better.balance) is not None
+        and not any(f.code == "no_sliding" for f in r.better.flags)
+        and {f.code for f in r.flags if f.severity is Severity.EXCLUDED} <= BY_BALANCE
+    ]
+
+
+def _estimate(
+    residual: FloatArray, shape: FloatArray, scatter: FloatArray, explained: FloatArray
+) -> tuple[float, float]:
+    """Return the size of an error of ``shape`` (n,), and its standard uncertainty."""
+
+    def at(times: float) -> tuple[float, float, float]:
+        covariance = np.diag((times * scatter) ** 2) + explained @ explained.T
+        weighted = np.linalg.solve(covariance, np.column_stack([shape, residual]))
+        information = float(shape @ weighted[:, 0])
+        size = float(shape @ weighted[:, 1]) / information
+        return float(residual @ weighted[:, 1]) - size**2 * information, size, information
+
+    times = 1.0
+    if at(times)[0] > len(residual) - 1:
+        times = brentq(lambda x: at(x)[0] - (len(residual) - 1), 1.0, MOST_SCATTER)
+    _, size, information = at(times)
+    return size, 1.0 / math.sqrt(information)
 
 
 def _error(
@@ -215,25 +270,3 @@ def _candidates(runs: Sequence[KnownRun], rows: Sequence[BalanceRow]) -> list[_C
 
 def _much(size: float) -> str:
     return "much" if size > 0.0 else "little"
-
-
-def _scatter(
-    residual: FloatArray,
-    explained: FloatArray,
-    candidates: Sequence[_Candidate],
-    rows: Sequence[BalanceRow],
-) -> FloatArray:
-    """Return the standard deviation in N of each run about the loosest fit, (n,): s N."""
-    normal = np.array([row.normal_n for row in rows])
-    basis = np.column_stack(
-        [LOOSE * explained, *(1e3 * item.shape / np.linalg.norm(item.shape) for item in candidates
-                              if np.any(item.shape))]
-    ) / normal[:, None]  # fmt: skip
-    target = residual / normal
-    # A ridge of unit weight beside a typical scatter of LEAST_SCATTER: a fit with loose priors.
-    gram = basis.T @ basis / LEAST_SCATTER**2 + np.eye(basis.shape[1])
-    fitted = basis @ np.linalg.solve(gram, basis.T @ target / LEAST_SCATTER**2)
-    used = min(basis.shape[1], len(rows) - 2)
-    left = np.abs(target - fitted - np.median(target - fitted))
-    spread = 1.4826 * float(np.median(left)) * math.sqrt(len(rows) / max(len(rows) - used, 1))
-    return np.asarray(max(spread, LEAST_SCATTER) * normal)
