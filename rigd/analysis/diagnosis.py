@@ -437,7 +437,8 @@ def _vanishes(fitted: OutputErrorFit, chosen: Sequence[Tested], item: Tested) ->
         return bool(abs(moved) < NO_SIZE * math.sqrt(fitted.covariance[item.place, item.place]))
     here = _places(fitted, chosen, item)
     sizes = fitted.fit.theta[here]
-    if np.max(np.abs(sizes)) > item.candidate.most:
+    least, most = item.candidate.possible
+    if np.min(sizes) < least or np.max(sizes) > most:
         return True
     variance = np.maximum(np.diag(fitted.covariance)[here], np.finfo(float).tiny)
     return bool(np.mean(sizes**2 / variance) < NO_SIZE**2)

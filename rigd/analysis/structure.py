@@ -22,6 +22,8 @@ from rigd.analysis.score import Columns
 WAVES = 4  #: cosines over the range of a context
 HARMONICS = 2  #: of a context that comes round
 FEW = 12  #: values of a context that count as groups, as trials do
+ANY = (-math.inf, math.inf)  #: size
+POSITIVE = (0.0, math.inf)
 MOST_GROUPS = 6  #: contrasts that are made of groups
 
 
@@ -79,11 +81,10 @@ class Suspect:
     ``name`` is what it is, for a sentence; ``look`` what to check on the rig. ``special`` states
     that it is one thing with a name, not a dependence of any shape; ``each_trial`` that its amount
     may differ from trial to trial, as a phase does; ``meaning`` what it makes of the parameters.
-    ``near`` makes the same thing a little
-    otherwise (another length of what repeats), if it comes in all sizes. ``most`` is the largest
-    size that it can have, in its unit: one that would be larger is not the cause. ``context`` is
-    the quantity of a dependence, ``harmonics`` how many waves it is the sum of: first the cosines
-    of all, then their sines.
+    ``near`` makes the same thing a little otherwise (another length of what repeats), if it comes
+    in all sizes. ``possible`` are the least and the largest size that it can have, in its unit:
+    with another it is not the cause. ``context`` is the quantity of a dependence, ``harmonics`` of
+    how many waves it is the sum: first the cosines of all, then their sines.
     """
 
     name: str
@@ -94,7 +95,7 @@ class Suspect:
     each_trial: bool = False
     meaning: Meaning = Meaning.NUISANCE
     near: Callable[[], Iterable[Suspect]] | None = None
-    most: float = math.inf
+    possible: tuple[float, float] = ANY
     context: str = ""
     harmonics: int = 0
 

@@ -16,7 +16,14 @@ import numpy as np
 
 from rigd.analysis.result import FloatArray, Meaning
 from rigd.analysis.score import Columns
-from rigd.analysis.structure import Context, ErrorSource, Suspect, dependences
+from rigd.analysis.structure import (
+    ANY,
+    POSITIVE,
+    Context,
+    ErrorSource,
+    Suspect,
+    dependences,
+)
 from rigd_analyses.articulated.kernel import DISTURBED, LANES
 from rigd_analyses.articulated.system import SHARED, RobotSystem, Run
 
@@ -35,20 +42,24 @@ class Acting:
     unit: str
     look: str
     meaning: Meaning = Meaning.NUISANCE
+    possible: tuple[float, float] = ANY
 
 
 ACTING: Final = (
     Acting("another radius of the right wheels", "1", "the diameters of the wheels on both sides"),
-    Acting("a hinge that springs back", "N m/rad", "cables across the hinge, and its stop"),
-    Acting("a hinge that rubs", "N m", "the bearing of the hinge"),
-    Acting("drag with the square of the speed", "N s^2/m^2", "cables that the robot pulls"),
+    Acting("a hinge that springs back", "N m/rad", "cables across the hinge, and its stop",
+           possible=POSITIVE),
+    Acting("a hinge that rubs", "N m", "the bearing of the hinge", possible=POSITIVE),
+    Acting("drag with the square of the speed", "N s^2/m^2", "cables that the robot pulls",
+           possible=POSITIVE),
     Acting("longitudinal forces that are not in proportion to the slip", "s/m",
            "another law of the contacts", Meaning.LAW),
     Acting("lateral forces that are not in proportion to the lateral speed", "s/m",
            "another law of the contacts", Meaning.LAW),
     Acting("another k_lat of the rear module", "1", "the tyres of both modules", Meaning.VARIES),
     Acting("loads that shift with the forces, by a height", "m",
-           "the height of the centre of mass: the model takes the loads as equal", Meaning.LAW),
+           "the height of the centre of mass: the model takes the loads as equal", Meaning.LAW,
+           POSITIVE),
     Acting("contacts that change in the course of a trial", "1/s", "tyres and floor: wear, dirt",
            Meaning.VARIES),
 )  # fmt: skip
@@ -161,7 +172,7 @@ def candidates(system: RobotSystem, theta: FloatArray) -> Iterator[Suspect]:
     for lane, thing in enumerate(ACTING):
         yield Suspect(
             thing.name, thing.unit, _lane(moved, lane), thing.look, special=True,
-            meaning=thing.meaning,
+            meaning=thing.meaning, possible=thing.possible,
         )  # fmt: skip
     yield from _markers(moved)
     yield from dependences(_sources(moved), _contexts(moved))

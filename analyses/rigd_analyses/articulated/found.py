@@ -33,6 +33,7 @@ ENOUGH: Final = 3e-6  #: and below which the fit of all trials does: 0.1 of 3e4
 FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
+NO_STEP: Final = 1.001  #: mu_s over mu_d, its bound: other values of both are sought from there
 WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
 #: s of these trials in which that is done, one after the other while the fit is wrong; a coarse
 #: mu_d is sought in the first.
@@ -108,14 +109,18 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
     def is_wrong(ended: Fit) -> bool:
         return 2.0 * ended.cost > WRONG * counted
 
-    if sliding and is_wrong(branch[1]):
+    def is_elsewhere(branch: Branch) -> bool:
+        """Whether the optimum may be another: a contact that slides as it grips is none."""
+        return is_wrong(branch[1]) or branch[1].theta[FRICTION[1]] < NO_STEP
+
+    if sliding and is_elsewhere(branch):
         kinetic = _begin_sliding(system, sliding, gripping, SOUGHT_S[0])[FRICTION[0]]
         for seconds in SOUGHT_S:
             close = kinetic * np.array(CLOSE)
             point = _begin_sliding(system, sliding, gripping, seconds, close, CLOSE_RATIOS)
             other = _fitted(system, _theta(system, point))
             branch = min(branch, other, key=lambda item: item[1].cost)
-            if not is_wrong(branch[1]):
+            if not is_elsewhere(branch):
                 break
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)

@@ -6,7 +6,6 @@ each unit of it, at the fitted motion (:mod:`.disturbed`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -15,7 +14,14 @@ import numpy as np
 
 from rigd.analysis.result import FloatArray, Meaning
 from rigd.analysis.score import Columns
-from rigd.analysis.structure import Context, ErrorSource, Suspect, dependences
+from rigd.analysis.structure import (
+    ANY,
+    POSITIVE,
+    Context,
+    ErrorSource,
+    Suspect,
+    dependences,
+)
 from rigd_analyses.lugre.model import RATIO
 from rigd_analyses.lugre.rig.disturbed import Disturbed, Motion
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem
@@ -28,7 +34,7 @@ RESOLVED = 0.5  #: of one wave more along the longest travel
 NEAR = 13  #: lengths between two neighbours that a winner is refined with
 MAINS_HZ = (50.0, 60.0)
 #: Largest sizes that a cause can have; with a larger one it is not the cause.
-LATEST_S = 0.1  #: of a delay: a filter that is slower leaves no motion to identify
+LATEST = (-0.1, 0.1)  #: s, of a delay: a slower filter leaves no motion to identify
 LOOSEST_RAD = 0.2  #: of backlash: more than 10 degrees are heard
 OFF_CENTRE = 0.1  #: eccentricity of a wheel over its radius
 
@@ -115,28 +121,35 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
 
     def yielded(
         name: str, unit: str, look: str, respond: Callable[[int, Motion], FloatArray],
-        meaning: Meaning = Meaning.NUISANCE, most: float = math.inf,
+        meaning: Meaning = Meaning.NUISANCE, possible: tuple[float, float] = ANY,
     ) -> Suspect:  # fmt: skip
         def columns() -> Columns:
             return [respond(k, motion) for k, motion in enumerate(rig.motions)]
 
-        return Suspect(name, unit, columns, look, special=True, meaning=meaning, most=most)
+        return Suspect(name, unit, columns, look, special=True, meaning=meaning, possible=possible)
 
     def position(name: str, unit: str, look: str, signal: Signal) -> Suspect:
         return yielded(name, unit, look, lambda k, m: rig.readings(position=signal(m)[:, None]))
 
-    def angle(name: str, unit: str, look: str, signal: Signal, most: float = math.inf) -> Suspect:
+    def angle(
+        name: str, unit: str, look: str, signal: Signal, possible: tuple[float, float] = ANY
+    ) -> Suspect:
         return yielded(
-            name, unit, look, lambda k, m: rig.readings(angle=signal(m)[:, None]), most=most
+            name, unit, look, lambda k, m: rig.readings(angle=signal(m)[:, None]), possible=possible
         )
 
-    def force(name: str, unit: str, look: str, signal: Signal) -> Suspect:
-        return yielded(name, unit, look, lambda k, m: rig.forced(k, force_n=signal(m)[:, None]))
+    def resisting(name: str, unit: str, look: str, signal: Signal) -> Suspect:
+        return yielded(
+            name, unit, look, lambda k, m: rig.forced(k, force_n=signal(m)[:, None]),
+            possible=POSITIVE,
+        )  # fmt: skip
 
-    def current(name: str, unit: str, look: str, signal: Signal, most: float = math.inf) -> Suspect:
+    def current(
+        name: str, unit: str, look: str, signal: Signal, possible: tuple[float, float] = ANY
+    ) -> Suspect:
         return yielded(
             name, unit, look, lambda k, m: rig.forced(k, torque_nm=gain * signal(m)[:, None]),
-            most=most,
+            possible=possible,
         )  # fmt: skip
 
     def friction(
@@ -178,27 +191,28 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "rad",
         "the play of the gear and of the wheel's key",
         lambda m: 0.5 * np.sign(gain * m.current - named["no_load"] * np.sign(m.turning)),
-        LOOSEST_RAD,
+        (0.0, LOOSEST_RAD),
     )
     yield angle(
         "a shaft between motor and wheel that winds up",
         "rad/(N m)",
         "the stiffness of the gear, the coupling and the key",
         lambda m: gain * m.current,
+        POSITIVE,
     )
     yield yielded(
         "a delay of the accelerometer",
         "s",
         "the filter of the accelerometer and its amplifier",
         lambda k, m: rig.readings(acceleration=-np.gradient(m.acceleration, period)[:, None]),
-        most=LATEST_S,
+        possible=LATEST,
     )
     yield yielded(
         "a delay of both encoders",
         "s",
         "the counter or bus that reads both, its filter and time stamps",
         lambda k, m: rig.readings(position=-m.speed[:, None], angle=-m.turning[:, None]),
-        most=LATEST_S,
+        possible=LATEST,
     )
     yield yielded(
         "a zero of the accelerometer that drifts",
@@ -211,7 +225,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "s",
         "the filter of the current monitor, the amplifier's loop",
         lambda m: -np.gradient(m.current, period),
-        LATEST_S,
+        LATEST,
     )
     yield current(
         "a zero of the current that drifts", "A/s", "the current monitor", lambda m: driven(m)
@@ -237,13 +251,13 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
             * (m.current * m.turning <= 0.0)
         ),
     )
-    yield force(
+    yield resisting(
         "drag with the square of the speed",
         "N s^2/m^2",
         "cables and covers",
         lambda m: -m.speed * np.abs(m.speed),
     )
-    yield force(
+    yield resisting(
         "a guide that sticks",
         "N",
         "the guide's carriages, their grease and preload",
@@ -254,13 +268,14 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         "m",
         "the runout of the wheel",
         lambda k, m: _other_radius(rig, k, _circle(m.angle)),
-        most=OFF_CENTRE * radius,
+        possible=(-OFF_CENTRE * radius, OFF_CENTRE * radius),
     )
     yield yielded(
         "a drive wheel that grows with the square of the speed",
         "s^2/m",
         "whether its rollers and their bearings give way to the centrifugal force",
         lambda k, m: _other_radius(rig, k, ((radius * m.turning) ** 2)[:, None]),
+        possible=POSITIVE,
     )
     yield friction(
         "another exponent of the Stribeck effect", "a model with that exponent",
@@ -319,11 +334,12 @@ def _repeated(rig: Disturbed, waves_m: float, step: float) -> Suspect:
         for share in np.linspace(-0.9, 0.9, NEAR):
             yield _repeated(rig, waves_m + float(share) * step, step / NEAR)
 
+    most = OFF_CENTRE / (2.0 * np.pi * waves_m)
     return Suspect(
         f"an error of the carriage encoder each {1e3 / waves_m:.1f} mm", "m",
         partial(_along, rig, waves_m),
         "the runout of the measuring wheel (its turn is 2 pi times its radius)",
-        special=True, each_trial=True, near=near, most=OFF_CENTRE / (2.0 * np.pi * waves_m),
+        special=True, each_trial=True, near=near, possible=(-most, most),
     )  # fmt: skip
 
 
