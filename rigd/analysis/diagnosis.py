@@ -172,8 +172,10 @@ def diagnose(
             unfitted |= {item.name for item in rivals}
             continue
         found, chosen = end.fit, end.chosen
-        as_good[end.last.name] = _as_good(new, end.first)
-        vanished |= {end.first.name if item is end.last else item.name for item in end.gone}
+        vanished |= {item.name for item in end.gone if item is not end.last}
+        vanished |= {other.first.name for other in ends if other.last in other.gone}
+        near = _as_good(new, end.first)
+        as_good[end.last.name] = [item for item in near if item.name not in vanished]
     explained = tuple(
         _explanation(system, found, chosen, item, _names(as_good[item.name])) for item in chosen
     )
@@ -346,6 +348,8 @@ def _added(
     sizes = np.concatenate([*(_sizes(found, chosen, item) for item in chosen), promised])
     fitted = _refitted(system, found, more, sizes, candidates, starts, block, refit)
     gone = [item for item in more if _vanishes(fitted, more, item)]
+    if last in gone:  # beside it, what is right may have no size
+        gone = [last]
     if gone:
         kept = [item for item in more if item not in gone]
         sizes = np.concatenate([np.zeros(0), *(_sizes(fitted, more, item) for item in kept)])

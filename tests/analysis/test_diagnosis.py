@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from rigd.analysis.gate import CONTRADICTED, judge_fit, sentence
 from rigd.analysis.innovations import Deviations
 from rigd.analysis.result import Explanation, FitOutcome, FloatArray, Meaning
 from rigd.analysis.score import Columns
-from rigd.analysis.structure import Suspect
+from rigd.analysis.structure import POSITIVE, Suspect
 from rigd.analysis.system import Unknown
 
 from .lines import BLOCK, ROWS, Lines, fitted
@@ -165,3 +166,56 @@ def test_explanation_that_cannot_be_fitted_yields_to_another() -> None:
     (wave,) = diagnosis.explanations
     assert wave.name == "a wave"
     assert wave.others == ("a twin",)
+
+
+def with_wave(suspects: list[Suspect], size: float = 0.4) -> Diagnosis:
+    lines = Lines(((0, 6.0), (0, 5.0), (0, 4.0)), (0.7,))
+    lines = replace(lines, measured=tuple(y + size * WAVE[:, None] for y in lines.measured))
+    return diagnose(fitted(lines), lambda _: suspects, [np.zeros(3)], BLOCK, 1e-3)
+
+
+def shaped(name: str, shape: FloatArray, **more: Any) -> Suspect:
+    return Suspect(name, "1", lambda: [shape.reshape(ROWS, 1, -1)] * 3, special=True, **more)
+
+
+def test_cause_with_an_impossible_size_is_not_named() -> None:
+    height = shaped("a height", -WAVE, possible=POSITIVE)
+    wave = shaped("a wave", WAVE + 0.3 * np.roll(WAVE, 9))
+    diagnosis = with_wave([height, wave])
+    assert [item.name for item in diagnosis.explanations] == ["a wave"]
+    assert "a height" not in judge_fit(diagnosis, ["a", "b", "c"], 1e-3).sentence
+
+
+def test_cause_that_explains_little_is_not_named() -> None:
+    part = np.where(np.arange(ROWS) < ROWS // 4, WAVE, 0.0)
+    speed = replace(shaped("an error that depends on the speed", part), context="the speed")
+    diagnosis = with_wave([speed])
+    assert diagnosis.explanations == ()
+    gate = judge_fit(diagnosis, ["a", "b", "c"], 1e-3)
+    assert gate.outcome is FitOutcome.MISFIT
+    assert "Nothing that rigd knows explains most of it." in gate.sentence
+    assert "goes with the speed" in gate.sentence
+    assert "an error that" not in gate.sentence
+
+
+def test_misfit_without_cause_is_placed_in_time() -> None:
+    late = np.where(np.arange(ROWS) >= ROWS // 2, np.sin(2.5 * np.arange(ROWS)), 0.0)
+    lines = Lines(((0, 6.0), (0, 5.0), (0, 4.0)), (0.7,))
+    measured = list(lines.measured)
+    measured[1] = measured[1] + 0.6 * late[:, None]
+    diagnosis = diagnose(
+        fitted(replace(lines, measured=tuple(measured))), lambda _: (), [np.zeros(3)], BLOCK, 1e-3
+    )
+    shape = diagnosis.shape
+    assert shape.trial == 1
+    assert ROWS // 2 <= shape.begin < shape.end
+    assert shape.frequency == pytest.approx(2.5 / (2.0 * np.pi), abs=0.05)
+    sentence = judge_fit(diagnosis, ["a", "b", "c"], 1e-3).sentence
+    assert "in trial b between" in sentence
+
+
+def test_amplitude_is_that_of_the_largest_harmonic() -> None:
+    turned = 9.0 * np.linspace(0.0, 1.0, ROWS)[:, None] * np.arange(1, 3)
+    waves = np.concatenate([np.cos(turned), np.sin(turned)], axis=1)
+    (wave,) = with_wave([shaped("a runout", waves, harmonics=2)]).explanations
+    assert wave.size == pytest.approx(0.4, abs=0.05)
