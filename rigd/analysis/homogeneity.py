@@ -17,6 +17,8 @@ from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import ResidualTest
 from rigd.analysis.score import Score, Scores
 
+#: Share of what differs between trials that a trend must explain to be one.
+MOSTLY = 0.7
 LEVEL = 1e-4  #: A change is named below this chance, if none were there.
 
 
@@ -45,25 +47,28 @@ def differences(scores: Scores, index: int, groups: Sequence[int]) -> Score:
 
 
 def homogeneity(
-    fit: OutputErrorFit, index: int, what: str, parts: Sequence[TrialParts], block: int,
-    *, steady: bool = True,
-) -> tuple[ResidualTest, ...]:  # fmt: skip
+    fit: OutputErrorFit, index: int, what: str, parts: Sequence[TrialParts], block: int
+) -> tuple[ResidualTest, ...]:
     """Return the tests of the level of the scaled parameter ``index``, called ``what``.
 
     The trials are in the order in which they were played; ``parts`` of only one name are no test.
-    ``block`` is the longest correlation that is heeded, in samples. ``steady`` asks for the trend.
+    ``block`` is the longest correlation that is heeded, in samples.
     """
-    scores = Scores(fit, block)
-    found = []
-    if steady:
-        drift = trend(scores, index, fit.model.trials)
-        way = "rises" if drift.size[0] > 0.0 else "falls"
-        found.append(_test(
+    scores, trials = Scores(fit, block), fit.model.trials
+    drift, apart = trend(scores, index, trials), differences(scores, index, range(trials))
+    is_trend = drift.gain - drift.dof >= MOSTLY * (apart.gain - apart.dof)
+    way = "rises" if drift.size[0] > 0.0 else "falls"
+    chance = probability(drift.p_value)
+    found = [
+        _test(
             f"steady {what}", drift,
-            f"The {what} {way} from trial to trial ({probability(drift.p_value)}): wear, warming "
-            "or dirt? Clean the contact, let it warm up, record again.",
+            f"The {what} {way} from trial to trial ({chance}): wear, warming or dirt? Clean the "
+            "contact, let it warm up, record again."
+            if is_trend
+            else f"The {what} differs from trial to trial ({chance}), not steadily in their order.",
             f"The {what} neither rises nor falls over the trials.",
-        ))  # fmt: skip
+        )
+    ]  # fmt: skip
     for part in parts:
         names = list(dict.fromkeys(part.names))
         if len(names) < 2:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigd.analysis.homogeneity import LEVEL, differences, trend
+from rigd.analysis.homogeneity import LEVEL, differences, homogeneity, trend
 from rigd.analysis.joint import Joint, join, left_by
 from rigd.analysis.output_error import OutputErrorFit, conclude
 from rigd.analysis.result import FloatArray
@@ -105,6 +105,19 @@ def test_fit_before_its_end_shows_no_trend() -> None:
     found = [trend(Scores(item, BLOCK), 0, 18) for item in (end, short)]
     assert found[1].gain == pytest.approx(found[0].gain, abs=0.5)
     assert found[1].p_value > 0.01
+
+
+@pytest.mark.parametrize(("alternating", "words"), [(0.0, "rises from"), (0.08, "not steadily")])
+def test_change_between_trials_is_wear_if_steady(alternating: float, words: str) -> None:
+    lines = Lines(tuple((0, 3.0 + 0.1 * k) for k in range(12)), (1.0,))
+    more = np.linspace(-0.1, 0.1, 12) + alternating * np.array([1, -1, -1, 1] * 3)
+    measured = tuple(
+        y + size * np.sin(np.linspace(0.0, end, ROWS))[:, None]
+        for y, size, (_, end) in zip(lines.measured, more, lines.trials, strict=True)
+    )
+    (found,) = homogeneity(fitted(replace(lines, measured=measured)), 0, "slope", (), BLOCK)
+    assert not found.passed
+    assert words in found.sentence
 
 
 def test_one_group_stays_as_it_is() -> None:

@@ -51,7 +51,7 @@ from rigd_analyses.lugre.model import (
 from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.extensions import BY_TRIAL, WEAR, candidates
+from rigd_analyses.lugre.rig.extensions import BY_TRIAL, candidates
 from rigd_analyses.lugre.rig.found import (
     FRICTION,
     HEIGHT,
@@ -156,11 +156,9 @@ def fit_group(
     diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
     gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
     # Without what was added every trial disagrees: the tests count so only if that is by trial.
-    cause = next((item.name for item in gate.explanations[:1] if item.name in BY_TRIAL), "")
+    cause = any(item.name in BY_TRIAL for item in gate.explanations[:1])
     explained = without_added(diagnosis.fit, block) if cause else diagnosis.fit
-    alike = homogeneity(
-        explained, MU_C, "friction", _parts(used, rig), block, steady=cause in ("", WEAR)
-    )
+    alike = homogeneity(explained, MU_C, "friction", _parts(used, rig), block)
     if cause:
         changed = changes(alike)
         why = (*changed, sentence(gate.explanations[0]))[0]
