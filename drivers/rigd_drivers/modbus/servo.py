@@ -268,7 +268,8 @@ class ModbusServo(ModbusDevice[ServoConfig]):
 
     def _disable_anew(self, first: LinkError | ProtocolError | DeviceError) -> None:
         try:
-            self.rescue()
+            with self._anew() as client:
+                self._disable(client)
         except _LOST as error:
             acts = "it has no watchdog"
             if self.watchdog_s is not None:
@@ -279,9 +280,15 @@ class ModbusServo(ModbusDevice[ServoConfig]):
             ) from error
 
     def rescue(self) -> None:
-        """Disable over a new connection; see :class:`~rigd.sdk.Driver`."""
+        """Disable over a new connection, and check that the drive obeys.
+
+        Raises:
+            LinkError, ProtocolError: it cannot be reached, or does not answer.
+            DeviceError: it is still enabled, or refuses.
+        """
         with self._anew() as client:
             self._disable(client)
+            self._check_disabled(client)
 
     def confirm_safe(self) -> None:
         """Check that the drive no longer reports that it is enabled: it acts once per scan.

@@ -272,6 +272,16 @@ def test_another_process_can_rescue(servo: ServoBench) -> None:
     assert servo.comes_to_rest()
 
 
+def test_rescue_of_a_drive_that_does_not_obey_fails(servo: ServoBench) -> None:
+    driver = armed(servo)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    servo.fault("stuck")
+    if servo.line.is_serial:
+        driver.close()
+    with pytest.raises(DeviceError, match="still reports that it is enabled"):
+        servo.driver().rescue()
+
+
 @TCP
 def test_drive_is_rescued_beyond_1024_descriptors(servo: ServoBench) -> None:
     driver = armed(servo)
