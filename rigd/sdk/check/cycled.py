@@ -144,8 +144,8 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                     yield from _works_again(found, fault)
         if fault == "late":
             yield from _behind(subject)
-        elif fault == "silent":
-            yield from _rescued(subject)
+        elif fault in {"silent", "stuck"}:
+            yield from _rescued(subject, fault)
 
     return check
 
@@ -268,15 +268,15 @@ def _refused(subject: Subject) -> Iterator[str]:
             yield f"the device refuses {wanted}, is driven at {driven}, and no cycle raises"
 
 
-def _rescued(subject: Subject) -> Iterator[str]:
-    """Yield that rescue() leaves a device driven which obeys in silence."""
-    for rescues in (False, True):
+def _rescued(subject: Subject, fault: str) -> Iterator[str]:
+    """Yield that rescue() leaves a device driven which obeys in silence, or does not obey."""
+    for rescues in (False, True) if fault == "silent" else (True,):
         with bench(subject) as found:
             if not found.driver.second_link or not subject.observes:
                 return
             found.run()
             trips = found.look().trips
-            found.peer.faults["silent"]()
+            found.peer.faults[fault]()
             if rescues:
                 found.close()
                 found.replace()
@@ -289,7 +289,7 @@ def _rescued(subject: Subject) -> Iterator[str]:
             after = found.look()
             if not after.energised and after.trips == trips:
                 continue
-            if rescues:
+            if rescues and (fault == "silent" or error is None):
                 yield f"after rescue() the device is driven at {after.driven}"
             return  # a device that does not obey while it is silent is not rescued either
 
@@ -389,8 +389,8 @@ RULES: Final = (
     ),
     Rule(
         "safe while stuck",
-        "make_safe() or confirm_safe() raises a LinkError or DeviceError, unless the device is "
-        "safe: wait for its answer in confirm_safe(), and check it",
+        "make_safe() or confirm_safe(), and rescue(), raises a LinkError or DeviceError, unless "
+        "the device is safe: wait for its answer in confirm_safe(), and check it",
         _fault("stuck", rows=True),
         "stuck",
         observes=True,
