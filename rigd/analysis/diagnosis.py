@@ -303,14 +303,18 @@ def _refined(scores: Scores, best: Tested) -> Tested:
 def _rivals(tests: Sequence[Tested], best: Tested) -> list[Tested]:
     """Return ``best``, and behind it the thing with a name that promises nearly as much.
 
-    Neighbours of what has variants are none: these are compared already.
+    Neighbours of what has variants are none: these are compared already. What is easily taken for
+    ``best`` is a rival whatever it promises: far from the optimum that is no forecast.
     """
     near = [
         item
         for item in _as_good(tests, best)
         if item.special and (_variants(item) is None or _variants(best) is None)
     ]
-    return [best, *near[:1]]
+    like = "" if best.candidate is None else best.candidate.like
+    alike = [item for item in tests if item.candidate is not None and item.candidate.like == like]
+    rivals = [best, *near[:1], *(alike if like else [])]
+    return list({item.name: item for item in rivals}.values())
 
 
 def _variants(item: Tested) -> Callable[[], Iterable[Suspect]] | None:
@@ -318,10 +322,17 @@ def _variants(item: Tested) -> Callable[[], Iterable[Suspect]] | None:
 
 
 def _preferred(ends: Sequence[_End]) -> _End:
-    """Return the end that fits best; of those that the data do not tell apart, a constant's."""
+    """Return the end that fits best; of those that the data do not tell apart, a constant's.
+
+    Each added parameter costs what it gains by chance.
+    """
+
+    def cost(end: _End) -> float:
+        return _deviance(end.fit) + 2.0 * sum(item.score.dof for item in end.chosen)
+
     able = [end for end in ends if end.fit.converged] or list(ends)
-    least = min(_deviance(end.fit) for end in able)
-    near = [end for end in able if _deviance(end.fit) - least < TOLD_APART]
+    least = min(map(cost, able))
+    near = [end for end in able if cost(end) - least < TOLD_APART]
     return next((end for end in near if end.last.candidate is None), near[0])
 
 

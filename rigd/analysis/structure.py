@@ -84,7 +84,8 @@ class Suspect:
     ``near`` makes the same thing a little otherwise (another length of what repeats), if it comes
     in all sizes. ``possible`` are the least and the largest size that it can have, in its unit:
     with another it is not the cause. ``context`` is the quantity of a dependence, ``harmonics`` of
-    how many waves it is the sum: first the cosines of all, then their sines.
+    how many waves it is the sum: first the cosines of all, then their sines. Things of one kind
+    ``like``, such as delays, are easily taken for one another: all of them are fitted.
     """
 
     name: str
@@ -98,6 +99,7 @@ class Suspect:
     possible: tuple[float, float] = ANY
     context: str = ""
     harmonics: int = 0
+    like: str = ""
 
 
 def dependences(sources: Sequence[ErrorSource], contexts: Sequence[Context]) -> Iterator[Suspect]:

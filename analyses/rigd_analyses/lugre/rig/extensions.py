@@ -46,6 +46,9 @@ BY_TRIAL = (
     f"{FRICTION} that depends on the trial",
     f"{FRICTION} that depends on the recording",
 )
+DELAYS = ("a delay of the accelerometer", "a delay of the current", "a delay of both encoders")
+LIKE = dict.fromkeys(BY_TRIAL, "by trial") | dict.fromkeys(DELAYS, "delay")
+BETWEEN = "wear, dirt or warming of wheel and floor, and what was changed between the trials"
 SLIP = "the slip"  #: an error that depends on it changes the motion as friction does
 #: What a law of friction holds; friction that depends on it otherwise follows another law.
 LAWS = ("the speed", "the slip", "the current", "the acceleration")
@@ -60,11 +63,17 @@ def candidates(system: RigSystem, theta: FloatArray) -> Iterator[Suspect]:
 
 def suspects(rig: Disturbed) -> Iterator[Suspect]:
     """Yield what may be wrong with a rig that moves along the guide."""
+    for item in _all(rig):
+        yield replace(item, like=LIKE.get(item.name, ""))
+
+
+def _all(rig: Disturbed) -> Iterator[Suspect]:
     yield from _special(rig)
     for item in dependences(sources(rig), contexts(rig)):
         if item.name.startswith(FRICTION):
             meaning = Meaning.LAW if item.name.endswith(LAWS) else Meaning.VARIES
-            yield replace(item, meaning=meaning)
+            look = BETWEEN if item.name in BY_TRIAL else item.look
+            yield replace(item, meaning=meaning, look=look)
         elif item.name.endswith(SLIP):
             yield replace(item, meaning=Meaning.CONFUSED)
         else:
