@@ -84,6 +84,7 @@ def _opened(path: Path) -> Recording:
 def _write_attachments(recording: Recording, folder: Path) -> None:
     from rigd.model.about import plain
     from rigd.model.errors import RecordingError
+    from rigd.model.folders import make_folder
     from rigd.record.attachments import file_names
 
     targets = {name: folder / path for name, path in file_names(recording.attachments).items()}
@@ -94,8 +95,8 @@ def _write_attachments(recording: Recording, folder: Path) -> None:
             )
     for name, target in targets.items():
         attachment = recording.attachments[name]
+        make_folder(target.parent, "FOLDER")
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("xb") as file:  # never through a link that is there
                 file.write(attachment.data)
         except OSError as error:

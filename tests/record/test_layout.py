@@ -156,9 +156,10 @@ def test_command_writes_a_layout_and_replaces_none(
     assert b"gauge_a" in path.read_bytes()
 
 
-def test_command_refuses_a_folder_that_is_missing(
+def test_folder_that_cannot_be_made_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "none").touch()
     output = tmp_path / "none" / "x.json"
     assert main(["layout", "lugre-1", "--to", "foxglove", "--output", str(output)]) == 7
-    assert f"cannot write {output}" in capsys.readouterr().err
+    assert f"cannot make the folder {output.parent}" in capsys.readouterr().err

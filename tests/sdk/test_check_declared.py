@@ -88,7 +88,7 @@ class Undocumented(Good):
 
 
 class UnreadConfig(DriverConfig):
-    turns: Annotated[float, In("rev")] = 1.0
+    turns_of_winding: Annotated[float, In("rev")] = 1.0
     """Turns of the winding."""
 
 
@@ -267,7 +267,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("safe is described", Unexplained, "no docstring states what safe means"),
     ("options strict", Lax, "unknown option is accepted"),
     ("options documented", Undocumented, "option turns"),
-    ("options are read", Unread, "nothing reads option turns"),
+    ("options are read", Unread, "nothing reads option turns_of_winding"),
     ("options have units", Bare, "option gain is a bare float"),
     ("declares", Undeclared, "expected a Declaration"),
     ("declares", Refusing, "fields load, speed; the channels are speed, load"),

@@ -64,7 +64,7 @@ class Bare(Cart):
 
 
 class ColouredConfig(CartConfig):
-    colour: str = "red"
+    paint_of_cart: str = "red"
     """Colour of the cart."""
 
 
@@ -277,7 +277,7 @@ def test_a_correct_plant_keeps_every_rule() -> None:
         (Restless, "any sequence", "of truth differs"),
         (OneStep, "any sequence", "of truth differs"),
         (Drawing, "any sequence", "of ruler differs"),
-        (Unread, "everything is read", "nothing reads colour of ColouredConfig"),
+        (Unread, "everything is read", "nothing reads paint_of_cart of ColouredConfig"),
         (Waxed, "settings from the start", "floor at oiled from the start, and set after"),
         (Brittle, "finite", "NaN to integer with floor at oiled"),
         (Perpetual, "energy balances", "J are created"),

