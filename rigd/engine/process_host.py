@@ -161,7 +161,7 @@ class ProcessHost:
         reasons += self._or_lost(opened)
         if reasons and (simulation := self._rig.simulation) is not None:
             reasons += simulation.missing(self._rig.name)
-        return reasons
+        return tuple(reasons)
 
     def identities(self) -> Mapping[str, str]:
         """Return the identity that each device reported, after all are open."""
