@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
+from rigd_sim.plants.fmu import description
 
 RIG = """\
 rig: fmu-1
@@ -151,6 +154,19 @@ def test_file_that_is_no_zip_is_named(tmp_path: Path) -> None:
     path.write_text("not a zip")
     assert "rig.yaml:6:9: changed.fmu is not a zip file" in refusal(path, tmp_path)
     assert "no file" in refusal(tmp_path / "gone.fmu", tmp_path)
+
+
+def test_file_that_unpacks_to_too_much_is_refused(
+    flywheel: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(description, "MAX_UNPACKED", 10_000_000)
+    path = tmp_path / "large.fmu"
+    shutil.copy(flywheel, path)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("resources/map", bytes(12_000_000))
+    told = refusal(path, tmp_path)
+    assert "large.fmu unpacks to 0.01" in told
+    assert "at most 0.01 GB is unpacked" in told
 
 
 def test_without_the_extra_the_error_names_it(

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Largest model description that is read, in bytes: that of a whole vehicle has 40 MB.
 MAX_DESCRIPTION: Final = 200_000_000
+#: Most bytes that the files of an FMU unpack to, which every run of it writes to a folder.
+MAX_UNPACKED: Final = 4 << 30
 #: Types whose values are numbers.
 NUMBERS: Final = frozenset(
     [
@@ -115,6 +117,12 @@ def _read(path: Path, changed_ns: int, size: int) -> FmuFile:
                 raise ValueError(f"{path.name} has no modelDescription.xml: it is no FMU")
             if archive.getinfo("modelDescription.xml").file_size > MAX_DESCRIPTION:
                 raise ValueError(f"{path.name}: its modelDescription.xml is larger than 200 MB")
+            if (unpacked := sum(item.file_size for item in archive.infolist())) > MAX_UNPACKED:
+                raise ValueError(
+                    f"{path.name} unpacks to {unpacked / 1e9:.3g} GB, at most "
+                    f"{MAX_UNPACKED / 1e9:.3g} GB is unpacked; export it without what it "
+                    "does not need"
+                )
             xml = archive.read("modelDescription.xml").decode("utf-8", errors="replace")
     except zipfile.BadZipFile as error:
         raise ValueError(f"{path.name} is not a zip file, as every FMU is: {error}") from error
