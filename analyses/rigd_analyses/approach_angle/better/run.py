@@ -145,7 +145,8 @@ def _flags(
             "rubbing",
             f"The gauges show {balance.residual:.3f} N per N of load more than the platform's "
             f"motion and the rails need, {at_most}: torque is lost between gauges and wheel (bad "
-            "clamping), or a calibration is wrong.",
+            "clamping), the gain or zero of a gauge is off, the angle or the platform's scale is "
+            "another one, or a calibration is wrong.",
         )
     if -balance.residual > balance.limit:
         yield Flag(
