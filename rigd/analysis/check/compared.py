@@ -149,11 +149,11 @@ def rotated(case: Case) -> Case:
     return replace(case, trials=[*case.trials[1:], case.trials[0]])
 
 
-def apart(one: Found, other: Found) -> float:
+def apart(found: Found, other: Found) -> float:
     """Return the largest difference of ends over the width; infinite if one of them is open."""
     far = 0.0
-    for name in {*one, *other}:
-        a, b = one.get(name), other.get(name)
+    for name in {*found, *other}:
+        a, b = found.get(name), other.get(name)
         if a is None and b is None:
             continue
         if a is None or b is None:

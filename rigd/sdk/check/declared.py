@@ -81,6 +81,8 @@ def _options_strict(subject: Subject) -> Iterator[str]:
 
 def _options_read(subject: Subject) -> Iterator[str]:
     config_class = subject.driver_class.Config
+    if _dumped(subject.driver_class):
+        return
     used = _used(_folder(item.__module__) for item in _own_classes(subject.driver_class))
     for name in config_class.model_fields:
         # An option of a class that others derive from, such as that of a port, is read beside it.
@@ -90,8 +92,14 @@ def _options_read(subject: Subject) -> Iterator[str]:
             if name in inspect.get_annotations(item)
         ]
         read = used | _used(homes)
-        if read and name not in read and "model_dump" not in read:
+        if read and name not in read:
             yield f"nothing reads option {name}"
+
+
+def _dumped(cls: type) -> bool:
+    """Whether a module of a class, or of those that it is made of, reads all options at once."""
+    modules = [sys.modules.get(item.__module__) for item in inspect.getmro(cls)]
+    return any("model_dump" in _names_read(module) for module in modules if module is not None)
 
 
 def _folder(module: str) -> str:
@@ -142,7 +150,7 @@ def unread(model: type[BaseModel], user: type) -> Iterator[str]:
     for name, module in list(sys.modules.items()):
         if name.partition(".")[0] == package or name.rpartition(".")[0] in homes:
             read |= _names_read(module)
-    if read and "model_dump" not in read:
+    if read and not _dumped(user):
         yield from (name for name in model.model_fields if name not in read)
 
 

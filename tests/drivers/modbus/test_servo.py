@@ -272,7 +272,7 @@ def test_another_process_can_rescue(servo: ServoBench) -> None:
     assert servo.comes_to_rest()
 
 
-def test_rescue_of_a_drive_that_does_not_obey_fails(servo: ServoBench) -> None:
+def test_rescue_of_disobedient_drive_fails(servo: ServoBench) -> None:
     driver = armed(servo)
     cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
     servo.fault("stuck")
