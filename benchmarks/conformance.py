@@ -7,6 +7,7 @@ the rule that it names. The package as written must pass them all.
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
     python benchmarks/conformance.py --fresh [KIND]  those that were written without the suites
+    python benchmarks/conformance.py --fresh-second [KIND]  those of the second author
 
 A fresh mutant (`tests/support/fresh_mutants`) names no rule: it is caught if the suite finds
 anything. The seconds are those of the processor.
@@ -20,12 +21,15 @@ import resource
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from figures import at_least, at_most
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.fresh_mutants import Fresh
 from support.fresh_mutants.kinds import KINDS as FRESH
+from support.fresh_mutants.kinds import SECOND
 from support.mutants import Mistake, made
 from support.mutants.kinds import KINDS
 
@@ -46,9 +50,11 @@ def main() -> int:
     parser.add_argument("name", nargs="*", help="mutants of this name only")
     parser.add_argument("--own-rule", action="store_true", help="apply only the rule it names")
     parser.add_argument("--fresh", action="store_true", help="those that name no rule")
+    parser.add_argument("--fresh-second", action="store_true", help="those of the second author")
     args = parser.parse_args()
-    if args.fresh:
-        return examine_fresh([args.kind] if args.kind else list(FRESH), args.name)
+    if args.fresh or args.fresh_second:
+        fresh = SECOND if args.fresh_second else FRESH
+        return examine_fresh(fresh, [args.kind] if args.kind else list(fresh), args.name)
     sums = []
     missed, unfit = 0, 0
     for kind in [args.kind] if args.kind else KINDS:
@@ -78,7 +84,7 @@ def main() -> int:
     return int(bool(unfit) or missed > 0.05 * total)
 
 
-def examine_fresh(kinds: list[str], names: list[str]) -> int:
+def examine_fresh(fresh: Mapping[str, Sequence[Fresh]], kinds: list[str], names: list[str]) -> int:
     """Print which rules find each fresh mutant, and how many of a kind are found."""
     sums = []
     unfit = 0
@@ -86,7 +92,7 @@ def examine_fresh(kinds: list[str], names: list[str]) -> int:
         if as_written := rules_of(kind, None):
             unfit += 1
             print(f"{kind}, as written: breaks {', '.join(as_written)}", flush=True)
-        mutants = [each for each in FRESH[kind] if not names or each.name in names]
+        mutants = [each for each in fresh[kind] if not names or each.name in names]
         began, caught = cpu_s(), 0
         for mutant in mutants:
             began_s = cpu_s()
