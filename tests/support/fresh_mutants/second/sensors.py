@@ -22,7 +22,7 @@ MUTANTS = (
     ),
     Fresh(
         "a damaged frame ends read before the next question",
-        "one damaged frame, and the sensor is never asked again: silent until it is opened anew",
+        "each damaged frame costs two rows instead of one, and a good one behind it waits a cycle",
         (
             (
                 "            if reply is not None and reply[0] != self._answered:\n",
