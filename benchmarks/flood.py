@@ -15,7 +15,6 @@ it takes longer is the machine's.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import statistics
 import sys
@@ -32,9 +31,8 @@ import numpy as np
 import zenoh
 from crowd import FLOOD_S, WATCHERS, elsewhere, message
 from figures import at_most, noted
-from stop_lane import opened, witness
+from stop_lane import opened, witnessed
 from support.daemon import Daemon
-from support.served_rig import free_port
 from support.soaking import NAME, soaked
 
 from rigd.record import Recording
@@ -127,14 +125,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=50)
     args = parser.parse_args()
-    spawning = multiprocessing.get_context("spawn")
-    ready, end = spawning.Event(), spawning.Event()
-    witness_at = f"tcp/127.0.0.1:{free_port()}"
-    process = spawning.Process(target=witness, args=(witness_at, ready, end))
-    process.start()
-    ready.wait()
     found: dict[str, list[Timed]] = {case: [] for case in CASES}
-    with tempfile.TemporaryDirectory() as folder, soaked(Path(folder)) as daemon:
+    with (
+        witnessed() as witness_at,
+        tempfile.TemporaryDirectory() as folder,
+        soaked(Path(folder)) as daemon,
+    ):
         theirs = opened(witness_at)
         timed(daemon, theirs)  # its modules may be compiled
         for number in range(args.rounds):
@@ -144,8 +140,6 @@ def main() -> None:
             last = ", ".join(f"{1e-3 * rows[-1].start:.1f} s" for rows in found.values())
             print(f"round {number + 1}, load {os.getloadavg()[0]:.1f}: {last}", flush=True)
         theirs.close()
-    end.set()
-    process.join()
     for case, rows in found.items():
         report(case, rows, found[QUIET])
 

@@ -20,7 +20,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
@@ -68,6 +69,22 @@ def witness(endpoint: str, ready: Event, end: Event) -> None:
     ready.set()
     end.wait()
     session.close()
+
+
+@contextmanager
+def witnessed() -> Iterator[str]:
+    """Yield the endpoint of a witness in a process of its own."""
+    spawning = multiprocessing.get_context("spawn")
+    ready, end = spawning.Event(), spawning.Event()
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    process = spawning.Process(target=witness, args=(endpoint, ready, end))
+    process.start()
+    ready.wait()
+    try:
+        yield endpoint
+    finally:
+        end.set()
+        process.join()
 
 
 def opened(endpoint: str) -> zenoh.Session:
@@ -126,18 +143,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
-    spawning = multiprocessing.get_context("spawn")
-    ready, end = spawning.Event(), spawning.Event()
-    witness_at = f"tcp/127.0.0.1:{free_port()}"
-    process = spawning.Process(target=witness, args=(witness_at, ready, end))
-    process.start()
-    ready.wait()
-    with tempfile.TemporaryDirectory() as folder, soaked(Path(folder)) as daemon:
+    with (
+        witnessed() as witness_at,
+        tempfile.TemporaryDirectory() as folder,
+        soaked(Path(folder)) as daemon,
+    ):
         daemon.start(SHAKE, on_client_loss="continue")
         daemon.until(lambda status: status["step"] == "shake")
         found = measured(daemon, witness_at, args.rounds)
-    end.set()
-    process.join()
     for verb in ("stop", "abort", "estop"):
         took = from_shell_ms(verb, 4 * args.rounds)
         at_most(f"rigd remote {verb}, processor time, p50", float(np.median(took)), MOST_MS, "ms")

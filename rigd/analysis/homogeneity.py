@@ -19,7 +19,7 @@ from rigd.analysis.score import Score, Scores
 
 #: Share of what differs between trials that a trend must explain to be one.
 MOSTLY = 0.7
-LEVEL = 1e-4  #: A change is named below this chance, if none were there.
+LEVEL = 1e-4  #: chance, if there is no change, below which one is named
 
 
 @dataclass(frozen=True)

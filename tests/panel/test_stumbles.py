@@ -133,40 +133,40 @@ def test_wrong_seed_is_shown_in_closed_part(panel: ServedPanel, watched: Watched
     expect(page.get_by_label("Seed")).to_be_focused()
 
 
-def test_press_counts_at_once_after_own_scroll(panel: ServedPanel, watched: Watched) -> None:
+def start_below_the_screen(panel: ServedPanel, watched: Watched) -> tuple[Page, Locator]:
+    """Return a page that stands still, and its button "Start…", to which one must scroll."""
     page = watched.page
     page.clock.install()
     in_control(panel, watched)
     opened(page)
     page.set_viewport_size({"width": 1280, "height": 420})
-    start = button(page, "Start…")
     stand_still(page)
     settle(page)
+    return page, button(page, "Start…")
+
+
+def press_where_it_stands(page: Page, target: Locator) -> None:
+    """Press a place, without the scrolling and waiting of the test library."""
+    page.evaluate(DRAWN)
+    box = target.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + 9, box["y"] + 9)
+
+
+def test_press_counts_at_once_after_own_scroll(panel: ServedPanel, watched: Watched) -> None:
+    page, start = start_below_the_screen(panel, watched)
     before = page.evaluate("scrollY")
     page.mouse.move(900, 300)
     page.mouse.wheel(0, 300)
     wait_until(lambda: page.evaluate("scrollY") > before)
-    page.evaluate(DRAWN)
-    box = start.bounding_box()
-    assert box is not None
-    page.mouse.click(box["x"] + 9, box["y"] + 9)
+    press_where_it_stands(page, start)
     expect(page.get_by_role("dialog")).to_be_visible()
 
 
 def test_press_after_scroll_of_page_counts_later(panel: ServedPanel, watched: Watched) -> None:
-    page = watched.page
-    page.clock.install()
-    in_control(panel, watched)
-    opened(page)
-    page.set_viewport_size({"width": 1280, "height": 420})
-    start = button(page, "Start…")
-    stand_still(page)
-    settle(page)
+    page, start = start_below_the_screen(panel, watched)
     start.evaluate("one => one.scrollIntoView({block: 'center'})")
-    page.evaluate(DRAWN)
-    box = start.bounding_box()
-    assert box is not None
-    page.mouse.click(box["x"] + 9, box["y"] + 9)
+    press_where_it_stands(page, start)
     expect(page.locator(".toast")).to_contain_text("did not count")
     expect(page.get_by_role("dialog")).to_have_count(0)
 

@@ -9,7 +9,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from functools import cache, partial
 from types import ModuleType
@@ -80,26 +80,29 @@ def _options_strict(subject: Subject) -> Iterator[str]:
 
 
 def _options_read(subject: Subject) -> Iterator[str]:
-    config_class = subject.driver_class.Config
-    if _dumped(subject.driver_class):
+    for name in unread(subject.driver_class.Config, _own_classes(subject.driver_class)):
+        yield f"nothing reads option {name}"
+
+
+def unread(model: type[BaseModel], users: Sequence[type]) -> Iterator[str]:
+    """Yield each field of ``model`` that no code reads.
+
+    The code is that of the folders of ``users`` (the class that has the model, those that it is
+    made of, its devices), and of the class that declares the field: an option of a port is read
+    beside it.
+    """
+    if "model_dump" in _used([_folder(users[0].__module__)]):
         return
-    used = _used(_folder(item.__module__) for item in _own_classes(subject.driver_class))
-    for name in config_class.model_fields:
-        # An option of a class that others derive from, such as that of a port, is read beside it.
+    used = _used(_folder(item.__module__) for item in users)
+    for name in model.model_fields:
         homes = [
             _folder(item.__module__)
-            for item in config_class.__mro__
+            for item in model.__mro__
             if name in inspect.get_annotations(item)
         ]
         read = used | _used(homes)
         if read and name not in read:
-            yield f"nothing reads option {name}"
-
-
-def _dumped(cls: type) -> bool:
-    """Whether a module of a class, or of those that it is made of, reads all options at once."""
-    modules = [sys.modules.get(item.__module__) for item in inspect.getmro(cls)]
-    return any("model_dump" in _names_read(module) for module in modules if module is not None)
+            yield name
 
 
 def _folder(module: str) -> str:
@@ -132,26 +135,6 @@ def _elsewhere(subject: Subject) -> Iterator[str]:
             _, opened = ended.value
             if any(HERE in item for item in opened) and not any(THERE in item for item in opened):
                 yield f"{name} is {value.replace(HERE, THERE)}, and open() connects to {HERE}"
-
-
-def unread(model: type[BaseModel], user: type) -> Iterator[str]:
-    """Yield each field of ``model`` that no code reads.
-
-    The code is that of the package of ``user``, and the modules that the fields are from, such as
-    those of a port.
-    """
-    package = user.__module__.partition(".")[0]
-    homes = {
-        item.__module__.rpartition(".")[0]
-        for item in model.__mro__
-        if model.model_fields.keys() & inspect.get_annotations(item).keys()
-    } - {""}
-    read: set[str] = set()
-    for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] == package or name.rpartition(".")[0] in homes:
-            read |= _names_read(module)
-    if read and not _dumped(user):
-        yield from (name for name in model.model_fields if name not in read)
 
 
 @cache

@@ -9,6 +9,7 @@ with trials of other seeds, they do not.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -235,12 +236,14 @@ def _scatters(subject: PlantSubject, wait: int, first: Played, other: Played) ->
 
 def _all_read(subject: PlantSubject) -> Iterator[str]:
     PlantBench(subject, subject.make()).play(AFTER, gentle)  # imports what it needs
-    config, plant_class = subject.config(), subject.plant_class
+    config = subject.config()
+    devices = [driver_class for driver_class, _ in subject.devices.values()]
+    users = [*inspect.getmro(subject.plant_class), *devices]
     groups = [type(config)]
     if isinstance(config, ParametersConfig):
         groups += dict.fromkeys(_groups(config.parameter_model()))
     for group in groups:
-        for name in unread(group, plant_class):
+        for name in unread(group, users):
             yield f"nothing reads {name} of {group.__name__}"
 
 

@@ -46,8 +46,12 @@ BY_TRIAL = (
     f"{FRICTION} that depends on the trial",
     f"{FRICTION} that depends on the recording",
 )
-DELAYS = ("a delay of the accelerometer", "a delay of the current", "a delay of both encoders")
+DELAYS = LATE_ACCELEROMETER, LATE_CURRENT, LATE_ENCODERS = (
+    "a delay of the accelerometer", "a delay of the current", "a delay of both encoders",
+)  # fmt: skip
+#: Of what kind things are that are easily taken for one another.
 LIKE = dict.fromkeys(BY_TRIAL, "by trial") | dict.fromkeys(DELAYS, "delay")
+#: What to check if friction differs between trials.
 BETWEEN = "wear, dirt or warming of wheel and floor, and what was changed between the trials"
 SLIP = "the slip"  #: an error that depends on it changes the motion as friction does
 #: What a law of friction holds; friction that depends on it otherwise follows another law.
@@ -210,14 +214,14 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         POSITIVE,
     )
     yield yielded(
-        "a delay of the accelerometer",
+        LATE_ACCELEROMETER,
         "s",
         "the filter of the accelerometer and its amplifier",
         lambda k, m: rig.readings(acceleration=-np.gradient(m.acceleration, period)[:, None]),
         possible=LATEST,
     )
     yield yielded(
-        "a delay of both encoders",
+        LATE_ENCODERS,
         "s",
         "the counter or bus that reads both, its filter and time stamps",
         lambda k, m: rig.readings(position=-m.speed[:, None], angle=-m.turning[:, None]),
@@ -230,7 +234,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         lambda k, m: rig.readings(acceleration=m.time[:, None]),
     )
     yield current(
-        "a delay of the current",
+        LATE_CURRENT,
         "s",
         "the filter of the current monitor, the amplifier's loop",
         lambda m: -np.gradient(m.current, period),
