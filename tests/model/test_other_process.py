@@ -25,7 +25,8 @@ ZOMBIE = SLEEPING.replace(b") S", b") Z")
 
 @contextmanager
 def child(code: str) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    pipe = subprocess.PIPE
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=pipe, stdout=pipe, text=True)
     try:
         yield process
     finally:
