@@ -51,7 +51,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_analysis_keeps_every_rule",
             "test_difference_of_both_sides_is_named",
             "test_gradual_contacts_are_in_interval_of_mu_s",
-            "test_marker_off_its_place_is_named",
+            "test_part_off_its_place_is_named",
             "test_wrong_constant_is_named",
         ),
         "analyses/articulated/test_random_robots.py": (),

@@ -163,6 +163,9 @@ WORLDS: Final[Mapping[str, RobotWorld]] = {
     "all constants + 10 %": RobotWorld(stated=dict.fromkeys(STATED, 1.1)),
     "all constants - 10 %": RobotWorld(stated=dict.fromkeys(STATED, 0.9)),
     "hinge at its stop": RobotWorld(plant={"hinge.stop": "40 deg"}),
+    "hinge 15 mm further back": RobotWorld(
+        named=("hinge",), plant={"modules.front.hinge_behind": "215 mm"}
+    ),
     "load transfer": RobotWorld(rig={"loads: equal #": "loads: transfer #"}),
     "vertical": RobotWorld(rig={"loads: equal #": "loads: vertical #"}),
     "smooth law": RobotWorld(rig={"law: paper #": "law: smooth #"}),

@@ -30,6 +30,12 @@ from rigd_analyses.articulated.system import SHARED, RobotSystem, Run
 RUBBING_RAD_S: Final = 0.02  #: rate of the hinge over which its friction changes its sign
 SIDE: Final = np.array([-1.0, 1.0, -1.0, 1.0])  #: of the front wheels, left is 1
 END: Final = np.array([1.0, 1.0, -1.0, -1.0])  #: front is 1
+#: What to look at if a marker of a module is off. A hinge that is off on the rear module moves the
+#: rear marker like a marker that is off there.
+PLACES: Final = {
+    "front": "where the marker is, and its wheels",
+    "rear": "where the marker is, the hinge's place on the rear module, and its wheels",
+}
 #: Places in what disturbs a robot (:mod:`.kernel`).
 RIGHT, LEFT, ALONG, ACROSS, TURN, REAR_ACROSS, REAR_TURN = range(DISTURBED)
 
@@ -192,10 +198,12 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
             for k, (run, item) in enumerate(zip(moved.runs, moved.system.trials, strict=True))
         ]
 
-    def off(column: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
+    def off(column: int, module: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
+        """Return how a marker moves that is off along or across a module."""
+
         def respond(run: Run, _: FloatArray) -> FloatArray:
             out = np.zeros_like(run.pose)
-            c, s = np.cos(run.pose[:, column + 2]), np.sin(run.pose[:, column + 2])
+            c, s = np.cos(run.pose[:, module + 2]), np.sin(run.pose[:, module + 2])
             out[:, column], out[:, column + 1] = (c, s) if ahead else (-s, c)
             return out
 
@@ -235,11 +243,16 @@ def _markers(moved: Moved) -> Iterator[Suspect]:
         for ahead, word in ((True, "ahead of"), (False, "aside of")):
             yield Suspect(
                 f"a {module} marker {word} the centre of its module", "m",
-                shown(off(column, ahead)), "where the marker is, and its wheels", special=True,
+                shown(off(column, column, ahead)), PLACES[module], special=True,
             )  # fmt: skip
         yield Suspect(
             f"a {module} marker that is turned on its module", "rad", shown(turned(column)),
             "how the marker is stuck on", special=True,
+        )  # fmt: skip
+    for ahead, word in ((True, "ahead of its place on"), (False, "aside of the middle of")):
+        yield Suspect(
+            f"a hinge {word} the front module", "m", shown(off(3, 0, ahead)),
+            "where the hinge is on the front module", special=True,
         )  # fmt: skip
     yield Suspect(
         "a clock of the camera that gains", "1", shown(gained), "the clocks of camera and drives",

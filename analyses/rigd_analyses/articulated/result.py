@@ -307,7 +307,8 @@ def _account(found: RobotFound, fit: OutputErrorFit, runs: Sequence[Run]) -> Pre
 
 
 def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
-    """Return the mean radius of each circle, measured and simulated, and what it is worth."""
+    """Return the mean radii of each circle, measured, simulated and kinematic, and their worth."""
+    constants = {name: value for name, (value, _) in system.constants.items()}
     found = []
     for item, run in zip(system.trials, runs, strict=True):
         late = (item.t_s > TRANSIENT_S) & item.seen[:, 0]
@@ -317,7 +318,9 @@ def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
         simulated, _ = mean_radius(run.pose[late, :2])
         found.append(
             f"{item.label}: mean radius of the front marker {radius:.4f} ± {Z_95 * sd:.4f} m as "
-            f"the camera shows it (95 %), {simulated:.4f} m simulated."
+            f"the camera shows it (95 %), {simulated:.4f} m simulated, "
+            f"{kinematic_radius(item.speeds[item.at[late]], constants['half_track']):.4f} m "
+            "kinematic: if no wheel slips along."
         )
     if found:
         found.append(
@@ -325,6 +328,16 @@ def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
             "0.5 % for a camera whose one scale is 1 % off."
         )
     return found
+
+
+def kinematic_radius(speeds: FloatArray, half_track_m: float) -> float:
+    """Return the radius in m of the circle of a module whose wheels do not slip along.
+
+    R = b (w_r + w_l) / (w_r - w_l), with the mean speeds of the right and the left motor of
+    ``speeds`` (n, 2) in rad/s: the paper's 0.445 m for 200 and 100 rad/s (section 3).
+    """
+    right, left = np.mean(speeds, axis=0)
+    return abs(half_track_m * float((right + left) / (right - left)))
 
 
 def mean_radius(points: FloatArray) -> tuple[float, float]:

@@ -32,7 +32,14 @@ from rigd_analyses.articulated.found import (
 )
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
-from rigd_analyses.articulated.result import BY_LAW, error_of, mean_radius, result, value_of
+from rigd_analyses.articulated.result import (
+    BY_LAW,
+    error_of,
+    kinematic_radius,
+    mean_radius,
+    result,
+    value_of,
+)
 from rigd_analyses.articulated.system import CONTACTS, INERTIA, LOCAL, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
@@ -329,11 +336,23 @@ def turned(trial: RobotTrial) -> RobotTrial:
     return replace(trial, poses=poses)
 
 
+def hinged(trial: RobotTrial) -> RobotTrial:
+    """Return ``trial`` with the hinge 10 mm to the left on the front module."""
+    poses = trial.poses.copy()
+    poses[:, 3] -= 0.01 * np.sin(poses[:, 2])
+    poses[:, 4] += 0.01 * np.cos(poses[:, 2])
+    return replace(trial, poses=poses)
+
+
 @pytest.mark.parametrize(
     ("change", "size", "words"),
-    [(ahead, 0.005, "front marker ahead"), (turned, 0.02, "rear marker that is turned")],
+    [
+        (ahead, 0.005, "front marker ahead"),
+        (turned, 0.02, "rear marker that is turned"),
+        (hinged, 0.01, "hinge aside of the middle of the front module"),
+    ],
 )
-def test_marker_off_its_place_is_named(
+def test_part_off_its_place_is_named(
     recordings: RobotSystem, change: Any, size: float, words: str
 ) -> None:
     wrong = replace(recordings, trials=tuple(change(item) for item in recordings.trials))
@@ -544,6 +563,15 @@ def test_measured_radius_counts_seen_frames_only() -> None:
         (line,) = [text for text in lines if "mean radius of the front marker" in text]
         told.append(float(line.partition("front marker ")[2].partition(" ")[0]))
     assert told[1] == pytest.approx(told[0], abs=1e-3)
+    kinematic = float(line.partition("simulated, ")[2].partition(" ")[0])
+    assert kinematic == pytest.approx(0.445, abs=5e-4)
+
+
+@pytest.mark.parametrize(("right", "left"), [(200.0, 100.0), (100.0, 200.0), (-200.0, -100.0)])
+def test_kinematic_radius_is_that_of_paper(right: float, left: float) -> None:
+    """Its section 3: 200 and 100 rad/s, about 0.445 m."""
+    speeds = np.tile([right, left], (5, 1))
+    assert kinematic_radius(speeds, 0.445 / 3.0) == pytest.approx(0.445, rel=1e-12)
 
 
 def stretched(trial: RobotTrial) -> RobotTrial:
