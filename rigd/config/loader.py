@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +21,7 @@ from rigd.config.observers import add_observers
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import (
     check_inside,
+    has_unit_like,
     rate_unit,
     read_difference,
     read_quantity,
@@ -32,6 +33,7 @@ from rigd.config.rig import (
     DeviceConfig,
     LinkSetup,
     PlantSetup,
+    RestBound,
     RigConfig,
     SiblingFile,
     SimulationSetup,
@@ -141,6 +143,7 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
             source.supervision.cycle_silence,
             source.supervision.daemon_silence,
             source.supervision.rest,
+            _at_rest(document, source, devices, problems),
         ),
         calibration=read_setup(source.calibration, document.path.parent, problems),
         remote=read_remote(document, source.remote, problems),
@@ -162,6 +165,36 @@ def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
     interlocks = _interlocks(document, source.interlocks, rig, unread, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
+
+
+def _at_rest(
+    document: Document, source: RigSource, devices: Mapping[str, DeviceConfig], problems: Problems
+) -> tuple[RestBound, ...]:
+    """Return by which channels the rig rests; only the cycle reads after a run."""
+    read = {
+        f"{device.name}.{channel.name}": channel.unit
+        for device in devices.values()
+        if not issubclass(device.driver_class, SlowDriver)
+        for channel in device.channels
+    }
+    bounds = []
+    for name, text in source.supervision.at_rest.items():
+        path: KeyPath = ("supervision", "at_rest", name)
+        if name not in read:
+            problems.add(
+                document.place(path),
+                f"unknown channel {name!r}: expected one of a device that the cycle reads",
+                suggest(name, list(read)),
+            )
+            continue
+        rate = rate_unit(read[name])
+        is_rate = has_unit_like(text, rate)
+        unit = rate if is_rate else read[name]
+        bound = read_quantity(document, path, text, unit, problems)
+        if bound <= 0.0:
+            problems.add(document.place(path), f"{text} must be more than 0")
+        bounds.append(RestBound(name, bound, unit, is_rate))
+    return tuple(bounds)
 
 
 def _sibling(document: Document, source: RigSource, problems: Problems) -> SiblingFile | None:

@@ -8,7 +8,7 @@ from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
 from rigd.model.constants import Uncertainty, parse_uncertainty
 from rigd.model.limits import rounded_to
-from rigd.model.units import Unit, format_quantity, parse_unit
+from rigd.model.units import Unit, format_quantity, parse_quantity, parse_unit
 from rigd.sdk import In
 
 
@@ -58,6 +58,14 @@ def read_uncertainty(
 def rate_unit(unit: str) -> str:
     """Return the unit of a change of ``unit`` per second: ``m/s`` gives ``m/s^2``."""
     return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
+
+
+def has_unit_like(text: str, unit: str) -> bool:
+    """Return whether ``text`` is a quantity that can be given in ``unit``."""
+    try:
+        return parse_quantity(text).unit.same_kind(parse_unit(unit))
+    except ValueError:
+        return False
 
 
 def check_inside(

@@ -64,15 +64,30 @@ class LinkSetup:
 
 
 @dataclass(frozen=True)
+class RestBound:
+    """A rig rests only if its channel ``name`` has at most the magnitude ``bound``, in SI.
+
+    If it ``is_rate``, that is how fast the channel may change. People read it in ``unit``.
+    """
+
+    name: str
+    bound: float
+    unit: str
+    is_rate: bool = False
+
+
+@dataclass(frozen=True)
 class Supervision:
     """The seconds of silence after which a process counts as dead.
 
-    ``rest_s`` is how long rows go on after a run that did not reach its end.
+    ``rest_s`` is how long rows go on after a run that did not reach its end, at most if channels
+    ``at_rest`` show whether the rig rests.
     """
 
     cycle_silence_s: float = 0.05
     daemon_silence_s: float = 1.0
     rest_s: float = 2.0
+    at_rest: tuple[RestBound, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,11 @@ class SupervisionSource(Source):
     """The daemon: the cycle makes the rig safe and ends."""
     rest: Annotated[float, In("s"), Ge(2), Le(60)] = 2.0
     """How long rows go on after a run that did not reach its end, for the rig to come to rest."""
+    at_rest: Annotated[dict[ChannelName, QuantityText], Field(max_length=16)] = {}
+    """The channels by which the rig rests, with their largest magnitudes, or the fastest at which
+    they may change: `{carriage.position: 1 mm/s}`. Rows then end as soon as all have stayed within
+    them for 0.5 s, after 2 s at the earliest; if some have not within `rest`, that is an error.
+    """
 
 
 class TlsSource(Source):

@@ -189,7 +189,7 @@ def perform(
             given={} if resume is None else resume.given,
             watch=watch,
             judge=_judge(request, path),
-            rest_s=request.rig.supervision.rest_s,
+            supervision=request.rig.supervision,
             extra_checks=(
                 lambda: _disk_check(path.parent),
                 lambda: unusable(request.rig, rests_on, day_of(request.start_ns)),

@@ -12,6 +12,7 @@ from time import monotonic_ns
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
+from rigd.config.rig import RestBound
 from rigd.controllers.driver import Controller
 from rigd.derived.driver import Derived
 from rigd.engine.block_rows import BlockSink
@@ -26,6 +27,7 @@ from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import MountedRig
 from rigd.engine.player import Outcome, Player
+from rigd.engine.resting import Resting
 from rigd.engine.watch import Taken
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
@@ -101,8 +103,10 @@ class Cycle:
         control: Control,
         evaluator: Evaluator | None = None,
         controllers: Bank | None = None,
+        at_rest: Sequence[RestBound] = (),
     ) -> None:
         self.rig = rig
+        self.resting = Resting(at_rest, rig)
         self.limiter = limiter
         self.interlocks = interlocks
         self.clock = clock
@@ -317,7 +321,8 @@ class Cycle:
         """Read and record in the next slot, after :meth:`reads_on`; nothing is written.
 
         No interlock acts, and no cycle is counted. The setpoints in the rows are those at rest. A
-        device that fails, or whose link does, is read no more: whether any is left is returned.
+        device that fails, or whose link does, is read no more. Returned is whether rows go on: a
+        device is left, and the rig does not rest yet.
         """
         self._slot = slot = self.clock.next_slot()
         t_ns = self.clock.start_ns + slot * self.clock.period_ns
@@ -346,7 +351,8 @@ class Cycle:
             ]
             self._rows.keep({index for index, _ in self._reads})
         self._rows.push(t_ns, slot, self._values, self._rest, self._stamps, self._fresh)
-        return bool(self._reads)
+        rests = self.resting.see(t_ns, self._values, self._stamps)
+        return bool(self._reads) and not rests
 
     def _read(self, t_ns: int) -> Outcome | None:
         for name, link in self._links:

@@ -106,7 +106,7 @@ class CycleLink:
                     self._ended[serial] = outcome
                 case m.Answer(serial, value):
                     self._answers[serial] = value
-                case m.Entered() | m.Tripped() | m.Notice() as notifications:
+                case m.Entered() | m.Tripped() | m.Notice() | m.ReadOnEnded() as notifications:
                     self.notifications.append(notifications)
                 case message:
                     raise TypeError(f"the cycle process sent an unknown message {message!r}")

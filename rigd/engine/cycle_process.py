@@ -110,6 +110,8 @@ class CycleProcess:
                     self._tick()
                 elif self._reading_on:
                     self._reading_on = self._cycle.read_on()
+                    if not self._reading_on:
+                        self._send(m.ReadOnEnded())
                 else:
                     readable(self._link, IDLE_S)
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
@@ -263,6 +265,8 @@ class CycleProcess:
                 final = self._final is not None
                 self._reading_on = final and self._cycle.reads_on(asking=asking)
                 self._answer(question, self._reading_on)
+            case m.Moving():
+                self._answer(question, self._cycle.resting.moving)
             case m.Close():
                 self._answer(question, [*self._make_safe(), *close_devices(self._cycle)])
                 self.over = True

@@ -136,10 +136,12 @@ class Host(Protocol):
         """Bring every device to its safe state; return the errors, one sentence each."""
         ...
 
-    def read_on(self, for_s: float, *, asking: bool) -> None:
+    def read_on(self, for_s: float, *, asking: bool) -> Mapping[str, float]:
         """Record for so long what devices show after :meth:`make_safe`; nothing is written.
 
-        ``asking``: also of devices that must be asked for it, which feeds their watchdogs.
+        ``asking``: also of devices that must be asked for it, which feeds their watchdogs. It ends
+        as soon as the rig rests, if its file states by which channels (``at_rest``). Of these the
+        last values are returned that show no rest, in SI; NaN of one that was not read.
         """
         ...
 

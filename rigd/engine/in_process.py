@@ -228,18 +228,18 @@ class InProcessHost:
             lambda: self.cycle.counters.cycles < enough or self.cycle.silent_devices > 0
         )
 
-    def read_on(self, for_s: float, *, asking: bool) -> None:
+    def read_on(self, for_s: float, *, asking: bool) -> Mapping[str, float]:
         """Record for so long what devices show after they were made safe; see :class:`Host`.
 
         A request to stop that is more severe than the one before ends it.
         """
         asked = self.cycle.control.asked
-        if not self.cycle.reads_on(asking=asking):
-            return
-        for _ in range(round(for_s * 1e9) // self.cycle.clock.period_ns):
-            if self.cycle.control.asked is not asked or not self.cycle.read_on():
-                break
-            self._after_cycle()
+        if self.cycle.reads_on(asking=asking):
+            for _ in range(round(for_s * 1e9) // self.cycle.clock.period_ns):
+                if self.cycle.control.asked is not asked or not self.cycle.read_on():
+                    break
+                self._after_cycle()
+        return self.cycle.resting.moving
 
     def _step(self) -> Outcome | None:
         outcome = self.cycle.step()

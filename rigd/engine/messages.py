@@ -84,6 +84,11 @@ class ReadOn(Question[bool]):
 
 
 @dataclass(frozen=True)
+class Moving(Question[Mapping[str, float]]):
+    """The values that show, after ReadOn, that the rig does not rest; in SI, by channel."""
+
+
+@dataclass(frozen=True)
 class ArmingBlockers(Question[Sequence[str]]):
     """Ask for the reasons why the rig, at rest, cannot be armed; one sentence each."""
 
@@ -246,5 +251,10 @@ class Notice:
     line: str
 
 
+@dataclass(frozen=True)
+class ReadOnEnded:
+    """Nothing is recorded any more after a run: the rig rests, or no device can be read."""
+
+
 #: Unsolicited reports of the cycle.
-Notification = Entered | Tripped | Notice
+Notification = Entered | Tripped | Notice | ReadOnEnded

@@ -8,6 +8,7 @@ this; every method that waits calls it every few milliseconds.
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -107,6 +108,7 @@ class ProcessHost:
         self._passed_on: Severity | None = None
         self._pause = (False, "")  #: the pause that the cycle process knows of
         self._lost: Outcome | None = None  #: why nothing plays any more
+        self._reading_on = False  #: rows go on after a run
         self._ahead: CycleProgram | None = None  #: the program that the cycle plays next by itself
         self._end_reason = False  #: whether the cycle process was killed
         self._rescue_problems: Sequence[str] = ()
@@ -326,7 +328,7 @@ class ProcessHost:
             in_cycle = self._or_lost(self._ask(m.MakeSafe, recording=False))
         return (*in_cycle, *self._make_off_cycle_safe())
 
-    def read_on(self, for_s: float, *, asking: bool) -> None:
+    def read_on(self, for_s: float, *, asking: bool) -> Mapping[str, float]:
         """Record for so long what devices show after they were made safe; see :class:`Host`.
 
         A request to stop that is more severe than the one before ends it, and so does the loss of
@@ -334,12 +336,16 @@ class ProcessHost:
         """
         asked = self._control.asked
         until_ns = monotonic_ns() + round(for_s * 1e9)
-        if self._nothing_plays or not self._ask(partial(m.ReadOn, asking=asking)):
-            return
-        while monotonic_ns() < until_ns and self._control.asked is asked:
+        asked_on = partial(m.ReadOn, asking=asking)
+        self._reading_on = not self._nothing_plays and self._ask(asked_on) is True
+        while self._reading_on and monotonic_ns() < until_ns and self._control.asked is asked:
             self._poll()
             if self._nothing_plays:
-                return
+                break
+        moving = None if self._nothing_plays else self._ask(m.Moving)
+        if moving is None:
+            return {item.name: math.nan for item in self._rig.supervision.at_rest}
+        return moving
 
     @property
     def _nothing_plays(self) -> bool:
@@ -492,6 +498,8 @@ class ProcessHost:
                     self.trips.append(trip)
                 case m.Notice(line):
                     self._control.notices.append(line)
+                case m.ReadOnEnded():
+                    self._reading_on = False
 
     def _declare_cycle_dead(self, reason: str) -> None:
         """Kill the cycle process, then make the rig safe over a second link. Idempotent."""

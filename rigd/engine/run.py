@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from math import isnan
 
+from rigd.config.rig import RestBound, Supervision
 from rigd.engine.answers import Answers, Given, GivenBefore
 from rigd.engine.asking import Asking, ChangePlant
 from rigd.engine.checked import TrialJudge
@@ -24,6 +26,7 @@ from rigd.engine.result import Progress, RunResult
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.severity import BLOCKED, BROKEN, WAYS_OUT, Severity, WayOut
 from rigd.model.states import RunEvent, RunState, next_state
+from rigd.model.units import format_quantity
 from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,
@@ -47,8 +50,8 @@ class Run:
     then is bit for bit as if nothing had interrupted the run. ``draw`` gets the seed of each trial
     that begins, by number in ``seeds``: the plant of a simulated rig draws from it. ``change`` is
     None for a real rig, ``faults`` for a rig that is not simulated at the wire. ``judge`` evaluates
-    each trial that has ended, if the procedure asks for it. Rows go on for ``rest_s`` after a run
-    that did not reach its end.
+    each trial that has ended, if the procedure asks for it. ``supervision`` states how long rows
+    go on after a run that did not reach its end.
     """
 
     procedure: CompiledProcedure
@@ -63,7 +66,7 @@ class Run:
     given: Mapping[int, Sequence[Given]] = field(default_factory=dict)
     watch: Callable[[Progress], None] = lambda _: None
     judge: TrialJudge | None = None
-    rest_s: float = 2.0
+    supervision: Supervision = field(default_factory=Supervision)
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     identity_check: IdentityCheck = lambda _: ()
     state: RunState = RunState.IDLE
@@ -132,22 +135,30 @@ class Run:
             try:
                 problems = self.host.make_safe()
                 self._record_end(way.ending, reason)
-                self._read_on(way, problems)
+                problems = (*problems, *self._read_on(way, problems))
             finally:
                 self.host.close()
         return self._result(way, reason, problems)
 
-    def _read_on(self, way: WayOut, problems: Sequence[str]) -> None:
-        """Record on after a run that did not reach its end: does the rig stand still now?
+    def _read_on(self, way: WayOut, problems: Sequence[str]) -> Sequence[str]:
+        """Record on after a run that did not reach its end; return why the rig does not rest.
 
         With ``problems`` a device may still move, and its watchdog is to act: it is not asked.
         """
+        found: list[str] = []
         self._end_s = self.host.run_s
         if self._armed and way is not BROKEN and way.exit_code is not Exit.OK:
             self._coming_to_rest = True
             self.watch(self.progress)
-            self.host.read_on(self.rest_s, asking=not problems)
+            began_s = self.host.run_s
+            moving = self.host.read_on(self.supervision.rest_s, asking=not problems)
+            after_s = self.host.run_s - began_s
+            bounds = [item for item in self.supervision.at_rest if item.name in moving]
+            found = [_not_at_rest(item, moving[item.name], after_s) for item in bounds]
+            if self.supervision.at_rest:
+                self._event("rest", {"rests": not found, "after_s": after_s, "reasons": found})
             self._coming_to_rest = False
+        return found
 
     def _live(self) -> tuple[WayOut, str]:
         """Return how the run ended, and why; its state is then final."""
@@ -454,3 +465,13 @@ class Run:
             ),
             tuple(problems),
         )
+
+
+def _not_at_rest(bound: RestBound, value: float, after_s: float) -> str:
+    """Return a sentence on a channel that does not show that the rig rests."""
+    since = f"{after_s:.1f} s after the end of the run"
+    if isnan(value):
+        return f"whether the rig rests is not known: {since} {bound.name} gives no value"
+    shown, most = (format_quantity(x, bound.unit, 3) for x in (value, bound.bound))
+    verb = "changes by" if bound.is_rate else "reaches"
+    return f"the rig does not rest: {since} {bound.name} {verb} {shown}, `at_rest` allows {most}"

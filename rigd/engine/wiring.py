@@ -92,7 +92,8 @@ def wire(
     )
     targets = [] if bank is None else [mounted.setpoints[name] for name in bank.loops]
     limiter = Limiter(limits, rig.period_ns * 1e-9, targets)
-    cycle = Cycle(mounted, limiter, interlocks, clock, control, evaluator, bank)
+    at_rest = rig.supervision.at_rest
+    cycle = Cycle(mounted, limiter, interlocks, clock, control, evaluator, bank, at_rest)
     return Wiring(cycle, plant, bank)
 
 

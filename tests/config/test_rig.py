@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -45,6 +46,25 @@ def test_shipped_lugre_rig_loads_with_expected_content(rig_path: Path) -> None:
     assert rig.constants["wheel_radius"].u == Uncertainty(1e-4)
     assert rig.constants["guide_friction"].u == Uncertainty(0.05, is_share=True)
     assert rig.source.text == rig_path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "bound", "words"),
+    [
+        ("wheel.positon", "1 rad", "unknown channel 'wheel.positon'"),
+        ("carriage.position", "1 A", "'1 A' is in A, expected m"),
+        ("carriage.position", "0 m", "0 m must be more than 0"),
+        ("carriage.position", "0 m/s", "0 m/s must be more than 0"),
+    ],
+)
+def test_wrong_channel_at_rest_is_refused(
+    rig_path: Path, name: str, bound: str, words: str
+) -> None:
+    text = f"supervision: {{at_rest: {{{name}: {bound}}}}}\n"
+    wrong = re.sub(r"^supervision:.*\n", text, rig_path.read_text(), flags=re.MULTILINE)
+    with pytest.raises(ConfigError, match=re.escape(words)) as caught:
+        parse_rig(wrong, rig_path)
+    assert place_of(wrong, name) in str(caught.value) or place_of(wrong, bound) in str(caught.value)
 
 
 def test_every_actuator_has_limit_within_devices_own() -> None:

@@ -21,7 +21,7 @@ from support.stalls import witnessed
 from support.wire import ROOT
 
 from rigd.config.loader import load_rig
-from rigd.config.rig import RigConfig, Waiver
+from rigd.config.rig import RestBound, RigConfig, Waiver
 from rigd.engine import process_host
 from rigd.engine.control import Control
 from rigd.engine.launch import launch
@@ -305,6 +305,18 @@ def test_simulated_rig_is_recorded_after_made_safe(tmp_path: Path) -> None:
     assert len(after) > 10
     assert after["t_ns"][-1] > safe_ns + 200_000_000
     assert not after["current_setpoint"].any()
+
+
+def test_rows_end_once_the_rig_rests(tmp_path: Path) -> None:
+    rig = load_rig(ROOT / "configs" / "sim_lugre.yaml")
+    bound = RestBound("carriage.position", 0.01, "m/s", is_rate=True)
+    still = replace(rig, supervision=replace(rig.supervision, at_rest=(bound,)))
+    with host_of(still) as (host, _, _):
+        ready(host)
+        assert host.make_safe() == ()
+        safe_ns = host.t_ns
+        assert host.read_on(60.0, asking=True) == {}
+        assert host.t_ns - safe_ns < 30_000_000_000
 
 
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:

@@ -8,15 +8,18 @@ from types import MappingProxyType
 import pytest
 from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
+from rigd.config.rig import RestBound, Supervision
 from rigd.engine.cycle import Cycle
+from rigd.engine.resting import LEAST_NS, STEP_NS, STILL_NS, Resting
 from rigd.engine.result import RunResult
-from rigd.engine.run import Run
 from rigd.engine.sink import Rows
-from rigd.model.errors import DeviceError
+from rigd.model.errors import DeviceError, Exit
 from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
 from rigd.model.states import RunState
 from rigd.sdk import Link, LinkConfig
+
+REST_NS = round(Supervision().rest_s * 1e9)
 
 
 class Wire(Link):
@@ -112,21 +115,39 @@ class Ended(Bench):
 
     def __init__(self, link: Link | None = None, axis: type[Coasting] = Coasting) -> None:
         self.wire = link
+        self.supervision = Supervision()
         super().__init__(axis=axis(link), other=Obeying(), sink=TimedSink())
         self.sink: TimedSink
         self.axis: Coasting
 
     def cycle(self, links: Mapping[str, Link] = MappingProxyType({})) -> Cycle:
-        return super().cycle({} if self.wire is None else {"wire": self.wire})
+        cycle = super().cycle({} if self.wire is None else {"wire": self.wire})
+        cycle.resting = Resting(self.supervision.at_rest, cycle.rig)
+        return cycle
 
     def end_by(self, severity: Severity | None) -> RunResult:
         if severity is not None:
             self.axis.stop = lambda: self.control.request(severity, "asked")
-        return self.run(procedure([move("one", 0.5, 0.2)])).execute()
+        moves = procedure([move("one", 0.5, 0.2)])
+        return self.run(moves, supervision=self.supervision).execute()
+
+    def rests_below(self, bound: float, within_s: float, unit: str = "mm") -> None:
+        """Let the axis rest if its position, which shrinks by 0.1 % each cycle, is below this.
+
+        Or, if the unit is that of a speed, if it shrinks more slowly.
+        """
+        at_rest = (RestBound("axis.position", bound, unit, is_rate=unit == "mm/s"),)
+        self.supervision = Supervision(rest_s=within_s, at_rest=at_rest)
 
     @property
     def end_ns(self) -> int:
         return self.sink.events[self.sink.kinds().index("run_end")][0]
+
+    @property
+    def rest_event(self) -> Mapping[str, object]:
+        _, kind, _, data = self.sink.events[-1]
+        assert kind == "rest"
+        return data
 
     @property
     def after(self) -> list[tuple[int, float, float]]:
@@ -138,7 +159,7 @@ def test_rows_go_on_after_a_stop(severity: Severity) -> None:
     bench = Ended(Wire(LinkConfig()))
     bench.end_by(severity)
     after = bench.after
-    assert len(after) == Run.rest_s * 1e9 // PERIOD_NS
+    assert len(after) == REST_NS // PERIOD_NS
     assert after[0][0] == bench.end_ns + PERIOD_NS  # without a gap
     assert after[-1][1] < 0.2 < after[0][1]  # one sees it come to rest
     assert {setpoint for *_, setpoint in after} == {0.0}
@@ -202,11 +223,57 @@ def test_second_signal_ends_the_rows() -> None:
 def test_device_that_stays_safe_is_asked_on(wire: SendingWire | None) -> None:
     bench = Ended(wire, Asked)
     bench.end_by(Severity.ABORT)
-    assert len(bench.after) == Run.rest_s * 1e9 // PERIOD_NS
+    assert len(bench.after) == REST_NS // PERIOD_NS
     asked = bench.axis.asked
     assert asked[asked.index("make_safe") :].count("write") == 0
     if wire is not None:
         assert wire.ends == asked.count("write") + len(bench.after)  # what asks them is sent
+
+
+def test_rows_end_once_the_rig_rests() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.rests_below(0.1, within_s=30.0)
+    result = bench.end_by(Severity.ABORT)
+    still = [t_ns for t_ns, position, _ in bench.after if position <= 0.1]
+    assert still[-1] - still[0] == pytest.approx(STILL_NS, abs=STEP_NS)
+    assert bench.rest_event["rests"]
+    assert result.problems == ()
+    assert result.exit_code is Exit.STOPPED
+
+
+def test_rows_end_once_a_position_stays() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.rests_below(0.01, within_s=30.0, unit="mm/s")
+    result = bench.end_by(Severity.ABORT)
+    positions = [position for _, position, _ in bench.after]
+    assert positions[-STILL_NS // PERIOD_NS] - positions[-1] == pytest.approx(0.005, rel=0.03)
+    assert result.problems == ()
+
+
+def test_rows_of_rig_at_rest_go_on_for_2_s() -> None:
+    bench = Ended(Wire(LinkConfig()))
+    bench.rests_below(2.0, within_s=30.0)
+    bench.end_by(Severity.ABORT)
+    assert bench.after[-1][0] - bench.after[0][0] == LEAST_NS
+
+
+@pytest.mark.parametrize(
+    ("wire", "why"),
+    [
+        (Wire(LinkConfig()), "axis.position reaches 82.7 mm, `at_rest` allows 1e-06 mm"),
+        (None, "not known: 0.0 s after the end of the run axis.position gives no value"),
+    ],
+    ids=["moves", "not read"],
+)
+def test_rig_that_does_not_rest_is_reported(wire: Wire | None, why: str) -> None:
+    bench = Ended(wire)
+    bench.rests_below(1e-9, within_s=3.0)
+    result = bench.end_by(Severity.ABORT)
+    (reason,) = result.problems
+    assert reason.endswith(why)
+    assert bench.rest_event["reasons"] == [reason]
+    assert not bench.rest_event["rests"]
+    assert result.exit_code is Exit.TRIPPED
 
 
 def test_link_is_silent_if_a_device_must_be(monkeypatch: pytest.MonkeyPatch) -> None:
