@@ -1,10 +1,11 @@
-"""`rigd identify` of LuGre rigs held to a second author's simulator: right rigs, and worlds in which something is wrong.
+"""Hold `rigd identify` to the LuGre rigs of a second author: right and wrong ones.
 
     chrt -i 0 nice -n 19 python benchmarks/blind_lugre.py --keep blind.jsonl --right 20 --minutes 30
     python benchmarks/blind_lugre.py --keep blind.jsonl --summary
 
-The simulator (`blind/rig.c`), the worlds and the words that count as their right name (`blind/worlds.py`) are written from the
-paper and the docs alone. Right rigs come first, then all worlds in random order. A further call with the same file goes on.
+The simulator (`blind/rig.c`), the worlds and the words that count as their right name
+(`blind/worlds.py`) are written from the paper and the docs alone. Right rigs come first, then all
+worlds in random order. A further call with the same file goes on.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from blind.judge import GOOD, Row, all_worlds, named, run, verdict, worst
 from blind.worlds import kinds
 
@@ -80,8 +80,8 @@ def line_of(row: Row) -> str:
     size = ("just visible", "clear")[row["size"]] if row["kind"] != "right" else row["floor"]
     told = named(row) or row["sentence"][:160]
     return (
-        f"{verdict(row, kinds()):28} {row['kind']} ({size}, {row['seed']}): worst {worst(row):.2f} half widths, "
-        f"{row['cpu']:.0f} s. {told[:240]}"
+        f"{verdict(row, kinds()):28} {row['kind']} ({size}, {row['seed']}): "
+        f"worst {worst(row):.2f} half widths, {row['cpu']:.0f} s. {told[:240]}"
     )
 
 
@@ -92,25 +92,26 @@ def summary(rows: list[Row]) -> str:
     wrong = [row for row in rows if row["kind"] != "right"]
     lines = []
     if right:
-        intervals = [miss for row in right for name, miss in row["misses"].items() if name != "g"]
-        alarms = [row for row in right if verdict(row, known) not in ("right", "A NUMBER WRONG")]
+        misses = [miss for row in right for name, miss in row["misses"].items() if name != "g"]
+        alarms = sum(verdict(row, known) not in ("right", "A NUMBER WRONG") for row in right)
         lines.append(
-            f"right rigs: {len(right)}; {sum(m <= 1 for m in intervals)} of {len(intervals)} intervals hold the truth; "
-            f"{len(alarms)} of {len(right)} refused, or with a cause or a misfit"
+            f"right rigs: {len(right)}; {sum(miss <= 1 for miss in misses)} of {len(misses)} "
+            f"intervals hold the truth; {alarms} refused, or with a cause or a misfit"
         )
     if wrong:
-        verdicts = collections.Counter(verdict(row, known) for row in wrong)
         judged = [row for row in wrong if not known[row["kind"]].documented]
         good = sum(verdict(row, known) in GOOD for row in judged)
         causes = [row for row in judged if named(row)]
         true = sum(known[row["kind"]].accepts(named(row)) for row in causes)
-        lines.append(f"wrong worlds: {len(wrong)} of {len({row['kind'] for row in wrong})} kinds; without those that no data show, "
-                     f"{good} of {len(judged)} right, rightly named, or refused without a wrong name; "
-                     f"of {len(causes)} names {true} are right")  # fmt: skip
+        lines.append(
+            f"wrong worlds: {len(wrong)} of {len({row['kind'] for row in wrong})} kinds; without "
+            f"those that no data show, {good} of {len(judged)} right, rightly named, or refused "
+            f"without a wrong name; of {len(causes)} names {true} are right"
+        )
+        verdicts = collections.Counter(verdict(row, known) for row in wrong)
         lines += [f"  {count:4} {words}" for words, count in verdicts.most_common()]
-    lines.append(
-        f"median {np.median([row['cpu'] for row in rows]):.1f} s of CPU, at most {max(row['cpu'] for row in rows):.0f} s"
-    )
+    cpu = [row["cpu"] for row in rows]
+    lines.append(f"median {np.median(cpu):.1f} s of CPU, at most {max(cpu):.0f} s")
     lines += [line_of(row) for row in rows if verdict(row, known).split(",")[0].isupper()]
     return "\n".join(lines)
 

@@ -1,8 +1,7 @@
-"""What `rigd identify` says of one world, and whether it is right: one row of the study's table, and its verdict."""
+"""What `rigd identify` says of one world, a row of the study's table, and whether it is right."""
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import time
@@ -11,18 +10,18 @@ from types import FrameType
 from typing import Any, Final
 
 import numpy as np
-
-import rigd
 from blind.rig import Rig, draw, write
 from blind.worlds import Kind, kinds, world
+
+import rigd
 from rigd.model.errors import RigdError
 
 Row = dict[str, Any]
-#: A number is wrong if its interval misses the truth by more half widths than this: of ten intervals of 95 % chance puts one
-#: beyond 1 in two cases of five, beyond 1.5 (2.9 standard deviations) in one of thirty.
+#: A number is wrong if its interval misses the truth by more half widths than this: of ten
+#: intervals of 95 % chance puts one beyond 1 in two cases of five, beyond 1.5 in one of thirty.
 WRONG: Final = 1.5
 LONGEST: Final = 400  # s of CPU that one identification may take
-#: Of these the parameters have no true value: another law holds. The curve g has, of all but the last two.
+#: Their parameters have no true value: another law holds. The first two have a true curve g.
 OTHER_LAW: Final = (
     "ageing in rest",
     "gaussian law",
@@ -33,7 +32,7 @@ GOOD: Final = ("right", "rightly named", "refused, rightly named", "refused with
 
 
 def run(name: str, size: int, seed: int, folder: Path) -> Row:
-    """Simulate one world, identify it, and return all that was said. ``name`` is that of a kind, or ``right``."""
+    """Simulate one world, identify it, and return all that was said; ``right`` is a right rig."""
     rig = draw(seed) if name == "right" else world(name, size, seed)
     path = folder / "world.mcap"
     path.unlink(missing_ok=True)
@@ -52,8 +51,7 @@ def run(name: str, size: int, seed: int, folder: Path) -> Row:
     signal.signal(signal.SIGPROF, _too_long)
     signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
-        text = rigd.identify(str(path)).to_json()
-        result = text if isinstance(text, dict) else json.loads(text)
+        result: dict[str, Any] = rigd.identify(str(path)).to_json()
         gate = result.get("gate") or {}
         row |= {
             "outcome": gate.get("outcome"),

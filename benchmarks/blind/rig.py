@@ -1,11 +1,11 @@
-"""A LuGre omni-wheel rig of a second author: physics in C (`rig.c`), sensors here, recordings by the `mcap` library.
+"""A LuGre omni-wheel rig of a second author: physics in C (`rig.c`), sensors and recordings here.
 
-Written from the paper, `docs/physics/lugre.md` and `docs/recordings.md`, without a look at rigd's simulators and analyses.
+Written from the paper, `docs/physics/lugre.md` and `docs/recordings.md`, without a look at rigd's
+simulators and analyses. Recordings are written by the `mcap` library.
 """
 
 from __future__ import annotations
 
-import copy
 import ctypes
 import json
 import os
@@ -52,8 +52,14 @@ def _play() -> Any:
     pointer = ctypes.POINTER(ctypes.c_double)
     function.restype = ctypes.c_long
     function.argtypes = [
-        pointer, pointer, pointer, ctypes.c_long, ctypes.c_double, ctypes.c_long, ctypes.c_long, pointer, ctypes.c_long,
-    ]  # fmt: skip
+        *[pointer] * 3,
+        ctypes.c_long,
+        ctypes.c_double,
+        ctypes.c_long,
+        ctypes.c_long,
+        pointer,
+        ctypes.c_long,
+    ]
     return function
 
 
@@ -113,8 +119,8 @@ class Sensors:
     squared: float = 0.0  # gain of the current monitor falls with the current, per A
     clock: float = 1.0
     resonance: tuple[float, float] = (0.0, 0.0)  # of the accelerometer's mount: gain, Hz
-    zeros: Array | None = None  # of the current, A, by trial
-    gains: Array | None = None  # of the accelerometer, by trial
+    zeros: list[float] = field(default_factory=list)  # of the current, A, by trial
+    gains: list[float] = field(default_factory=list)  # of the accelerometer, by trial
     steps_at: dict[str, tuple[float, float]] = field(
         default_factory=dict
     )  # jump at s since the drive
@@ -135,58 +141,72 @@ class Rig:
     substeps: int = 4
     floor: str = "floor"
 
-    def copy(self) -> Rig:
-        return copy.deepcopy(self)
-
     def friction(self) -> dict[str, float]:
+        """Return the true parameters by their names in rigd."""
         return {
             name: self.true[name.lower()]
             for name in ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
         }
 
     def curve(self, slip: Array) -> Array:
+        """Return the true g at each slip speed in m/s."""
         k = self.true
         return k["mu_c"] + (k["mu_s"] - k["mu_c"]) * np.exp(
             -((np.abs(slip) / k["v_s"]) ** k["exponent"])
         )
 
 
+CHANNELS: Final = {
+    "angle": "rad", "position": "m", "acceleration": "m/s^2", "current": "A", "held": "1",
+}  # fmt: skip
 BASE: Final = {
-    "mass": 3.9593, "load": 3.9593 * G, "radius": 0.05, "wheel_inertia": 4.5e-4, "motor_inertia": 1.2e-6, "gear": 20.25,
-    "efficiency": 0.81, "torque": 0.0295, "back_emf": 0.0295, "resistance": 3.2, "supply": 24.0, "bandwidth": 1000.0,
-    "no_load": 2.2e-3, "no_load_viscous": 1.9e-6, "bearing": 1.942e-3, "guide": 0.304, "guide_viscous": 0.0,
-    "rolling": 0.009, "slope": 0.0, "drag": 0.0, "cable_spring": 0.0, "exponent": 0.5, "rollers": 18.0, "ripple": 0.3,
-    "ripple_phase": 0.0,
-    "step_at": 0.6, "patch_at": 0.5, "patch_width": 0.1, "wave_length": 0.2, "age_length": 1e-3, "heat_time": 20.0,
-    "guide_length": 0.3, "coupling_damping": 0.05, "torque_ripples": 20.25, "fade_time": 3.0, "touch_time": 0.2,
-    "flat_width": 0.2, "run_in_length": 0.1,
+    "mass": 3.9593, "load": 3.9593 * G, "radius": 0.05, "wheel_inertia": 4.5e-4,
+    "motor_inertia": 1.2e-6, "gear": 20.25, "efficiency": 0.81, "torque": 0.0295,
+    "back_emf": 0.0295, "resistance": 3.2, "supply": 24.0, "bandwidth": 1000.0, "no_load": 2.2e-3,
+    "no_load_viscous": 1.9e-6, "bearing": 1.942e-3, "guide": 0.304, "guide_viscous": 0.0,
+    "rolling": 0.009, "slope": 0.0, "drag": 0.0, "cable_spring": 0.0, "exponent": 0.5,
+    "rollers": 18.0, "ripple": 0.3, "ripple_phase": 0.0, "step_at": 0.6, "patch_at": 0.5,
+    "patch_width": 0.1, "wave_length": 0.2, "age_length": 1e-3, "heat_time": 20.0,
+    "guide_length": 0.3, "coupling_damping": 0.05, "torque_ripples": 20.25, "fade_time": 3.0,
+    "touch_time": 0.2, "flat_width": 0.2, "run_in_length": 0.1,
 }  # fmt: skip
 FLOORS: Final = {
-    "stone": {"v_s": 1.9643, "mu_c": 0.12, "mu_s": 0.1205, "sigma_0": 11.451, "sigma_1": 0.0809, "sigma_2": 2.449, "rolling": 0.009},
-    "pvc": {"v_s": 0.0044, "mu_c": 0.12, "mu_s": 0.15, "sigma_0": 49.933, "sigma_1": 0.372, "sigma_2": 2.8084, "rolling": 0.022},
-    "paperboard": {"v_s": 0.817, "mu_c": 0.04, "mu_s": 0.07, "sigma_0": 54.724, "sigma_1": 0.6146, "sigma_2": 2.4028, "rolling": 0.009},
+    "stone": {
+        "v_s": 1.9643, "mu_c": 0.12, "mu_s": 0.1205, "sigma_0": 11.451, "sigma_1": 0.0809,
+        "sigma_2": 2.449, "rolling": 0.009,
+    },
+    "pvc": {
+        "v_s": 0.0044, "mu_c": 0.12, "mu_s": 0.15, "sigma_0": 49.933, "sigma_1": 0.372,
+        "sigma_2": 2.8084, "rolling": 0.022,
+    },
+    "paperboard": {
+        "v_s": 0.817, "mu_c": 0.04, "mu_s": 0.07, "sigma_0": 54.724, "sigma_1": 0.6146,
+        "sigma_2": 2.4028, "rolling": 0.009,
+    },
 }  # fmt: skip
 SHARES: Final = {  # standard uncertainties as shares: those of the shipped rig
-    "mass": 2.5e-4, "wheel_radius": 2e-3, "guide_friction": 0.05, "rolling_resistance": 0.1, "gravity": 1e-3,
-    "torque_constant": 0.01, "gear_ratio": 0.0, "gear_efficiency": 0.03, "no_load_torque": 0.1, "no_load_viscous": 0.2,
-    "motor_inertia": 0.1, "wheel_inertia": 0.03, "bearing_torque": 0.3, "roller_transitions": 0.0,
+    "mass": 2.5e-4, "wheel_radius": 2e-3, "guide_friction": 0.05, "rolling_resistance": 0.1,
+    "gravity": 1e-3, "torque_constant": 0.01, "gear_ratio": 0.0, "gear_efficiency": 0.03,
+    "no_load_torque": 0.1, "no_load_viscous": 0.2, "motor_inertia": 0.1, "wheel_inertia": 0.03,
+    "bearing_torque": 0.3, "roller_transitions": 0.0,
 }  # fmt: skip
 OF_TRUTH: Final = {
-    "mass": "mass", "wheel_radius": "radius", "guide_friction": "guide", "rolling_resistance": "rolling",
-    "torque_constant": "torque", "gear_ratio": "gear", "gear_efficiency": "efficiency", "no_load_torque": "no_load",
-    "no_load_viscous": "no_load_viscous", "motor_inertia": "motor_inertia", "wheel_inertia": "wheel_inertia",
-    "bearing_torque": "bearing", "roller_transitions": "rollers",
+    "mass": "mass", "wheel_radius": "radius", "guide_friction": "guide",
+    "rolling_resistance": "rolling", "torque_constant": "torque", "gear_ratio": "gear",
+    "gear_efficiency": "efficiency", "no_load_torque": "no_load",
+    "no_load_viscous": "no_load_viscous", "motor_inertia": "motor_inertia",
+    "wheel_inertia": "wheel_inertia", "bearing_torque": "bearing", "roller_transitions": "rollers",
 }  # fmt: skip
 UNITS: Final = {
-    "mass": "kg", "wheel_radius": "mm", "guide_friction": "N", "rolling_resistance": "1", "gravity": "m/s^2",
-    "torque_constant": "mN m/A", "gear_ratio": "1", "gear_efficiency": "1", "no_load_torque": "mN m",
-    "no_load_viscous": "N m s/rad", "motor_inertia": "kg m^2", "wheel_inertia": "kg m^2", "bearing_torque": "mN m",
-    "roller_transitions": "1",
+    "mass": "kg", "wheel_radius": "mm", "guide_friction": "N", "rolling_resistance": "1",
+    "gravity": "m/s^2", "torque_constant": "mN m/A", "gear_ratio": "1", "gear_efficiency": "1",
+    "no_load_torque": "mN m", "no_load_viscous": "N m s/rad", "motor_inertia": "kg m^2",
+    "wheel_inertia": "kg m^2", "bearing_torque": "mN m", "roller_transitions": "1",
 }  # fmt: skip
 
 
 def draw(seed: int) -> Rig:
-    """Return a right rig: all of it within what is realistic, its constants within their stated uncertainties."""
+    """Return a right rig: realistic, and its constants within their stated uncertainties."""
     random = np.random.default_rng([48, seed])
     floor = ("stone", "pvc", "paperboard")[int(random.integers(3))]
     true = {name: 0.0 for name in _names()} | BASE | FLOORS[floor]
@@ -256,8 +276,11 @@ def draw(seed: int) -> Rig:
 
 
 def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
-    """Return the truth of one trial, in rows of a tenth of the cycle: t, phase, engaged, reference, i, motor angle,
-    wheel angle, wheel speed, x, v, a, p, traction (SI; angles at the wheel)."""
+    """Return the true states of one trial, ten rows for each cycle, in SI.
+
+    Columns: t, phase, engaged, reference, current, angle of the motor and of the wheel (both at the
+    wheel), speed of the wheel, x, v, a, deflection of the bristles, traction.
+    """
     trial = rig.trials[number]
     k = rig.true | trial.constants
     for name in ("mu_c", "mu_s", "sigma_2"):
@@ -298,7 +321,7 @@ def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
 
 
 def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
-    """Return the samples of one trial: `time`, `angle`, `position`, `acceleration`, `current`, `held`; SI."""
+    """Return the samples of one trial by channel, `time` and `held` among them; SI."""
     s = rig.sensors
     random = np.random.default_rng([rig.seed, 11, number])
     fine = truth[:, 0]
@@ -340,12 +363,12 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
     current = (
         out["current"] * (s.current_gain - s.squared * np.abs(out["current"])) + s.current_zero
     )
-    if s.zeros is not None:
+    if s.zeros:
         current = current + s.zeros[number]
     out["current"] = _round(
         current + s.current_noise * random.normal(size=len(time)), s.current_step
     )
-    gain = s.acceleration_gain * (1.0 if s.gains is None else float(s.gains[number]))
+    gain = s.acceleration_gain * (s.gains[number] if s.gains else 1.0)
     acceleration = gain * out["acceleration"] + s.acceleration_bias
     out["acceleration"] = acceleration + s.acceleration_noise * random.normal(size=len(time))
     for name, (size, frequency) in s.tones.items():
@@ -379,15 +402,17 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
 
 
 def write(rig: Rig, path: Path) -> None:
-    """Write the recording of the rig's trials, as another program would: one stream `card`, and events."""
+    """Write the recording as another program would: all channels in one stream, and the events."""
     doc = {
-        "name": "card", "doc": "samples of one card", "source": "a logger", "has_status": False,
+        "name": "card",
+        "doc": "samples of one card",
+        "source": "a logger",
+        "has_status": False,
         "channels": [
             {"name": n, "unit": u, "doc": "", "low": None, "high": None, "raw_of": None}
-            for n, u in (("angle", "rad"), ("position", "m"), ("acceleration", "m/s^2"), ("current", "A"), ("held", "1"))
+            for n, u in CHANNELS.items()
         ],
-    }  # fmt: skip
-    names = ("angle", "position", "acceleration", "current", "held")
+    }
     begin = 1_700_000_000_000_000_000 + rig.seed * 86_400_000_000_000
     with path.open("wb") as file:
         writer = Writer(file)
@@ -397,7 +422,7 @@ def write(rig: Rig, path: Path) -> None:
         )
         events = writer.register_channel("/events", "cdr", event)
         card = writer.register_schema(
-            "logger/msg/Card", "ros2msg", "".join(f"float64 {name}\n" for name in names).encode()
+            "logger/msg/Card", "ros2msg", "".join(f"float64 {name}\n" for name in CHANNELS).encode()
         )
         channel = writer.register_channel("/card", "cdr", card, {"rigd.stream": json.dumps(doc)})
         numbers = {events: 0, channel: 0}
@@ -434,16 +459,26 @@ def write(rig: Rig, path: Path) -> None:
                 int(times[0]),
                 {"number": number, "repeat": 1, "parameters": parameters, "units": units},
             )
-            table = np.column_stack([samples[name] for name in names])
+            table = np.column_stack([samples[name] for name in CHANNELS])
             for when, row in zip(times.tolist(), table.tolist(), strict=True):
                 add(channel, when, b"\x00\x01\x00\x00" + struct.pack("<5d", *row))
             now = int(times[-1]) + 1_000_000
             tell("trial_end", number, now, {"complete": True, "reason": "all steps played"})
             now += 20_000_000_000
         count = len(rig.trials)
-        tell("run_end", -1, now, {
-            "state": "complete", "reason": "", "trials_done": count, "trials_total": count, "missed_cycles": 0, "overruns": 0,
-        })  # fmt: skip
+        tell(
+            "run_end",
+            -1,
+            now,
+            {
+                "state": "complete",
+                "reason": "",
+                "trials_done": count,
+                "trials_total": count,
+                "missed_cycles": 0,
+                "overruns": 0,
+            },
+        )
         writer.add_metadata("rigd", {"start_ns": str(begin), "version": "0.1.0"})
         writer.add_metadata(
             "run",
@@ -455,16 +490,28 @@ def write(rig: Rig, path: Path) -> None:
             },
         )
         writer.add_metadata("parameters", {"floor": rig.floor})
+        uncertainties = {
+            name: {"is_share": False, "size": u} for name, (_, u) in rig.stated.items()
+        }
         signals = {
-            "wheel_angle": "card.angle", "carriage_position": "card.position", "acceleration": "card.acceleration",
-            "motor_current": "card.current", "carriage_held": "card.held",
-        }  # fmt: skip
-        writer.add_metadata("identify", {
-            "model": "lugre", "signals": json.dumps(signals), "group_by": json.dumps(["floor"]), "units": json.dumps(UNITS),
-            "constants": json.dumps({name: value for name, (value, _) in rig.stated.items()}),
-            "uncertainties": json.dumps({name: {"is_share": False, "size": u} for name, (_, u) in rig.stated.items()}),
-        })  # fmt: skip
-        writer.finish()
+            "wheel_angle": "card.angle",
+            "carriage_position": "card.position",
+            "acceleration": "card.acceleration",
+            "motor_current": "card.current",
+            "carriage_held": "card.held",
+        }
+        writer.add_metadata(
+            "identify",
+            {
+                "model": "lugre",
+                "signals": json.dumps(signals),
+                "group_by": json.dumps(["floor"]),
+                "units": json.dumps(UNITS),
+                "constants": json.dumps({name: value for name, (value, _) in rig.stated.items()}),
+                "uncertainties": json.dumps(uncertainties),
+            },
+        )
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _text(text: bytearray, value: str) -> None:

@@ -1,7 +1,8 @@
-"""What goes wrong at a LuGre rig, in two sizes, and the words that a person at the rig would accept as its name.
+"""What goes wrong at a LuGre rig, in two sizes, and the words that count as its right name.
 
-The words were written before any result was seen. Where the data cannot tell two causes apart, either is right: a constant
-torque of the motor and a zero of the current, forces on the carriage that do not change, a delay and a slow filter.
+The words were written before any result was seen: those that a person at the rig would accept. If
+the data cannot tell two causes apart, either is right: a constant torque of the motor and a zero of
+the current, forces on the carriage that do not change, a delay and a slow filter.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-
 from blind.rig import FLOORS, G, Rig, Trial, draw
 
 Apply = Callable[[Rig, float, np.random.Generator], None]
@@ -38,6 +38,7 @@ class Kind:
     documented: bool = False  # docs/identification.md says that no data of the rig show it
 
     def accepts(self, sentence: str) -> bool:
+        """Return whether a sentence has one of the words."""
         return re.search(self.words, sentence.lower()) is not None
 
 
@@ -104,7 +105,10 @@ def _set(attribute: str) -> Apply:
 
 def _constants() -> list[Kind]:
     on_motor = r"no.load|bearing|friction of the motor|zero of the current|current.*zero|offset"
-    radius = r"radius|diameter|measuring wheel|wheel encoder.*(scale|gain|count)|carriage.*(scale|gain)|counts"
+    radius = (
+        r"radius|diameter|measuring wheel|counts|"
+        r"wheel encoder.*(scale|gain|count)|carriage.*(scale|gain)"
+    )
     mass = rf"mass|weight|load|{DRIVE}"
     rows = [
         ("torque_constant high", "torque_constant", (1.05, 1.15), DRIVE),
@@ -310,7 +314,7 @@ def _electrics() -> list[Kind]:
         rig.sensors.current_gain = size
 
     def drift(rig: Rig, size: float, _: np.random.Generator) -> None:
-        rig.sensors.zeros = size * np.linspace(0, 1, len(rig.trials))
+        rig.sensors.zeros = (size * np.linspace(0, 1, len(rig.trials))).tolist()
 
     def tone(channel: str) -> Apply:
         def apply(rig: Rig, size: float, _: np.random.Generator) -> None:
@@ -433,7 +437,7 @@ def _sensors() -> list[Kind]:
         return apply
 
     def gains(rig: Rig, size: float, _: np.random.Generator) -> None:
-        rig.sensors.gains = 1 - size * np.linspace(0, 1, len(rig.trials))
+        rig.sensors.gains = (1 - size * np.linspace(0, 1, len(rig.trials))).tolist()
 
     def gain(rig: Rig, size: float, _: np.random.Generator) -> None:
         rig.sensors.acceleration_gain = size
@@ -448,37 +452,155 @@ def _sensors() -> list[Kind]:
         Kind("accelerometer late", "sensors", (0.003, 0.012), accelerometer, late("acceleration")),
         Kind("carriage late", "sensors", (0.005, 0.015), carriage, late("position")),
         Kind("wheel encoder late", "sensors", (0.005, 0.015), wheel, late("angle")),
-        Kind("both encoders late", "sensors", (0.005, 0.015), rf"{LATE}|encoders", late("angle", "position")),
-        Kind("all but the current late", "sensors", (0.005, 0.015), rf"{LATE}|current", late("angle", "position", "acceleration")),
-        Kind("wheel encoder jitters", "sensors", (5e-4, 3e-3), rf"jitter|clock|time|{wheel}", _sensor("jitter", "angle")),
-        Kind("wheel misses counts", "sensors", (0.01, 0.05), rf"count|slip|{wheel}", _sensor("missed", "angle")),
-        Kind("carriage misses counts", "sensors", (0.003, 0.02), rf"count|{carriage}", _sensor("missed", "position")),
-        Kind("carriage counts backward", "sensors", (-1.0,), rf"sign|direction|backward|other way|opposite|{carriage}", _sensor("scales", "position")),
+        Kind(
+            "both encoders late",
+            "sensors",
+            (0.005, 0.015),
+            rf"{LATE}|encoders",
+            late("angle", "position"),
+        ),
+        Kind(
+            "all but the current late",
+            "sensors",
+            (0.005, 0.015),
+            rf"{LATE}|current",
+            late("angle", "position", "acceleration"),
+        ),
+        Kind(
+            "wheel encoder jitters",
+            "sensors",
+            (5e-4, 3e-3),
+            rf"jitter|clock|time|{wheel}",
+            _sensor("jitter", "angle"),
+        ),
+        Kind(
+            "wheel misses counts",
+            "sensors",
+            (0.01, 0.05),
+            rf"count|slip|{wheel}",
+            _sensor("missed", "angle"),
+        ),
+        Kind(
+            "carriage misses counts",
+            "sensors",
+            (0.003, 0.02),
+            rf"count|{carriage}",
+            _sensor("missed", "position"),
+        ),
+        Kind(
+            "carriage counts backward",
+            "sensors",
+            (-1.0,),
+            rf"sign|direction|backward|other way|opposite|{carriage}",
+            _sensor("scales", "position"),
+        ),
         Kind("accelerometer turned", "sensors", (-1.0,), accelerometer, gain),
-        Kind("current with the wrong sign", "sensors", (-1.0,), r"sign|current|monitor|inverted", _set("current_gain")),
+        Kind(
+            "current with the wrong sign",
+            "sensors",
+            (-1.0,),
+            r"sign|current|monitor|inverted",
+            _set("current_gain"),
+        ),
         Kind("accelerometer gain low", "sensors", (0.93, 0.75), accelerometer, gain),
         Kind("accelerometer gain high", "sensors", (1.07, 1.3), accelerometer, gain),
-        Kind("accelerometer filtered", "sensors", (20.0, 4.0), accelerometer, _sensor("filters", "acceleration")),
+        Kind(
+            "accelerometer filtered",
+            "sensors",
+            (20.0, 4.0),
+            accelerometer,
+            _sensor("filters", "acceleration"),
+        ),
         Kind("carriage filtered", "sensors", (25.0, 6.0), carriage, _sensor("filters", "position")),
         Kind("wheel filtered", "sensors", (25.0, 6.0), wheel, _sensor("filters", "angle")),
-        Kind("carriage coarse", "sensors", (2e-4, 1e-3), rf"coarse|round|resol|count|{carriage}", _set("guide")),
-        Kind("accelerometer coarse", "sensors", (0.2, 0.6), accelerometer, _set("acceleration_step")),
-        Kind("accelerometer drifts", "sensors", (0.02, 0.1), rf"slope|{accelerometer}", _sensor("drifts", "acceleration")),
+        Kind(
+            "carriage coarse",
+            "sensors",
+            (2e-4, 1e-3),
+            rf"coarse|round|resol|count|{carriage}",
+            _set("guide"),
+        ),
+        Kind(
+            "accelerometer coarse", "sensors", (0.2, 0.6), accelerometer, _set("acceleration_step")
+        ),
+        Kind(
+            "accelerometer drifts",
+            "sensors",
+            (0.02, 0.1),
+            rf"slope|{accelerometer}",
+            _sensor("drifts", "acceleration"),
+        ),
         Kind("measuring wheel slips", "sensors", (0.003, 0.012), rf"slip|{scaled}", _set("slip")),
-        Kind("measuring wheel scale", "sensors", (1.01, 1.04), scaled, _sensor("scales", "position")),
-        Kind("measuring wheel eccentric", "sensors", (1.5e-4, 6e-4), rf"eccentric|runout|{ALONG}|{carriage}", wobble("position", 0.12566)),
-        Kind("wheel encoder eccentric", "sensors", (0.002, 0.01), rf"{WHEEL_TURN}|{wheel}", wobble("angle", 2 * np.pi)),
-        Kind("accelerometer spikes", "sensors", (2.0, 10.0), rf"spike|jump|outlier|{accelerometer}", spikes("acceleration")),
+        Kind(
+            "measuring wheel scale", "sensors", (1.01, 1.04), scaled, _sensor("scales", "position")
+        ),
+        Kind(
+            "measuring wheel eccentric",
+            "sensors",
+            (1.5e-4, 6e-4),
+            rf"eccentric|runout|{ALONG}|{carriage}",
+            wobble("position", 0.12566),
+        ),
+        Kind(
+            "wheel encoder eccentric",
+            "sensors",
+            (0.002, 0.01),
+            rf"{WHEEL_TURN}|{wheel}",
+            wobble("angle", 2 * np.pi),
+        ),
+        Kind(
+            "accelerometer spikes",
+            "sensors",
+            (2.0, 10.0),
+            rf"spike|jump|outlier|{accelerometer}",
+            spikes("acceleration"),
+        ),
         Kind("accelerometer mount rings", "sensors", (0.1, 0.6), accelerometer, rings),
-        Kind("accelerometer feels the current", "sensors", (0.06, 0.3), accelerometer, _set("cross")),
-        Kind("accelerometer zero jumps", "sensors", (0.05, 0.3), accelerometer, jump("acceleration")),
-        Kind("accelerometer gain falls by trial", "sensors", (0.12, 0.4), rf"trial|{accelerometer}", gains),
+        Kind(
+            "accelerometer feels the current", "sensors", (0.06, 0.3), accelerometer, _set("cross")
+        ),
+        Kind(
+            "accelerometer zero jumps", "sensors", (0.05, 0.3), accelerometer, jump("acceleration")
+        ),
+        Kind(
+            "accelerometer gain falls by trial",
+            "sensors",
+            (0.12, 0.4),
+            rf"trial|{accelerometer}",
+            gains,
+        ),
         Kind("carriage jumps", "sensors", (8e-4, 6e-3), rf"jump|slip|{carriage}", jump("position")),
-        Kind("rows missing", "sensors", (0.005, 0.05), r"row|missing|lost|gap|sample|bridged", _set("gone")),
-        Kind("carriage rows repeat", "sensors", (0.01, 0.08), rf"repeat|row|late|stuck|{carriage}", _sensor("stuck", "position")),
-        Kind("clock slow", "sensors", (0.993, 0.97), r"clock|time|rate", _set("clock"), documented=True),
-        Kind("rolled along a wrong measuring wheel", "sensors", (1.007, 1.03), scaled, rolled, documented=True),
-    ]  # fmt: skip
+        Kind(
+            "rows missing",
+            "sensors",
+            (0.005, 0.05),
+            r"row|missing|lost|gap|sample|bridged",
+            _set("gone"),
+        ),
+        Kind(
+            "carriage rows repeat",
+            "sensors",
+            (0.01, 0.08),
+            rf"repeat|row|late|stuck|{carriage}",
+            _sensor("stuck", "position"),
+        ),
+        Kind(
+            "clock slow",
+            "sensors",
+            (0.993, 0.97),
+            r"clock|time|rate",
+            _set("clock"),
+            documented=True,
+        ),
+        Kind(
+            "rolled along a wrong measuring wheel",
+            "sensors",
+            (1.007, 1.03),
+            scaled,
+            rolled,
+            documented=True,
+        ),
+    ]
 
 
 def _procedure() -> list[Kind]:

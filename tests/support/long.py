@@ -581,6 +581,10 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_can_drivers_work_as_drivers_do[RotaryServo",
             "test_can_drivers_work_as_drivers_do[SpeedServo",
         ),
+        "analyses/lugre/test_blind_worlds.py": (
+            "test_right_rig_of_second_author_fits",
+            "test_wrong_torque_constant_is_rightly_named",
+        ),
         "analyses/lugre/test_coverage_study.py": (),
         "analyses/lugre/test_wrong_worlds.py": (),
         "analyses/test_spoilt.py": (),

@@ -1,0 +1,71 @@
+"""`rigd identify` on rigs of a second author, and the study that judges it (`benchmarks/blind_lugre.py`)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from blind.judge import run, verdict
+from blind.rig import draw, drive
+from blind.worlds import kinds, world
+
+KINDS = kinds()
+
+
+def row(
+    kind: str, outcome: str, cause: str = "", miss: float = 0.0, **others: Any
+) -> dict[str, Any]:
+    explanations = [{"name": cause, "look": "", "others": []}] if cause else []
+    told = {"sentence": "", "warnings": [], "explanations": explanations, "misses": {"mu_c": miss}}
+    return {"kind": kind, "outcome": outcome, **told, **others}
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (row("right", "fits", miss=0.4), "right"),
+        (row("right", "fits", miss=1.6), "A NUMBER WRONG"),
+        (row("right", "fits with what is named", "a slope of the floor"), "A CAUSE NAMED"),
+        (row("right", "does not fit"), "REFUSED"),
+        (row("slope", "fits", miss=0.4), "right"),
+        (row("slope", "fits", miss=1.6), "WRONG IN SILENCE"),
+        (row("slope", "fits with what is named", "a slope of the floor"), "rightly named"),
+        (row("slope", "fits with what is named", "wear of the contact"), "WRONG NAME"),
+        (row("slope", "does not fit"), "refused without a name"),
+        (row("slope", "does not fit", "wear of the contact"), "REFUSED, WRONG NAME"),
+        (row("clutch left in", "fits", warnings=["0.6 A was left out"]), "rightly named"),
+        (row("guide bears weight", "fits", miss=6.0), "KNOWN, IN SILENCE"),
+    ],
+)
+def test_verdict_follows_what_was_said(said: dict[str, Any], words: str) -> None:
+    assert verdict(said, KINDS) == words
+
+
+def test_second_rig_converges_with_its_step() -> None:
+    """docs/physics/lugre.md, section 7: 2e-5 m/s of the carriage and 5e-5 m/s of slip."""
+    for rig in (draw(4), world("soft coupling", 1, 0)):
+        coarse, fine = drive(rig, 2), drive(rig, 2, 40)
+        assert len(coarse) == len(fine)
+        assert np.abs(coarse[:, 9] - fine[:, 9]).max() < 2e-5
+        assert np.abs(rig.true["radius"] * (coarse[:, 7] - fine[:, 7])).max() < 7e-5
+
+
+def test_every_world_differs_from_its_rig() -> None:
+    for number, kind in enumerate(KINDS.values()):
+        for size in range(len(kind.sizes)):
+            assert world(kind.name, size, 0) != draw(1000 + 10 * number), kind.name
+
+
+def test_right_rig_of_second_author_fits(tmp_path: Path) -> None:
+    found = run("right", 0, 4, tmp_path)
+    assert verdict(found, KINDS) == "right"
+    assert len(found["misses"]) >= 5
+
+
+def test_wrong_torque_constant_is_rightly_named(tmp_path: Path) -> None:
+    assert verdict(run("torque_constant low", 1, 1, tmp_path), KINDS) == "rightly named"
