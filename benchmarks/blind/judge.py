@@ -59,7 +59,9 @@ def run(name: str, size: int, seed: int, folder: Path) -> Row:
             "findings": gate.get("findings", []),
             "explanations": gate.get("explanations", []),
             "warnings": [
-                text for text in result["warnings"] if text not in gate.get("findings", [])
+                text
+                for text in result["warnings"]
+                if text not in (gate.get("sentence"), *gate.get("findings", []))
             ],
             "misses": _misses(rig, name, result),
         }
@@ -96,11 +98,8 @@ def named(row: Row) -> str:
     found = re.search(r"(?:explains most of it|explained most of it)[^.]*? is (.*)", sentence, re.S)
     if found and "Nothing that rigd knows explains most" not in sentence:
         return found[1]
-    trend = [
-        text
-        for text in (sentence, *row["warnings"])
-        if re.search(r"friction (rises|falls|differs)|wear", text)
-    ]
+    told = (sentence, *row["warnings"])
+    trend = [text for text in told if re.search(r"friction (rises|falls|differs)", text)]
     return trend[0] if trend else ""
 
 

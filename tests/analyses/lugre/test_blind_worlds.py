@@ -1,4 +1,4 @@
-"""`rigd identify` on rigs of a second author, and the study that judges it (`benchmarks/blind_lugre.py`)."""
+"""`rigd identify` on rigs of a second author, and how their study judges it."""
 
 from __future__ import annotations
 
