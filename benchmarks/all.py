@@ -7,8 +7,9 @@ Wall time on a shared machine depends on its load: figures are ratios of runs in
 baseline, in CPU time if the peer allows it.
 
 Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage,
-identify_misfit, design_promise and fault_campaign, each of which continues its table; so are, of
-minutes, identify_posterior, identify_fuzz, slip_filter, foreign_fmus and foreign_devices.
+identify_misfit, blind_lugre, design_promise and fault_campaign, each of which continues its table;
+so are, of minutes, identify_posterior, identify_fuzz, slip_filter, foreign_fmus and
+foreign_devices.
 """
 
 from __future__ import annotations
