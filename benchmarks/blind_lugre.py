@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 from blind.judge import GOOD, Row, all_worlds, named, run, verdict, worst
-from blind.worlds import kinds
+from blind.worlds import kinds, lateral_kinds
 
 
 def main() -> None:
@@ -43,6 +43,7 @@ def main() -> None:
     options.add_argument(
         "--part", default="0/1", help="K/N: play only every N-th world, from the K-th on"
     )
+    options.add_argument("--lateral", action="store_true", help="play lateral sweeps")
     options.add_argument("--summary", action="store_true", help="print the table that is there")
     chosen = options.parse_args()
     if not chosen.summary:
@@ -51,8 +52,8 @@ def main() -> None:
 
 
 def play(chosen: argparse.Namespace) -> None:
-    known = kinds()
-    order = all_worlds(chosen.seeds)
+    known = lateral_kinds() if chosen.lateral else kinds()
+    order = all_worlds(known, chosen.seeds)
     np.random.default_rng(48).shuffle(order)
     if chosen.only:
         order = [item for item in order if chosen.only in (item[0], known[item[0]].family)]
@@ -69,7 +70,7 @@ def play(chosen: argparse.Namespace) -> None:
             rows = [json.loads(line) for line in _lines(chosen.keep)]
             if any((row["kind"], row["size"], row["seed"]) == (name, size, seed) for row in rows):
                 continue
-            row = run(name, size, seed, Path(folder)) | {"commit": head}
+            row = run(name, size, seed, Path(folder), chosen.lateral) | {"commit": head}
             with chosen.keep.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
             print(line_of(row), flush=True)
@@ -80,14 +81,14 @@ def line_of(row: Row) -> str:
     size = ("just visible", "clear")[row["size"]] if row["kind"] != "right" else row["floor"]
     told = named(row) or row["sentence"][:160]
     return (
-        f"{verdict(row, kinds()):28} {row['kind']} ({size}, {row['seed']}): "
+        f"{verdict(row, kinds() | lateral_kinds()):28} {row['kind']} ({size}, {row['seed']}): "
         f"worst {worst(row):.2f} half widths, {row['cpu']:.0f} s. {told[:240]}"
     )
 
 
 def summary(rows: list[Row]) -> str:
     """Return the rates, with the number of worlds beside each, and every row that must not be."""
-    known = kinds()
+    known = kinds() | lateral_kinds()
     right = [row for row in rows if row["kind"] == "right"]
     wrong = [row for row in rows if row["kind"] != "right"]
     lines = []

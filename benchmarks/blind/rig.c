@@ -11,10 +11,13 @@ enum { /* constants of the rig: the order is that of NAMES in rig.py */
   AGE_SIZE, AGE_LENGTH, HEAT_SIZE, HEAT_TIME, BACKWARD, ECCENTRIC, ECCENTRIC_PHASE, SECOND_HARMONIC,
   STIFFNESS, BACKLASH, COUPLING_DAMPING, HOP, LOAD_SLOPE, GUIDE_WAVE, GUIDE_LENGTH, GUIDE_STICTION,
   TORQUE_RIPPLE, TORQUE_RIPPLES, COGGING, FADE, FADE_TIME, BACK_DRIVE, CURRENT_DEAD, TOUCH_FORCE, TOUCH_AT, TOUCH_TIME,
-  FLAT_FORCE, FLAT_WIDTH, CLUTCH_DRAG, RUN_IN, RUN_IN_LENGTH, RELAXATION, TILT_LOAD, AIR, CONSTANTS
+  FLAT_FORCE, FLAT_WIDTH, CLUTCH_DRAG, RUN_IN, RUN_IN_LENGTH, RELAXATION, TILT_LOAD, AIR,
+  /* lateral motion, equations 21 to 26 and 48 */
+  ROLLER_DRY, ROLLER_VISCOUS, LEVER, HEIGHT, HALF_SPAN, ROWS, OFFSET, SPACING, OVERHANG, LIFTED_RUBS_NOT, ROLLER_SIDE,
+  ROLLER_POWER, SIDE_PULL, CONSTANTS
 };
-enum { I, W, P, V, X, TH, WM, THM, AGE, HEAT, BELT, FADED, STATES };
-enum { ENGAGED, SPEED, SHAPE, AMPLITUDE, FREQUENCY, LASTING, STOP_AT, SECOND, RECORDED, PHASE };
+enum { I, W, P, V, X, TH, WM, THM, AGE, HEAT, BELT, FADED, VZ, STATES };
+enum { ENGAGED, SPEED, SHAPE, AMPLITUDE, FREQUENCY, LASTING, STOP_AT, SECOND, RECORDED, LATERAL, PHASE };
 
 static const double EPS = 1e-3, G = 9.81;
 static double sgn(double u) { return tanh(u / EPS); }
@@ -29,7 +32,20 @@ static double level(const double *k, const double *y) {
   return s > 0.05 ? s : 0.05;
 }
 
-static Forces slopes(const double *k, const double *y, double reference, double engaged, double speed, double touch, double *dy) {
+/* The lateral force of the rollers for the speed of the bridge; a lifted row rubs as Eq. 26 is printed, or not at all. */
+static double lateral(const double *k, double vz) {
+  double weight = k[MASS] * G, power = k[ROLLER_POWER] != 0 ? k[ROLLER_POWER] : 1;
+  double s = k[ROLLER_DRY] * sgn(vz) + k[ROLLER_VISCOUS] * vz * pow(fabs(vz) / 0.5 + 1e-12, power - 1);
+  s *= 1 + k[ROLLER_SIDE] * sgn(vz);
+  if (k[LIFTED_RUBS_NOT] == 0 && -k[OFFSET] - s * k[HEIGHT] < 0)
+    return s * weight * (k[ROWS] + 2 * k[OFFSET]) / (k[ROWS] - 2 * s * k[HEIGHT]);
+  if (k[LIFTED_RUBS_NOT] == 0 && k[OFFSET] + k[ROWS] + s * k[HEIGHT] < 0)
+    return -s * weight * (k[ROWS] + 2 * k[OFFSET]) / (k[ROWS] + 2 * s * k[HEIGHT]);
+  return s * weight;
+}
+
+static Forces slopes(const double *k, const double *y, const double *f, double reference, double touch, double *dy) {
+  double engaged = f[ENGAGED], speed = f[SPEED];
   Forces out;
   double lever = k[RADIUS] * (1 + k[ECCENTRIC] * sin(y[TH] + k[ECCENTRIC_PHASE]) +
                               k[SECOND_HARMONIC] * sin(2 * y[TH] + k[ECCENTRIC_PHASE]));
@@ -47,6 +63,16 @@ static Forces slopes(const double *k, const double *y, double reference, double 
   double guide = k[GUIDE] * (1 + k[GUIDE_WAVE] * sin(6.283185307179586 * y[X] / k[GUIDE_LENGTH]) +
                              k[GUIDE_STICTION] * exp(-fabs(y[V]) / 0.05)) +
                  k[CLUTCH_DRAG] * (1 - engaged);
+  double rubs = k[BEARING];
+  if (k[LEVER] != 0) { /* the guide's reactions and the loads of the bearings over those without lateral force */
+    double weight = k[MASS] * G, side = lateral(k, y[VZ]), pulled = side + k[SIDE_PULL];
+    double moment = weight * k[LEVER] - pulled * k[HEIGHT];
+    guide *= fmax(fabs(pulled) * k[HALF_SPAN], fabs(moment)) / (weight * fabs(k[LEVER]));
+    double inner = weight * (k[SPACING] + k[OVERHANG]) - side * k[RADIUS], outer = weight * k[OVERHANG] - side * k[RADIUS];
+    rubs *= (fabs(inner) + fabs(outer)) / (weight * (k[SPACING] + 2 * k[OVERHANG]));
+  }
+  double aside = (f[LATERAL] - y[VZ]) / 0.004;
+  dy[VZ] = aside > 5 ? 5 : aside < -5 ? -5 : aside;
   double belt = 0;
   dy[BELT] = 0;
   if (engaged > 0) {
@@ -71,7 +97,7 @@ static Forces slopes(const double *k, const double *y, double reference, double 
   double share_of_gear = k[BACK_DRIVE] > 0 && motor * wm < 0 ? 1 / k[EFFICIENCY] : k[EFFICIENCY];
   double torque = motor * share_of_gear * k[GEAR];
   double rotor = k[MOTOR_INERTIA] * k[EFFICIENCY] * k[GEAR] * k[GEAR];
-  double against = k[BEARING] * sgn(k[RADIUS] * y[W]) + lever * traction;
+  double against = rubs * sgn(k[RADIUS] * y[W]) + lever * traction;
   if (loose) {
     double twist = thm - y[TH], half = 0.5 * k[BACKLASH];
     double gap = twist > half ? twist - half : twist < -half ? twist + half : 0;
@@ -98,7 +124,7 @@ static Forces slopes(const double *k, const double *y, double reference, double 
 
 /* Plays `phases` from the state `y`; `cycle` s is the period of the control, `parts` rows are kept of each cycle, and
  * each row is `substeps` steps. Returns the rows that were written, at most `most`: t, phase, engaged, reference, i,
- * motor angle, wheel angle, wheel speed, x, v, a, p, slip force. */
+ * motor angle, wheel angle, wheel speed, x, v, a, p, traction, lateral speed. */
 long play(const double *k, double *y, const double *phases, long count, double cycle, long parts, long substeps,
           double *rows, long most) {
   double t = 0, h = cycle / (double)(parts * substeps), a[STATES], b[STATES], c[STATES], d[STATES], z[STATES];
@@ -122,20 +148,20 @@ long play(const double *k, double *y, const double *phases, long count, double c
         for (long s = 0; s < substeps; s++) {
           double now = since + (double)(m * substeps + s) * h;
           double touch = f[RECORDED] == 2 && now >= k[TOUCH_AT] && now < k[TOUCH_AT] + k[TOUCH_TIME] ? k[TOUCH_FORCE] : 0;
-          Forces force = slopes(k, y, reference, f[ENGAGED], f[SPEED], touch, a);
+          Forces force = slopes(k, y, f, reference, touch, a);
           if (s == 0 && f[RECORDED] > 0) {
             if (n >= most) return -1;
-            double *r = rows + n++ * 13;
+            double *r = rows + n++ * 14;
             r[0] = t + (double)m * cycle / (double)parts, r[1] = (double)q, r[2] = f[ENGAGED], r[3] = reference, r[4] = y[I];
             r[5] = k[STIFFNESS] > 0 ? y[THM] : y[TH], r[6] = y[TH], r[7] = y[W], r[8] = y[X], r[9] = y[V];
-            r[10] = force.acceleration, r[11] = y[P], r[12] = force.traction;
+            r[10] = force.acceleration, r[11] = y[P], r[12] = force.traction, r[13] = y[VZ];
           }
           for (int j = 0; j < STATES; j++) z[j] = y[j] + 0.5 * h * a[j];
-          slopes(k, z, reference, f[ENGAGED], f[SPEED], touch, b);
+          slopes(k, z, f, reference, touch, b);
           for (int j = 0; j < STATES; j++) z[j] = y[j] + 0.5 * h * b[j];
-          slopes(k, z, reference, f[ENGAGED], f[SPEED], touch, c);
+          slopes(k, z, f, reference, touch, c);
           for (int j = 0; j < STATES; j++) z[j] = y[j] + h * c[j];
-          slopes(k, z, reference, f[ENGAGED], f[SPEED], touch, d);
+          slopes(k, z, f, reference, touch, d);
           for (int j = 0; j < STATES; j++) y[j] += h / 6 * (a[j] + 2 * b[j] + 2 * c[j] + d[j]);
         }
       }

@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 SOURCE: Final = Path(__file__).with_name("rig.c")
 FLAGS: Final = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
 G: Final = 9.81  # m/s^2
-STATES: Final = 12
-COLUMNS: Final = 13
+STATES: Final = 13
+COLUMNS: Final = 14
 PARTS: Final = 10  # rows of the truth in each cycle of the control
 HOME: Final = 0.002  # m
 TICK: Final = 2 * np.pi / 20.25  # rad of the wheel in a turn of the motor
@@ -79,6 +79,7 @@ class Trial:
     clutch: bool = False  # the belt stays engaged by mistake
     pushed: float = 0.0  # m/s, when the trial begins
     rest: float = 0.5  # s
+    lateral: float = 0.0  # m/s, of the bridge
 
 
 @dataclass
@@ -140,6 +141,7 @@ class Rig:
     rate: float = 1000.0
     substeps: int = 4
     floor: str = "floor"
+    model: str = "lugre"
 
     def friction(self) -> dict[str, float]:
         """Return the true parameters by their names in rigd."""
@@ -202,6 +204,14 @@ UNITS: Final = {
     "gravity": "m/s^2", "torque_constant": "mN m/A", "gear_ratio": "1", "gear_efficiency": "1",
     "no_load_torque": "mN m", "no_load_viscous": "N m s/rad", "motor_inertia": "kg m^2",
     "wheel_inertia": "kg m^2", "bearing_torque": "mN m", "roller_transitions": "1",
+}  # fmt: skip
+
+
+LATERAL: Final = {  # of the rig's lateral motion: name in rigd, unit, value, u; the shipped rig's
+    "guide_lever": ("lever", "mm", 0.012, 6e-4), "guide_height": ("height", "mm", 0.25, 1e-3),
+    "guide_half_span": ("half_span", "mm", 0.03, 5e-4), "row_distance": ("rows", "mm", 0.04, 5e-4),
+    "mass_offset": ("offset", "mm", -0.012, 5e-4), "bearing_spacing": ("spacing", "mm", 0.04, 5e-4),
+    "bearing_overhang": ("overhang", "mm", 0.03, 5e-4),
 }  # fmt: skip
 
 
@@ -275,6 +285,30 @@ def draw(seed: int) -> Rig:
     return Rig(true, stated, sensors, trials, seed, rate, floor=floor)
 
 
+def draw_lateral(seed: int) -> Rig:
+    """Return a right rig that drives while its bridge moves sideways: eight trials."""
+    rig = draw(500_000 + seed)
+    random = np.random.default_rng([49, seed])
+    for name, (of, _unit, value, u) in LATERAL.items():
+        true = value * random.uniform(0.85, 1.2)
+        rig.true[of] = true
+        rig.stated[name] = (true + u * float(np.clip(random.normal(), -2.2, 2.2)), u)
+    rig.true["roller_dry"] = random.uniform(0.012, 0.045)
+    rig.true["roller_viscous"] = random.uniform(0.01, 0.06)
+    rig.true["lifted_rubs_not"] = float(random.random() < 0.3)
+    rig.model, rig.rate, rig.substeps = "lugre-lateral", 1000.0, 4
+    least = min(trial.current for trial in rig.trials)
+    currents = np.round([max(0.5, 1.6 * least), random.uniform(1.1, 1.5)], 2)
+    speeds = np.round([random.uniform(0.18, 0.3), random.uniform(0.45, 0.65)], 2)
+    rig.trials = [
+        Trial(float(current), lateral=float(sign * speed))
+        for sign in (1, -1)
+        for speed in speeds
+        for current in currents
+    ]
+    return rig
+
+
 def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
     """Return the true states of one trial, ten rows for each cycle, in SI.
 
@@ -294,17 +328,23 @@ def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
     y[8] = trial.wait
     phases = []
     if trial.relaxed:
-        phases.append([1, 0, 1, 0.3, 10, 1.2, np.inf, 0, 0])
+        phases.append([1, 0, 1, 0.3, 10, 1.2, np.inf, 0, 0, 0])
     held = 1.0 if trial.clutch else 0.0
-    phases.append([1, 0, 0, 0, 0, 0.3, np.inf, 0, 1])
-    phases.append([held, 0, 0, 0, 0, trial.rest, np.inf, 0, 1])
+    phases.append([1, 0, 0, 0, 0, 0.3, np.inf, 0, 1, 0])
+    phases.append([held, 0, 0, 0, 0, trial.rest, np.inf, 0, 1, 0])
+    aside = trial.lateral
+    if aside:  # the bridge first gets its speed
+        phases.append([held, 0, 0, 0, 0, abs(aside) / 5 + 0.07, np.inf, 0, 1, aside])
     if trial.shape == "hold":
-        phases.append([held, 0, 0, trial.current, 0, trial.lasting, 1.15, 0, 2])
+        lasting = 0.46 / abs(aside) if aside else trial.lasting
+        phases.append([held, 0, 0, trial.current, 0, lasting, 1.15, 0, 2, aside])
     elif trial.shape == "change":
-        phases.append([held, 0, 2, trial.current, trial.lasting, 6, trial.at, trial.second, 2])
+        change = [held, 0, 2, trial.current, trial.lasting, 6, trial.at, trial.second, 2, aside]
+        phases.append(change)
     else:
-        phases.append([held, 0, 3, trial.current, trial.at, trial.lasting, 1.15, trial.second, 2])
-    phases.append([1, 0, 0, 0, 0, 0.25, np.inf, 0, 1])
+        ramp = [held, 0, 3, trial.current, trial.at, trial.lasting, 1.15, trial.second, 2, aside]
+        phases.append(ramp)
+    phases.append([1, 0, 0, 0, 0, 0.25, np.inf, 0, 1, 0])
     played = np.array(phases, dtype=np.float64)
     most = int(12 * rig.rate * PARTS)
     rows = np.empty((most, COLUMNS))
@@ -350,6 +390,8 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
             lost[place:] += unit
         raw[name] = raw[name] - lost
     out: dict[str, Array] = {"time": time, "held": held}
+    if rig.model == "lugre-lateral":
+        raw["lateral"] = truth[:, 13].copy()
     for name, values in raw.items():
         signal = values
         if name in s.filters:
@@ -380,6 +422,8 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
     for name, clip in s.clips.items():
         out[name] = np.clip(out[name], -clip, clip)
     out["acceleration"] = _round(out["acceleration"], s.acceleration_step)
+    if "lateral" in out:
+        out["lateral"] = _round(out["lateral"] + 2e-4 * random.normal(size=len(time)), 1e-4)
     out["angle"] = _round(out["angle"], TICK / s.counts / (rig.true["gear"] / 20.25))
     out["position"] = _round(out["position"], s.guide)
     for name, step in s.steps.items():
@@ -403,6 +447,7 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
 
 def write(rig: Rig, path: Path) -> None:
     """Write the recording as another program would: all channels in one stream, and the events."""
+    channels = CHANNELS | ({"lateral": "m/s"} if rig.model == "lugre-lateral" else {})
     doc = {
         "name": "card",
         "doc": "samples of one card",
@@ -410,10 +455,10 @@ def write(rig: Rig, path: Path) -> None:
         "has_status": False,
         "channels": [
             {"name": n, "unit": u, "doc": "", "low": None, "high": None, "raw_of": None}
-            for n, u in CHANNELS.items()
+            for n, u in channels.items()
         ],
     }
-    begin = 1_700_000_000_000_000_000 + rig.seed * 86_400_000_000_000
+    begin = 1_700_000_000_000_000_000 + rig.seed % 10_000 * 86_400_000_000_000
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="a logger")
@@ -422,7 +467,7 @@ def write(rig: Rig, path: Path) -> None:
         )
         events = writer.register_channel("/events", "cdr", event)
         card = writer.register_schema(
-            "logger/msg/Card", "ros2msg", "".join(f"float64 {name}\n" for name in CHANNELS).encode()
+            "logger/msg/Card", "ros2msg", "".join(f"float64 {name}\n" for name in channels).encode()
         )
         channel = writer.register_channel("/card", "cdr", card, {"rigd.stream": json.dumps(doc)})
         numbers = {events: 0, channel: 0}
@@ -447,21 +492,25 @@ def write(rig: Rig, path: Path) -> None:
         for number, trial in enumerate(rig.trials, 1):
             samples = measure(rig, number - 1, drive(rig, number - 1))
             times = now + 1_000_000 + np.round(samples["time"] * 1e9).astype(np.int64)
-            parameters = {
+            parameters: dict[str, Any] = {
                 "floor": rig.floor,
                 "current": trial.current,
                 "rolling_resistance": rolling,
             }
             units = {"current": "A", "rolling_resistance": "1"}
+            if trial.lateral:
+                parameters["lateral_speed"] = abs(trial.lateral)
+                parameters["direction"] = "positive" if trial.lateral > 0 else "negative"
+                units["lateral_speed"] = "m/s"
             tell(
                 "trial_start",
                 number,
                 int(times[0]),
                 {"number": number, "repeat": 1, "parameters": parameters, "units": units},
             )
-            table = np.column_stack([samples[name] for name in CHANNELS])
+            table = np.column_stack([samples[name] for name in channels])
             for when, row in zip(times.tolist(), table.tolist(), strict=True):
-                add(channel, when, b"\x00\x01\x00\x00" + struct.pack("<5d", *row))
+                add(channel, when, b"\x00\x01\x00\x00" + struct.pack(f"<{len(row)}d", *row))
             now = int(times[-1]) + 1_000_000
             tell("trial_end", number, now, {"complete": True, "reason": "all steps played"})
             now += 20_000_000_000
@@ -500,18 +549,25 @@ def write(rig: Rig, path: Path) -> None:
             "motor_current": "card.current",
             "carriage_held": "card.held",
         }
+        if "lateral" in channels:
+            signals["lateral_speed"] = "card.lateral"
         writer.add_metadata(
             "identify",
             {
-                "model": "lugre",
+                "model": rig.model,
                 "signals": json.dumps(signals),
                 "group_by": json.dumps(["floor"]),
-                "units": json.dumps(UNITS),
+                "units": json.dumps({name: unit_of(name) for name in rig.stated}),
                 "constants": json.dumps({name: value for name, (value, _) in rig.stated.items()}),
                 "uncertainties": json.dumps(uncertainties),
             },
         )
         writer.finish()  # type: ignore[no-untyped-call]
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a constant of the rig."""
+    return UNITS[name] if name in UNITS else LATERAL[name][1]
 
 
 def _text(text: bytearray, value: str) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from blind.rig import FLOORS, G, Rig, Trial, draw
+from blind.rig import FLOORS, G, Rig, Trial, draw, draw_lateral
 
 Apply = Callable[[Rig, float, np.random.Generator], None]
 
@@ -55,6 +55,41 @@ def world(name: str, size: int, seed: int) -> Rig:
     number = list(known).index(name)
     rig = draw(1000 + 10 * number + seed)
     known[name].apply(rig, known[name].sizes[size], np.random.default_rng([5, number, size, seed]))
+    return rig
+
+
+def lateral_kinds() -> dict[str, Kind]:
+    """Return every kind of a lateral sweep by its name: of all that can go wrong, and its own."""
+    shared = [
+        "torque_constant low",
+        "guide_friction low",
+        "guide_friction high",
+        "mass low: a weight forgotten",
+        "wheel_radius high",
+        "rolling_resistance low",
+        "eccentric wheel",
+        "slope",
+        "cable drag",
+        "guide varies along",
+        "floor step at 0.6 m",
+        "friction rises",
+        "one trial other",
+        "monitor gain low",
+        "accelerometer gain low",
+        "carriage late",
+        "measuring wheel eccentric",
+        "current zero drifts",
+    ]
+    everything = kinds()
+    return {kind.name: kind for kind in (*(everything[name] for name in shared), *_lateral())}
+
+
+def lateral_world(name: str, size: int, seed: int) -> Rig:
+    """Return the right lateral sweep of that seed with the kind in it."""
+    known = lateral_kinds()
+    number = list(known).index(name)
+    rig = draw_lateral(1000 + 10 * number + seed)
+    known[name].apply(rig, known[name].sizes[size], np.random.default_rng([6, number, size, seed]))
     return rig
 
 
@@ -661,5 +696,68 @@ def _procedure() -> list[Kind]:
             (0.08, 0.3),
             r"slope|tilt|level|trial|force",
             sloped,
+        ),
+    ]
+
+
+def _lateral() -> list[Kind]:
+    """What goes wrong with the lateral motion itself."""
+    lengths = r"lever|height|half span|half distance|row|offset|length|guide"
+
+    def sign(rig: Rig, _: float, __: np.random.Generator) -> None:
+        rig.sensors.scales["lateral"] = -1.0
+
+    def wear(rig: Rig, size: float, _: np.random.Generator) -> None:
+        for n, trial in enumerate(rig.trials):
+            trial.constants |= {"roller_dry": rig.true["roller_dry"] * (1 + size * n)}
+
+    def stuck(rig: Rig, size: float, random: np.random.Generator) -> None:
+        trial = rig.trials[int(random.integers(len(rig.trials)))]
+        trial.constants |= {"roller_dry": rig.true["roller_dry"] * (1 + size)}
+
+    rollers = r"roller|lateral|mu_r|side"
+    return [
+        Kind("guide_lever low", "lateral", (0.75, 0.5), lengths, _state("guide_lever")),
+        Kind("guide_lever high", "lateral", (1.3, 1.8), lengths, _state("guide_lever")),
+        Kind(
+            "guide_height", "lateral", (0.9, 0.7), lengths, _state("guide_height"), documented=True
+        ),
+        Kind("guide_half_span", "lateral", (1.3, 2.0), lengths, _state("guide_half_span")),
+        Kind("row_distance", "lateral", (0.8, 1.5), lengths, _state("row_distance")),
+        Kind("mass_offset", "lateral", (0.7, 1.5), lengths, _state("mass_offset")),
+        Kind(
+            "lateral speed turned", "lateral", (1.0,), r"sign|turned|direction|other side|way", sign
+        ),
+        Kind("lateral speed scale", "lateral", (1.05, 1.3), rollers, _sensor("scales", "lateral")),
+        Kind(
+            "lateral speed late",
+            "lateral",
+            (0.02, 0.1),
+            rf"{LATE}|{rollers}",
+            _sensor("delays", "lateral"),
+        ),
+        Kind(
+            "rollers rub more one way",
+            "lateral",
+            (0.1, 0.4),
+            rf"direction|sign|{rollers}|{lengths}",
+            _true("roller_side"),
+            documented=True,
+        ),
+        Kind("rollers wear", "lateral", (0.03, 0.12), rf"{TRIAL}|{rollers}", wear),
+        Kind("a roller sticks in one trial", "lateral", (0.5, 2.0), rf"{TRIAL}|{rollers}", stuck),
+        Kind(
+            "rollers' law bends",
+            "lateral",
+            (0.5, 2.0),
+            rf"law|speed|{rollers}",
+            _true("roller_power"),
+        ),
+        Kind(
+            "a cable pulls sideways",
+            "lateral",
+            (0.3, 1.5),
+            rf"force|cable|direction|{rollers}|{lengths}",
+            _true("side_pull"),
         ),
     ]
