@@ -1,6 +1,8 @@
 """What goes wrong at a LuGre rig, in two sizes, and the words that count as its right name.
 
-The words were written before any result was seen: those that a person at the rig would accept. If
+The words were written before any result was seen: those that a person at the rig would accept. Five
+were made stricter after the first fifty results, as "carriage" stood in "a force on the carriage"
+too, and none was made looser. If
 the data cannot tell two causes apart, either is right: a constant torque of the motor and a zero of
 the current, forces on the carriage that do not change, a delay and a slow filter.
 """
@@ -404,7 +406,13 @@ def _electrics() -> list[Kind]:
         Kind(
             "mains on the current", "electrics", (0.02, 0.08), rf"{hum}|{current}", tone("current")
         ),
-        Kind("mains on the accelerometer", "electrics", (0.1, 0.5), hum, tone("acceleration")),
+        Kind(
+            "mains on the accelerometer",
+            "electrics",
+            (0.1, 0.5),
+            r"(mains|hum|50 hz)[^.]*acceler|acceler[^.]*(mains|hum|50 hz)",
+            tone("acceleration"),
+        ),
         Kind(
             "motor fades",
             "electrics",
@@ -437,11 +445,9 @@ def _electrics() -> list[Kind]:
 
 
 def _sensors() -> list[Kind]:
-    accelerometer, carriage, wheel = (
-        r"acceler",
-        r"carriage|position|measuring",
-        r"wheel encoder|wheel angle|encoder of the wheel|wheel",
-    )
+    accelerometer = r"accelerometer"
+    carriage = r"carriage encoder|carriage position|position of the carriage|measuring wheel"
+    wheel = r"wheel encoder|encoder of the wheel|wheel angle"
 
     def late(*channels: str) -> Apply:
         def apply(rig: Rig, size: float, _: np.random.Generator) -> None:
