@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Final
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 from rigd.cli import options
 
 if TYPE_CHECKING:
-    from rigd.analysis.calibration.evaluation import CalibrationEvaluation
     from rigd.config.rig import RigConfig
     from rigd.daemon.calibrate import Renewal
     from rigd.model.errors import Exit
@@ -95,7 +93,7 @@ def execute(args: argparse.Namespace) -> int:
 
     require("analysis", "rigd calibrate")  # before anything moves
     from rigd.cli.calibration_view import print_renewal, renewal_json
-    from rigd.daemon.calibrate import Signature, place_of, renewal
+    from rigd.daemon.calibrate import Signature, evaluated, place_of, renewal
     from rigd.model.errors import Exit
 
     rig = _rig_of(args)
@@ -106,9 +104,11 @@ def execute(args: argparse.Namespace) -> int:
     if code is not Exit.OK:
         print("rigd: the run did not complete: nothing is calibrated", file=sys.stderr)
         return int(code)
-    evaluation = _evaluate(recording, None if place.old is None else place.old.path)
-    made = evaluation.made or datetime.now(UTC).date()
-    planned = renewal(rig, place, evaluation, Signature(args.operator, made, args.valid))
+    evaluation = evaluated(
+        recording, rig, place, lambda loss: print(f"warning: {loss}", file=sys.stderr)
+    )
+    signature = Signature.of(evaluation, args.operator, args.valid)
+    planned = renewal(rig, place, evaluation, signature)
     if not args.json:
         print_renewal(evaluation, planned)
     agreed = args.yes or _agreed(planned, recording, may_ask=not args.json)
@@ -125,9 +125,9 @@ def execute(args: argparse.Namespace) -> int:
 def _rig_of(args: argparse.Namespace) -> RigConfig:
     """Return the rig to calibrate: the given rig, or the rig of the recording."""
     from rigd.config.loader import load_rig
-    from rigd.model.errors import ConfigError, DataError
+    from rigd.daemon.calibrate import check_calibrates
+    from rigd.model.errors import ConfigError
     from rigd.record import Recording, run_info
-    from rigd.record.info import COMPLETE
 
     if args.recording is None:
         if args.procedure is None:
@@ -148,18 +148,7 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
         )
     info = run_info(Recording.open(args.recording))
     rig = load_rig(args.rig or info.rig)
-    if rig.name != info.rig:
-        raise ConfigError(
-            f"{args.recording} was recorded on rig {info.rig}, not on {rig.name}",
-            hint="a calibration belongs to the rig that it was measured on",
-        )
-    if info.state != COMPLETE:
-        raise DataError(
-            f"{args.recording} is of a run that did not complete ({info.state}): nothing is "
-            "calibrated",
-            hint=f"`rigd run --resume {quote(str(args.recording))}` plays the missing trials, "
-            f"`rigd identify {quote(str(args.recording))}` shows the results so far",
-        )
+    check_calibrates(info, rig)
     return rig
 
 
@@ -193,27 +182,6 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     if done.result.exit_code and not args.json:
         conclusion_of(procedure, done).print()
     return done.path, done.result.exit_code
-
-
-def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
-    """Return the values that the recording calibrates; ``known`` is the present calibration."""
-    from rigd.analysis.analysis import Options
-    from rigd.analysis.calibration.evaluation import CalibrationEvaluation
-    from rigd.analysis.evaluation import evaluate
-    from rigd.model.errors import DataError
-
-    evaluation = evaluate(
-        [recording],
-        Options(calibration=known),
-        passed_over=lambda loss: print(f"warning: {loss}", file=sys.stderr),
-    )
-    if not isinstance(evaluation, CalibrationEvaluation):
-        raise DataError(
-            f"{recording} is a measurement of {evaluation.title}, which does not calibrate "
-            "anything",
-            hint=f"rigd identify {quote(str(recording))}",
-        )
-    return evaluation
 
 
 def _agreed(planned: Renewal, recording: Path, *, may_ask: bool) -> bool:

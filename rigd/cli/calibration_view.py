@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
-from rigd.analysis.report.rounding import number, percent, places_for
+from rigd.analysis.report.rounding import percent
 from rigd.analysis.terminal import Column, TableRow, TerminalTable
 from rigd.cli.evaluation_view import print_terminal_report
-from rigd.daemon.calibrate import Renewal
-
-#: A change of more standard uncertainties than this is not chance.
-_FAR: Final = 3.0
+from rigd.daemon.calibrate import Renewal, spread
 
 
 def print_renewal(evaluation: CalibrationEvaluation, planned: Renewal) -> None:
     """Print the measured values and their budget, then new values beside old."""
-    print_terminal_report((*evaluation.findings(), _table(planned), *_remarks(planned)))
+    print_terminal_report((*evaluation.findings(), _table(planned), *planned.remarks()))
 
 
 def renewal_json(
@@ -38,13 +34,13 @@ def _table(planned: Renewal) -> TerminalTable:
     for name in planned.measured:
         now = planned.new.values[name]
         was = planned.was(name)
-        cells = [name, _spread(now.value, now.u), now.unit]
+        cells = [name, spread(now), now.unit]
         if was is None:
             cells += ["none", "", "", ""]
         else:
             change = percent(now.value / was.value - 1.0) if was.value else ""
             cells += [
-                _spread(was.value, was.u),
+                spread(was),
                 was.source,
                 change,
                 f"{planned.deviation(name):+.1f}".replace("-", "\N{MINUS SIGN}"),
@@ -60,22 +56,3 @@ def _table(planned: Renewal) -> TerminalTable:
         Column("(new - old)/u", right=True),
     )
     return TerminalTable(columns, tuple(rows), "new values beside old")
-
-
-def _remarks(planned: Renewal) -> list[str]:
-    remarks = []
-    if far := [name for name in planned.measured if abs(planned.deviation(name)) > _FAR]:
-        remarks.append(
-            f"{', '.join(far)}: more than {_FAR:g} u from the old value. The rig has changed, "
-            "or one of the two values is wrong."
-        )
-    if late := [name for name in planned.measured if planned.is_older(name)]:
-        remarks.append(
-            f"{', '.join(late)}: the new value was measured before the value that it replaces."
-        )
-    return remarks
-
-
-def _spread(value: float, u: float) -> str:
-    places = places_for(u)
-    return f"{number(value, places)} ± {number(u, places)}"

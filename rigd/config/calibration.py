@@ -107,6 +107,16 @@ class CalibrationSetup:
     path: Path
     held: Calibration | None
 
+    def read_again(self) -> CalibrationSetup:
+        """Return what the file is now: it may have been renewed since the rig file was read.
+
+        Raises:
+            ConfigError: it cannot be read, or is wrong.
+        """
+        return CalibrationSetup(
+            self.path, load_calibration(self.path) if self.path.is_file() else None
+        )
+
 
 def load_calibration(path: Path) -> Calibration:
     """Return the calibration in the file at ``path``.

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from shlex import quote
+from typing import Final
 
+from rigd.analysis.analysis import Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
+from rigd.analysis.evaluation import evaluate
+from rigd.analysis.report.rounding import number, places_for
 from rigd.config.calibration import CalibratedValue, Calibration, load_calibration
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
 from rigd.daemon.calibration import instrument_of
 from rigd.model.errors import ConfigError, DataError
+from rigd.record import Recording, RunInfo, run_info
+from rigd.record.info import COMPLETE
 from rigd.sdk.shipped import shipped_folder
+
+#: A change of more standard uncertainties than this is not chance.
+_FAR: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -24,6 +34,11 @@ class Signature:
     operator: str
     made: date
     days: int
+
+    @classmethod
+    def of(cls, evaluation: CalibrationEvaluation, operator: str, days: int) -> Signature:
+        """Return that of the day of the recording; of today if that was in virtual time."""
+        return cls(operator, evaluation.made or datetime.now(UTC).date(), days)
 
     @property
     def valid_until(self) -> date:
@@ -52,6 +67,7 @@ class Renewal:
     new: Calibration
     place: CalibrationPlace
     measured: tuple[str, ...]
+    signature: Signature
 
     def was(self, name: str) -> CalibratedValue | None:
         """Return the value that is replaced, None if there was none."""
@@ -69,6 +85,20 @@ class Renewal:
         """Return whether a value was measured on an earlier day than the value it replaces."""
         was = self.was(name)
         return was is not None and self.new.values[name].made < was.made
+
+    def remarks(self) -> list[str]:
+        """Return what a person must know before the file is written."""
+        remarks = []
+        if far := [name for name in self.measured if abs(self.deviation(name)) > _FAR]:
+            remarks.append(
+                f"{', '.join(far)}: more than {_FAR:g} u from the old value. The rig has changed, "
+                "or one of the two values is wrong."
+            )
+        if late := [name for name in self.measured if self.is_older(name)]:
+            remarks.append(
+                f"{', '.join(late)}: the new value was measured before the value that it replaces."
+            )
+        return remarks
 
     def write(self) -> None:
         """Write the file, whole or not at all.
@@ -103,6 +133,57 @@ def place_of(rig: RigConfig, write: Path | None = None) -> CalibrationPlace:
     return CalibrationPlace(path, old, old.text, shipped)
 
 
+def check_calibrates(info: RunInfo, rig: RigConfig) -> None:
+    """Check that a recording is a complete run on ``rig``.
+
+    Raises:
+        ConfigError: it is of another rig.
+        DataError: it did not complete.
+    """
+    if rig.name != info.rig:
+        raise ConfigError(
+            f"{info.path} was recorded on rig {info.rig}, not on {rig.name}",
+            hint="a calibration belongs to the rig that it was measured on",
+        )
+    if info.state != COMPLETE:
+        raise DataError(
+            f"{info.path} is of a run that did not complete ({info.state}): nothing is calibrated",
+            hint=f"`rigd run --resume {quote(str(info.path))}` plays the missing trials, "
+            f"`rigd identify {quote(str(info.path))}` shows the results so far",
+        )
+
+
+def evaluated(
+    recording: Path,
+    rig: RigConfig,
+    place: CalibrationPlace,
+    passed_over: Callable[[str], None] = lambda _: None,
+) -> CalibrationEvaluation:
+    """Return the values that ``recording`` calibrates; ``passed_over`` gets each loss in it.
+
+    Values that were measured before are those of the calibration that is renewed.
+
+    Raises:
+        ConfigError, DataError: it calibrates nothing on ``rig``.
+    """
+    check_calibrates(run_info(Recording.open(recording)), rig)
+    known = None if place.old is None else place.old.path
+    evaluation = evaluate([recording], Options(calibration=known), passed_over=passed_over)
+    if not isinstance(evaluation, CalibrationEvaluation):
+        raise DataError(
+            f"{recording} is a measurement of {evaluation.title}, which does not calibrate "
+            "anything",
+            hint=f"rigd identify {quote(str(recording))}",
+        )
+    return evaluation
+
+
+def spread(value: CalibratedValue) -> str:
+    """Return value and standard uncertainty as text, with the places that this deserves."""
+    places = places_for(value.u)
+    return f"{number(value.value, places)} ± {number(value.u, places)}"
+
+
 def renewal(
     rig: RigConfig, place: CalibrationPlace, evaluation: CalibrationEvaluation, signature: Signature
 ) -> Renewal:
@@ -128,7 +209,7 @@ def renewal(
         path=place.path,
         on=signature.made,
     )
-    return Renewal(new, place, tuple(values))
+    return Renewal(new, place, tuple(values), signature)
 
 
 def _target(rig: RigConfig) -> tuple[Path, Path | None]:

@@ -17,6 +17,11 @@ declare namespace Api {
     prompt_id: number;
     value: number | string | boolean;
   }
+  interface CalibrateArguments {
+    run: string;
+    days?: number;
+    write?: boolean;
+  }
   interface CertificateView {
     whose: "daemon" | "authority" | "client";
     name: string;
@@ -335,6 +340,21 @@ declare namespace Api {
     forbidden: number;
     too_many: number;
   }
+  interface RenewedCalibration {
+    file: string;
+    values: RenewedValue[];
+    operator: string;
+    valid_until: string;
+    remarks: string[];
+    written: boolean;
+  }
+  interface RenewedValue {
+    name: string;
+    unit: string;
+    new: string;
+    old: string;
+    deviation: number | null;
+  }
   interface Reported {
     run: string;
     size: number;
@@ -376,6 +396,7 @@ declare namespace Api {
     has_report: boolean;
     has_page: boolean;
     identifies: boolean;
+    calibrates: boolean;
     set: string;
     specimen: string;
     condition: string;
@@ -391,6 +412,7 @@ declare namespace Api {
     where?: string;
   }
   interface SessionReply {
+    rig: string;
     session: SessionView | null;
   }
   interface SessionView {
@@ -493,6 +515,7 @@ declare namespace Api {
     acknowledge: { args: InterlockName; result: Nothing };
     act: { args: ActArguments; result: ActionReply };
     identify: { args: RunArguments; result: Reported };
+    calibrate: { args: CalibrateArguments; result: RenewedCalibration };
     draw: { args: RunArguments; result: Reported };
     dry_run: { args: Checked; result: PageDryRun };
   }

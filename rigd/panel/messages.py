@@ -86,6 +86,8 @@ class SessionView(Message):
 class SessionReply(Message):
     """The session of the page that asks."""
 
+    rig: str
+    """The name of its rig."""
     session: SessionView | None
 
 

@@ -14,6 +14,11 @@ class Rig(Protocol):
     """A rig on the network; :class:`rigd.remote.client.Connection` is one."""
 
     @property
+    def rig(self) -> str:
+        """Its name."""
+        ...
+
+    @property
     def identity(self) -> str:
         """The name under which the daemon knows this client."""
         ...

@@ -99,7 +99,7 @@ class PanelApi:
         except Refusal as refusal:
             return refuse(refusal)
         key, session = opened
-        answer = respond(SessionReply(session=self._describe(session)))
+        answer = respond(self._reply(session))
         answer.set_cookie(
             self.cookie, key, httponly=True, samesite="strict", secure=self.secure, path="/"
         )
@@ -108,7 +108,7 @@ class PanelApi:
     async def session(self, request: Request) -> Response:
         """Return the session of the page, or an empty reply if it has none."""
         session = self.find(request.cookies)
-        return respond(SessionReply(session=None if session is None else self._describe(session)))
+        return respond(self._reply(session))
 
     async def logout(self, request: Request, session: Session) -> Message:
         """Close the session."""
@@ -186,5 +186,10 @@ class PanelApi:
 
         return endpoint
 
-    def _describe(self, session: Session) -> SessionView:
-        return SessionView(name=session.name, role=session.role, identity=self.rig.identity)
+    def _reply(self, session: Session | None) -> SessionReply:
+        view = (
+            None
+            if session is None
+            else SessionView(name=session.name, role=session.role, identity=self.rig.identity)
+        )
+        return SessionReply(rig=self.rig.rig, session=view)

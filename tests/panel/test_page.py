@@ -179,6 +179,29 @@ def test_report_is_made_and_read_without_its_scripts(panel: ServedPanel, watched
     assert download.value.suggested_filename == panel.rig.runs[0].run
 
 
+def test_calibration_is_written_once_confirmed(panel: ServedPanel, watched: Watched) -> None:
+    page = in_control(panel, watched)
+    turn_to(page, "Runs")
+    page.locator(".run-list tbody tr button").nth(1).click()
+    expect(page.get_by_role("button", name="Calibrate…")).to_have_count(0)  # measures no values
+    page.locator(".run-list tbody tr button").first.click()
+    press(page, "Calibrate…")
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("load_scale")
+    for text in ("0.99862 ± 0.00070", "0.99901 ± 0.00070", "−0.4 u", "measured before", "(panel)"):
+        expect(dialog).to_contain_text(text)
+    page.get_by_label("Valid for, in days").fill("0")
+    press(page, "Write it")
+    expect(dialog).to_be_visible()
+    assert given(panel, "calibrate") == [{"run": panel.rig.runs[0].run}]
+    page.get_by_label("Valid for, in days").fill("180")
+    press(page, "Write it")
+    expect(dialog).to_have_count(0)
+    expect(page.locator("#toasts")).to_contain_text("bench.yaml is renewed")
+    run = panel.rig.runs[0].run
+    assert given(panel, "calibrate")[-1] == {"run": run, "days": 180, "write": True}
+
+
 def test_past_run_is_drawn_without_control(panel: ServedPanel, watched: Watched) -> None:
     page = watched.enter(panel.links["operator"])
     turn_to(page, "Runs")

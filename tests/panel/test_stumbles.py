@@ -86,6 +86,12 @@ def opened(page: Page) -> None:
     expect(page.get_by_label("brake at")).to_be_visible()
 
 
+def test_login_names_the_rig_before_entry(panel: ServedPanel, watched: Watched) -> None:
+    watched.page.goto(panel.links["operator"])
+    expect(watched.page.get_by_role("heading")).to_have_text(panel.rig.name)
+    expect(watched.page).to_have_title(re.compile(panel.rig.name))
+
+
 def test_low_procedure_of_list_shows_its_form(
     panel: ServedPanel, watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,11 +18,13 @@ ASKS = (
 STOPS = ("stop", "abort", "estop")
 COMMANDS = (
     "lease_take", "lease_renew", "lease_request", "start", "pause", "resume", "answer",
-    "acknowledge", "resume_run", "identify", "draw", "dry_run", "lease_give", "lease_release",
+    "acknowledge", "resume_run", "identify", "calibrate", "draw", "dry_run", "lease_give",
+    "lease_release",
 )  # fmt: skip
 MAINTENANCE = ("act", "lease_seize")
 NEED_LEASE = (
-    "start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "act",
+    "start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "calibrate",
+    "act",
 )  # fmt: skip
 
 #: What becomes of a verb: it reaches the rig, is refused with a reason, or is not even let in.

@@ -100,6 +100,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "cli/test_location.py": ("test_the_doctor_names_the_file_of_the_rig",),
         "daemon/serve/test_aside.py": (
+            "test_calibration_is_shown_then_written",
             "test_dry_run_of_real_rig_plays_its_sibling",
             "test_identification_writes_its_report_beside_the_recording",
             "test_long_check_completes_in_worker",
@@ -378,6 +379,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "panel/test_layout.py": (),
         "panel/test_page.py": (
             "test_a_maintainer_takes_over_and_tares",
+            "test_calibration_is_written_once_confirmed",
             "test_an_interrupted_run_is_offered_and_can_wait",
             "test_choosing_the_open_procedure_keeps_typed_values",
             "test_control_changes_hands_between_two_browsers",

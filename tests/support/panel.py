@@ -40,6 +40,10 @@ class Line:
         self._turn = asyncio.Lock()
 
     @property
+    def rig(self) -> str:
+        return self.connection.rig
+
+    @property
     def identity(self) -> str:
         return self.connection.identity
 

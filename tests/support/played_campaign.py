@@ -29,6 +29,8 @@ from rigd.remote.protocol.results import (
     ProcedureLine,
     Procedures,
     ProcedureView,
+    RenewedCalibration,
+    RenewedValue,
     RunLine,
     SetpointView,
     StepView,
@@ -196,9 +198,27 @@ def past_runs() -> list[RunLine]:
             "complete" if day % 3 else "stopped",
             started_ns=time.time_ns() - (40 - day) * 86_400 * 10**9,
             has_report=bool(day % 2), has_page=day == 19, identifies=day != 18,
+            calibrates=day in (20, 18),
         )
         for day in range(20, 12, -1)
     ]  # fmt: skip
+
+
+def renewed_by(operator: str, *, write: bool) -> RenewedCalibration:
+    """Return what a calibration of the scale gives."""
+    return RenewedCalibration(
+        file="bench.yaml",
+        values=(
+            RenewedValue(
+                name="load_scale", unit="1", new="0.99862 ± 0.00070", old="0.99901 ± 0.00070",
+                deviation=-0.39,
+            ),
+        ),
+        operator=operator,
+        valid_until="2027-11-21",
+        remarks=("load_scale: the new value was measured before the value that it replaces.",),
+        written=write,
+    )  # fmt: skip
 
 
 def piece(whole: bytes, wanted: PieceArguments | ComparedRuns) -> PieceView:

@@ -35,12 +35,14 @@ from support.played_campaign import (
     past,
     past_runs,
     piece,
+    renewed_by,
     run_line,
 )
 
 from rigd.remote.protocol import ClientUser, Code, Kind, Message, Refusal, Requester, Verb
 from rigd.remote.protocol.arguments import (
     Answered,
+    CalibrateArguments,
     ComparedRuns,
     InterlockName,
     NoArguments,
@@ -63,6 +65,7 @@ from rigd.remote.protocol.results import (
     LatestValues,
     PieceView,
     ProcedureView,
+    RenewedCalibration,
     Reported,
     RunLine,
     RunList,
@@ -353,6 +356,7 @@ class PlayedRig:
             acknowledge=self._acknowledge,
             act=lambda _, wanted: ActionReply(said=f"{wanted.device} is tared"),
             identify=lambda _, wanted: self._made(wanted.run, "has_report", REPORT),
+            calibrate=self._calibrate,
             draw=lambda _, wanted: self._made(wanted.run, "has_page", RUN_PAGE),
             dry_run=lambda _, wanted: dry_run(wanted.set),
             stop=self._stop,
@@ -450,6 +454,10 @@ class PlayedRig:
         if not self.keeps_running:
             self.end(ending, f"by {by}")
         return Stopped(acted=True)
+
+    def _calibrate(self, by: Requester, wanted: CalibrateArguments) -> RenewedCalibration:
+        self._line(wanted.run)
+        return renewed_by(str(by), write=wanted.write)
 
     def _made(self, run: str, what: str, page: bytes) -> Reported:
         line = self._line(run)

@@ -45,6 +45,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "acknowledge": {"interlock": "overrun"},
     "resume_run": {"run": _RUN},
     "identify": {"run": _RUN},
+    "calibrate": {"run": _RUN, "days": 365, "write": False},
     "draw": {"run": _RUN},
     "dry_run": {"procedure": _PROCEDURE, "set": {}},
     "act": {"device": "scale", "action": "tare"},

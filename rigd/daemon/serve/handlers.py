@@ -23,6 +23,7 @@ from rigd.model.pages import page_of
 from rigd.model.severity import Severity
 from rigd.remote.protocol import ClientUser, Code, Handlers, LeaseView, Refusal, Requester
 from rigd.remote.protocol.arguments import (
+    CalibrateArguments,
     Checked,
     ComparedRuns,
     PieceArguments,
@@ -38,6 +39,7 @@ from rigd.remote.protocol.results import (
     DryRun,
     Events,
     PieceView,
+    RenewedCalibration,
     Reported,
     Started,
     Stopped,
@@ -105,6 +107,7 @@ def bind_handlers(parts: Parts) -> Handlers:
         ),
         act=lambda requester, args: ActionReply(said=steering.act(requester, args)),
         identify=lambda _, args: parts.aside.identify(_finished(parts, args.run)),
+        calibrate=lambda requester, args: _calibrate(parts, requester, args),
         draw=lambda _, args: _draw(parts, _finished(parts, args.run)),
         dry_run=lambda _, args: _dry_run(parts, args),
         stop=lambda requester, args: _stop(parts, Severity.STOP, requester, args),
@@ -153,6 +156,16 @@ def _seize(parts: Parts, requester: Requester) -> LeaseView:
 def _resume_run(parts: Parts, requester: Requester, args: ResumeRun) -> Started:
     path = parts.recordings.path(args.run)
     return parts.steering.resume_run(requester, path, args.on_client_loss)
+
+
+def _calibrate(parts: Parts, requester: Requester, args: CalibrateArguments) -> RenewedCalibration:
+    source, recording = parts.rig.source, _finished(parts, args.run)
+    renewed = parts.aside.calibrate(
+        source.text, source.path, recording, str(requester), args.days, write=args.write
+    )
+    if renewed.written:
+        parts.notices.note(f"{requester} has renewed {renewed.file} from {args.run}")
+    return renewed
 
 
 def _draw(parts: Parts, recording: Path) -> Reported:

@@ -10,14 +10,16 @@ import os
 import re
 import stat
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
+from functools import cache
 from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
+from rigd.analysis.plan import calibrating
 from rigd.catalogue import parse_where, search
 from rigd.catalogue.facts import assigned, condition_of
 from rigd.engine.shared.scarce import insist
@@ -269,10 +271,16 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         has_report=_is_regular(info.path.with_suffix(".html")),
         has_page=is_drawn(info.path),
         identifies="identify" in info.metadata,
+        calibrates=info.metadata.get("identify", {}).get("model") in _calibrating(),
         set=assigned(info.metadata.get("overrides", {})),
         specimen=info.specimen.get("name", ""),
         condition=condition_of(info),
     )
+
+
+@cache
+def _calibrating() -> Collection[str]:
+    return frozenset(calibrating())
 
 
 def _started_ns(info: RunInfo) -> int:

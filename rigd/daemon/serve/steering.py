@@ -120,18 +120,19 @@ class Steering:
         """
         with self._preparation():
             procedure = self._library.compile(args)
+            rig = self._calibrated()
             loss = args.on_client_loss
             about = About(str(requester), args.note, args.meta, args.specimen)
             request = RunRequest(
                 procedure,
                 args.procedure.text,
-                self._rig,
+                rig,
                 seed=SEED if args.seed is None else args.seed,
                 pace=self._pace,
                 folder=self._runs,
                 overrides=args.set,
                 about=about,
-                specimen=stated_specimen(about, self._rig.lab),
+                specimen=stated_specimen(about, rig.lab),
             )
             return self._begin(
                 requester,
@@ -152,18 +153,19 @@ class Steering:
         """
         with self._preparation():
             point = read_resume_point(recording, self._folder)
+            rig = self._calibrated()
             procedure = judged(
                 parse_procedure(_text(point), Path("procedure.yaml")),
-                self._rig,
+                rig,
                 point.overrides,
-                done=left_out(self._rig, self._pace, point.done),
+                done=left_out(rig, self._pace, point.done),
             )
             if len(point.done) >= len(procedure.trials):
                 raise Refusal(Code.REFUSED, f"{recording.name} is complete: no trial is missing")
             request = RunRequest(
                 procedure,
                 _text(point),
-                self._rig,
+                rig,
                 seed=point.seed,
                 pace=self._pace,
                 output=recording,
@@ -305,6 +307,15 @@ class Steering:
                 pass
         self._looks.end()
         self._trips.save()
+
+    def _calibrated(self) -> RigConfig:
+        """Return the rig with its calibration file as it is now.
+
+        Raises:
+            ConfigError: the file is wrong.
+        """
+        setup = self._rig.calibration
+        return self._rig if setup is None else replace(self._rig, calibration=setup.read_again())
 
     @contextmanager
     def _preparation(self) -> Iterator[None]:

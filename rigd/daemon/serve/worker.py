@@ -22,7 +22,7 @@ from rigd.engine.child import Child, module
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.extras import require
 from rigd.remote.protocol import Code, Message, Refusal
-from rigd.remote.protocol.results import CheckReport, DryRun, Reported
+from rigd.remote.protocol.results import CheckReport, DryRun, RenewedCalibration, Reported
 
 #: A calculation that takes longer is cancelled: a little before its client stops waiting, in s.
 PATIENCE_S: Final = 890.0
@@ -82,6 +82,22 @@ class CalculationWorker:
         """
         result = self._do("identify", {"recording": str(recording)})
         return Reported.model_validate_json(json.dumps(result))
+
+    def calibrate(
+        self, rig: str, rig_path: Path, recording: Path, operator: str, days: int, *, write: bool
+    ) -> RenewedCalibration:
+        """Return what a recording makes of the calibration of a rig, given as text; ``write`` it.
+
+        ``operator`` is the person responsible, ``days`` for how long the values may be used.
+
+        Raises:
+            Refusal: the data are no calibration, the file cannot be written, or it took too long.
+        """
+        job = {
+            "rig": rig, "rig_path": str(rig_path), "recording": str(recording),
+            "operator": operator, "days": days, "write": write,
+        }  # fmt: skip
+        return RenewedCalibration.model_validate_json(json.dumps(self._do("calibrate", job)))
 
     def draw(self, recording: Path) -> Reported:
         """Draw a recording, and write the page beside it.
@@ -261,6 +277,47 @@ def _identify(job: Mapping[str, Any]) -> Reported:
     return _write(recording, recording.with_suffix(".html"), evaluate([recording]).report())
 
 
+def _calibrate(job: Mapping[str, Any]) -> RenewedCalibration:
+    require("analysis", "this daemon")
+    from rigd.daemon.calibrate import Signature, evaluated, place_of, renewal, spread
+    from rigd.remote.protocol.results import RenewedValue
+
+    rig: RigConfig = job["rig"]
+    place = place_of(rig)
+    if place.shipped is not None:
+        raise ConfigError(
+            f"{place.shipped.name} is shipped with rigd and stays as it is",
+            hint="serve a copy of the rig file: its calibration stands beside the copy then",
+        )
+    evaluation = evaluated(Path(job["recording"]), rig, place)
+    planned = renewal(
+        rig, place, evaluation, Signature.of(evaluation, job["operator"], job["days"])
+    )
+    if job["write"]:
+        planned.write()
+    values = []
+    for name in planned.measured:
+        now, was = planned.new.values[name], planned.was(name)
+        deviation = planned.deviation(name)
+        values.append(
+            RenewedValue(
+                name=name,
+                unit=now.unit,
+                new=spread(now),
+                old="" if was is None else spread(was),
+                deviation=None if was is None else _finite(deviation),
+            )
+        )
+    return RenewedCalibration(
+        file=place.path.name,
+        values=tuple(values),
+        operator=job["operator"],
+        valid_until=planned.signature.valid_until.isoformat(),
+        remarks=tuple(planned.remarks()),
+        written=job["write"],
+    )
+
+
 def _draw(job: Mapping[str, Any]) -> Reported:
     require("analysis", "this daemon")
     from rigd.analysis.run_page import run_report
@@ -311,8 +368,8 @@ def main() -> int:
     job: Mapping[str, Any] = json.load(sys.stdin)
     memory: int = job["memory"]
     work: Mapping[str, Callable[[Mapping[str, Any]], Message]] = {
-        "check": _check, "compare": _compare, "draw": _draw, "dry_run": _dry_run,
-        "identify": _identify,
+        "calibrate": _calibrate, "check": _check, "compare": _compare, "draw": _draw,
+        "dry_run": _dry_run, "identify": _identify,
     }  # fmt: skip
     try:
         if "rig" in job:  # the daemon's own: the bound is for what a client sent

@@ -39,6 +39,7 @@ from rigd.remote.protocol.results import (
     PieceView,
     Procedures,
     ProcedureView,
+    RenewedCalibration,
     Reported,
     RunList,
     RunView,
@@ -239,6 +240,16 @@ class AsyncVerbs(ABC):
         """Let the daemon identify from a recording, and make the report; may take minutes."""
         return await self._command("identify", Reported, run=run)
 
+    async def calibrate(
+        self, run: str, *, days: int = 365, write: bool = False
+    ) -> RenewedCalibration:
+        """Let the daemon evaluate the recording of a calibration; new values beside old.
+
+        ``write``: the calibration file of the rig is renewed, with this client and its user as the
+        person responsible; the values may be used for so many ``days``.
+        """
+        return await self._command("calibrate", RenewedCalibration, run=run, days=days, write=write)
+
     async def draw(self, run: str) -> Reported:
         """Let the daemon draw the page of a recording, unless it exists; takes seconds."""
         return await self._command("draw", Reported, run=run)
@@ -375,6 +386,7 @@ class BlockingVerbs(ABC):
     runs = blocking(AsyncVerbs.runs)
     run = blocking(AsyncVerbs.run)
     identify = blocking(AsyncVerbs.identify)
+    calibrate = blocking(AsyncVerbs.calibrate)
     draw = blocking(AsyncVerbs.draw)
     fetch = blocking(AsyncVerbs.fetch)
     report = blocking(AsyncVerbs.report)

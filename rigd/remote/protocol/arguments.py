@@ -110,6 +110,14 @@ class RunArguments(Message):
     run: RunName
 
 
+class CalibrateArguments(RunArguments):
+    """The recording of a calibration, and for how many days its values may be used."""
+
+    days: Annotated[int, Field(ge=1, le=36_500)] = 365
+    write: bool = False
+    """Whether the calibration file is renewed; else it is only shown what would be written."""
+
+
 class ResumeRun(RunArguments):
     """A recording to go on with."""
 

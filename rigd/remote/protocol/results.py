@@ -286,6 +286,8 @@ class RunLine(Message):
     """Whether the page of the run is there, and as new as the recording."""
     identifies: bool
     """Whether its procedure has an analysis."""
+    calibrates: bool = False
+    """Whether this analysis measures calibrated values, which `calibrate` writes."""
     set: DaemonText = ""
     """The values given at its start: `floor=pvc, load=2 N`."""
     specimen: DaemonText = ""
@@ -366,6 +368,33 @@ class Reported(Message):
 
     run: RunName
     size: Count
+
+
+class RenewedValue(Message):
+    """A calibrated value, new beside old."""
+
+    name: DaemonText
+    unit: DaemonText
+    new: DaemonText
+    """Value ± standard uncertainty (k = 1), in `unit`."""
+    old: DaemonText
+    """The same of the value that it replaces; empty if there is none."""
+    deviation: float | None
+    """(new - old)/u; None without an old value."""
+
+
+class RenewedCalibration(Message):
+    """`calibrate`."""
+
+    file: DaemonText
+    """The name of the calibration file."""
+    values: tuple[RenewedValue, ...]
+    operator: DaemonText
+    valid_until: DaemonText
+    """The last day, such as `2027-11-21`."""
+    remarks: tuple[DaemonText, ...]
+    """What a person must know before it is written."""
+    written: bool
 
 
 class ActionReply(Message):

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, TypeAlias, TypeVar, get_args, get_type
 from rigd.remote.protocol.arguments import (
     ActArguments,
     Answered,
+    CalibrateArguments,
     Checked,
     ComparedRuns,
     InterlockName,
@@ -45,6 +46,7 @@ from rigd.remote.protocol.results import (
     PieceView,
     Procedures,
     ProcedureView,
+    RenewedCalibration,
     Reported,
     RunList,
     RunView,
@@ -168,6 +170,9 @@ class Handlers:
     acknowledge: Annotated[Handler[InterlockName, None], _STEER]
     act: Annotated[Handler[ActArguments, ActionReply], replace(_START, role=Role.MAINTAINER)]
     identify: Annotated[Handler[RunArguments, Reported], replace(_STEER, lane=Lane.LONG)]
+    calibrate: Annotated[
+        Handler[CalibrateArguments, RenewedCalibration], replace(_START, lane=Lane.LONG)
+    ]
     draw: Annotated[Handler[RunArguments, Reported], replace(_LONG, audited=False)]
     dry_run: Annotated[Handler[Checked, DryRun], _LONG]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import sys
 import threading
 import time
@@ -13,6 +14,8 @@ import pytest
 from support.wire import ROOT
 
 import rigd
+from rigd.analysis.plan import judged
+from rigd.config.calibration import load_calibration
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.daemon.serve.compared_pages import ComparedPages
@@ -20,7 +23,7 @@ from rigd.daemon.serve.recordings import is_drawn
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.model.channels import Channel, Stream
 from rigd.procedure.compile import compile_procedure
-from rigd.procedure.loader import parse_procedure
+from rigd.procedure.loader import load_procedure, parse_procedure
 from rigd.record import RecordingWriter
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.results import CheckReport
@@ -153,6 +156,42 @@ def test_identification_writes_its_report_beside_the_recording(tmp_path: Path) -
     report = tmp_path / "run.html"
     assert (told.run, told.size) == ("run.mcap", report.stat().st_size)
     assert "<html" in report.read_text()
+
+
+def test_calibration_is_shown_then_written(tmp_path: Path) -> None:
+    configs, file = ROOT / "configs", tmp_path / "calibrations" / "approach_angle.yaml"
+    file.parent.mkdir()
+    shutil.copy(configs / "calibrations" / "approach_angle.yaml", file)
+    shutil.copy(configs / "sim_approach_angle.yaml", tmp_path / "bench.yaml")
+    rig = load_rig(tmp_path / "bench.yaml")
+    source = load_procedure("calibrate_scale")
+    recording = tmp_path / "run.mcap"
+    execute(RunRequest(judged(source, rig, {}), source.file.text, rig, seed=2, output=recording))
+    before = file.read_text()
+    asked = (rig.source.text, rig.source.path, recording, "Ada (panel)", 180)
+    shown = CalculationWorker().calibrate(*asked, write=False)
+    (value,) = shown.values
+    assert (shown.file, shown.operator, shown.written) == (file.name, "Ada (panel)", False)
+    assert value.name == "load_scale" and value.old and value.deviation is not None
+    assert file.read_text() == before
+    assert CalculationWorker().calibrate(*asked, write=True).written
+    held = load_calibration(file)
+    new = held.values["load_scale"]
+    assert (new.origin, new.operator) == ("run.mcap", "Ada (panel)")
+    assert str(new.valid_until) == shown.valid_until
+    assert [item.name for item in held.history] == ["load_scale"]
+    other = rig.source.text.replace("rig: angle-1", "rig: angle-wire-1")
+    with pytest.raises(Refusal, match="recorded on rig angle-1, not on angle-wire-1"):
+        CalculationWorker().calibrate(other, *asked[1:], write=True)
+
+
+def test_shipped_calibration_is_not_written_from_afar(tmp_path: Path) -> None:
+    rig = load_rig("angle-1")
+    with pytest.raises(Refusal, match="shipped with rigd") as refused:
+        CalculationWorker().calibrate(
+            rig.source.text, rig.source.path, tmp_path / "run.mcap", "Ada", 365, write=True
+        )
+    assert "serve a copy of the rig file" in str(refused.value)
 
 
 def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from support import file_axis
 from support.file_axis import word
 from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
+from rigd.config.calibration import CalibrationSetup, load_calibration
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.limits import Interlock
@@ -21,6 +22,7 @@ from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
+from rigd.sdk.shipped import shipped_folder
 
 
 def children() -> list[int]:
@@ -65,6 +67,23 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     what = [(line["who"], line["what"], line["result"]) for line in served.audited()]
     assert what == [("alice", "lease_take", "done"), ("alice", "start", "done")]
     assert "text" not in served.audited()[1]["args"]["procedure"]
+
+
+def test_start_takes_the_calibration_of_now(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.yaml"
+    text = (shipped_folder("configs") / "calibrations" / "approach_angle.yaml").read_text()
+    file.write_text(text)
+    setup = CalibrationSetup(file, load_calibration(file))
+    rig = replace(file_axis.rig(tmp_path / "axis"), calibration=setup)
+    with ServedAxis(tmp_path, rig) as served:
+        file.write_text(renewed := f"# renewed\n{text}")
+        run = served.start(set={"time": "0.1 s"})
+        served.until_idle()
+        attached = Recording.open(tmp_path / "runs" / run).attachments
+        assert attached["calibration.yaml"].data.decode() == renewed
+        file.write_text(text.replace("values:", "valeus:"))
+        with pytest.raises(RigdError, match="valeus"):
+            served.start()
 
 
 def test_control_characters_in_a_note_are_refused(tmp_path: Path) -> None:

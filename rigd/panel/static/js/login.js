@@ -6,10 +6,11 @@ import { withHint } from "./format.js";
 
 /**
  * @param {HTMLElement} root
+ * @param {string} rig
  * @param {string} code
  * @param {(me: Api.SessionView) => void} enter
  */
-export function mountLogin(root, code, enter) {
+export function mountLogin(root, rig, code, enter) {
   const problem = el("p", { class: "problem", role: "alert" });
   const name = el("input", {
     id: "login-name", required: true, maxLength: 40, autocomplete: "name", value: remembered(),
@@ -36,7 +37,8 @@ export function mountLogin(root, code, enter) {
         }
       },
     },
-    el("h1", {}, "rigd"),
+    el("h1", {}, rig),
+    el("p", {}, "Panel of this rig, by rigd"),
     el("p", { class: "quiet" }, "The panel shows and records the name of each person who takes control or stops the rig."),
     el("label", { for: "login-name" }, "Your name"),
     name,

@@ -52,10 +52,11 @@ window.addEventListener("sessionlost", () => !app.hidden && location.reload());
 const code = location.hash.startsWith("#/") ? "" : location.hash.slice(1);
 if (code) history.replaceState(null, "", location.pathname); // not in the history, not in a bookmark
 
-const { session: me } = await session();
+const { session: me, rig } = await session();
 if (me !== null) {
   enter(me);
 } else {
   login.hidden = false;
-  mountLogin(login, code, enter);
+  document.title = `${rig} – log in`;
+  mountLogin(login, rig, code, enter);
 }

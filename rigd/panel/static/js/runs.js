@@ -3,6 +3,7 @@
 import { ask, asRefused, command, compare } from "./api.js";
 import { el, file, fill, icon, reveal, setText } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
+import { calibrateButton } from "./calibrate.js";
 import { resumeButton } from "./resume.js";
 import { hasControl, isOperator, read, watch } from "./store.js";
 import { onShow } from "./tabs.js";
@@ -220,7 +221,8 @@ function drawRun(root, item, refresh) {
       el("h2", {}, `${words(item.procedure)}, ${day(item.started_ns / 1e6)}`),
       el("a", { class: "button", href: `${path}/recording`, download: item.run }, icon("down"), `Recording (${bytes(item.size)})`),
       draw, item.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
-      make, own, canResume ? resumeButton(item.run, hasControl()) : null, note),
+      make, canMake && item.calibrates && item.state === "complete" ? calibrateButton(item.run) : null,
+      own, canResume ? resumeButton(item.run, hasControl()) : null, note),
     el("p", { class: "quiet" }, file(item.run), `: ${fileWords(item)}`),
     item.problem === null ? null : el("p", { class: "problem" }, item.problem),
     report);
