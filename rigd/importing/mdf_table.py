@@ -23,6 +23,8 @@ from rigd.importing.array_table import ArrayColumn, ArrayTable
 from rigd.importing.bounds import has_at_most, require_chunk, unpacked_sizes
 from rigd.importing.parquet_table import unreadable
 from rigd.model.errors import ConfigError, Place
+from rigd.record.compression import decompress
+from rigd.record.wire import Malformed
 
 #: The column of the times of a channel group, in s since the file's start.
 TIME: Final = "(time)"
@@ -34,6 +36,8 @@ _NOT_FINISHED: Final = b"UnFinMF "
 _BLOCK: Final = struct.Struct("<8sQQ2sBBIQQ")
 _ZIPPED: Final = b"##DZ\0\0\0\0"
 _DEFLATED: Final = (0, 1)  #: the second transposed before
+#: Others of ASAM MDF 4.3.
+_CODECS: Final = {2: "zstd", 3: "zstd", 4: "lz4", 5: "lz4"}
 
 
 def open_mdf(path: Path, group: str | None) -> ArrayTable:
@@ -90,15 +94,23 @@ def _require_small_blocks(path: Path, file: mmap.mmap) -> None:
         if links == 0 and _BLOCK.size + packed <= length <= len(file) - at:
             require_chunk(path, f"a block at byte {at}", stated)
             begin = at + _BLOCK.size
-            if kind in _DEFLATED:
-                unpacked = unpacked_sizes(file[begin : begin + packed])
-                if not has_at_most(stated, unpacked):
-                    raise ConfigError(
-                        f"the block at byte {at} unpacks to more than the {stated} bytes that it "
-                        "states: the file is damaged",
-                        place=Place(str(path), 1, 1),
-                    )
+            if not _keeps_size(kind, file[begin : begin + packed], stated):
+                raise ConfigError(
+                    f"the block at byte {at} does not unpack to the {stated} bytes that it "
+                    "states: the file is damaged",
+                    place=Place(str(path), 1, 1),
+                )
             at = begin + packed - 1
+
+
+def _keeps_size(kind: int, packed: bytes, stated: int) -> bool:
+    """Return whether a block of a ``kind`` of compression unpacks to no more than ``stated``."""
+    if kind in _DEFLATED:
+        return has_at_most(stated, unpacked_sizes(packed))
+    try:
+        return kind not in _CODECS or bool(decompress(memoryview(packed), _CODECS[kind], stated))
+    except Malformed:
+        return False
 
 
 def _free(error: BaseException) -> None:

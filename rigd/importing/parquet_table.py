@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from rigd.importing.bounds import require_cells, require_chunk
+from rigd.importing.parquet_pages import page_sizes
 from rigd.importing.table import Batch, Kind
 from rigd.model.errors import ConfigError, Place
 
@@ -85,6 +88,7 @@ class ParquetTable:
         names = [self.names[column] for column in wanted]
         row = 0
         require_cells(self._path, self._file.metadata.num_rows, len(wanted))
+        self._require_small_pages(names)
         for column, kind in wanted.items():
             if kind != "text":
                 self._require_numbers(self._schema.field(column).type, column, 0)
@@ -122,6 +126,36 @@ class ParquetTable:
             return values.cast(pa.int64()).to_numpy(zero_copy_only=False)
         numbers = values.to_numpy(zero_copy_only=False)
         return numbers.astype(np.float64, copy=False)
+
+    def _require_small_pages(self, names: Sequence[str]) -> None:
+        """Raise unless each page of these columns may be unpacked: pyarrow does so as a whole.
+
+        Raises:
+            ConfigError: a page states more bytes than rigd unpacks, or there is none.
+        """
+        metadata = self._file.metadata
+        paths = [metadata.schema.column(leaf).path for leaf in range(metadata.num_columns)]
+        leaves = [  # a part of a nested column has its name, a dot, and its own
+            leaf for leaf, path in enumerate(paths)
+            if any(path == name or path.startswith(f"{name}.") for name in names)
+        ]  # fmt: skip
+        with (
+            self._path.open("rb") as stream,
+            mmap(stream.fileno(), 0, access=ACCESS_READ) as mapped,
+            memoryview(mapped) as data,
+        ):
+            for group, leaf in product(range(metadata.num_row_groups), leaves):
+                part = metadata.row_group(group).column(leaf)
+                begin = min(part.dictionary_page_offset or part.data_page_offset,
+                            part.data_page_offset)  # fmt: skip
+                try:
+                    for at, size in page_sizes(data, begin, begin + part.total_compressed_size):
+                        require_chunk(self._path, f"a page at byte {at}", size)
+                except ValueError as error:
+                    raise ConfigError(
+                        f"the file is damaged: there is no page at byte {error.args[0]}",
+                        place=Place(str(self._path), 1, 1),
+                    ) from None
 
     def _require_numbers(self, type: Any, column: int, row: int) -> None:
         kinds = pa.types

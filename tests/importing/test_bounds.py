@@ -8,11 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import lz4.frame
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
+import zstandard
 from asammdf import MDF, Signal
 
 from rigd.importing import import_files, parse_map
@@ -60,7 +62,7 @@ def matlab_compressed(path: Path) -> None:
     scipy.io.savemat(path, {"F": np.zeros(20 * MIB // 8)}, do_compression=True)
 
 
-def mf4(path: Path, stated: int, mib: int) -> None:
+def mf4(path: Path, stated: int, data: bytes, kind: int = 0) -> None:
     times = np.arange(2000) * 1e-3
     with MDF() as file:
         file.append([Signal(np.zeros(2000), times, unit="N", name="F")])
@@ -70,8 +72,7 @@ def mf4(path: Path, stated: int, mib: int) -> None:
     content += bytes(-len(content) % 8)
     begin, end = content.index(struct.pack("<Q", at)), len(content)
     content[begin : begin + 8] = struct.pack("<Q", end)
-    data = packed(mib)
-    head = b"##DZ\0\0\0\0", DZ.size + len(data), 0, b"DT", 0, 0, 0, stated, len(data)
+    head = b"##DZ\0\0\0\0", DZ.size + len(data), 0, b"DT", kind, 0, 0, stated, len(data)
     path.write_bytes(content + DZ.pack(*head) + data)
 
 
@@ -82,6 +83,22 @@ def parquet_rows(path: Path) -> None:
 def parquet_texts(path: Path) -> None:
     texts = pa.array(["x" * 10_000] * 500)
     pq.write_table(pa.table({"F": np.zeros(500), "kind": texts}), path)
+
+
+def parquet_page(path: Path) -> None:
+    """The footer states 8,000 rows; the page of them has 2 million."""
+    parts = []
+    for values in (np.zeros(2 * MIB), np.random.default_rng(1).random(8000)):
+        sizes = {"data_page_size": 1 << 30, "row_group_size": 1 << 30, "max_rows_per_page": 1 << 30}
+        pq.write_table(
+            pa.table({"F": values}), path, compression="zstd", use_dictionary=False,
+            write_statistics=False, write_batch_size=1 << 30, **sizes,
+        )  # fmt: skip
+        content = path.read_bytes()
+        length = struct.unpack("<I", content[-8:-4])[0] + 8
+        parts.append((content[:-length], content[-length:]))
+    (pages, _), (honest, footer) = parts
+    path.write_bytes(pages.ljust(len(honest), b"\0") + footer)
 
 
 def csv_line(path: Path) -> None:
@@ -98,14 +115,25 @@ def csv_cell(path: Path) -> None:
 
 Make = Callable[[Path], None]
 #: Each with what the refusal says; the bounds are those of 1 MiB in place of 64.
+LYING = "does not unpack to the 32000 bytes that"
 BOMBS: dict[str, tuple[Make, str]] = {
     "rows.h5": (hdf5_rows, "1000000000000 rows of 1 columns, with more than 1000 times the bytes"),
     "rows.mat": (matlab_rows, "1000000000000 rows of 1 columns"),
     "chunk.h5": (hdf5_chunk, "chunks of the dataset 'F' of 8388608 bytes, more than the 1 MiB"),
     "zlib.mat": (matlab_compressed, "arrays of more than 16777216 bytes"),
-    "honest.mf4": (lambda path: mf4(path, 8 * MIB, 8), "of 8388608 bytes, more than the 1 MiB"),
-    "lying.mf4": (lambda path: mf4(path, 32_000, 8), "unpacks to more than the 32000 bytes that"),
+    "honest.mf4": (
+        lambda path: mf4(path, 8 * MIB, packed(8)),
+        "of 8388608 bytes, more than the 1 MiB",
+    ),
+    "lying.mf4": (lambda path: mf4(path, 32_000, packed(8)), LYING),
+    "zstd.mf4": (lambda path: mf4(path, 32_000, zstandard.compress(bytes(8 * MIB)), 2), LYING),
+    "lz4.mf4": (lambda path: mf4(path, 32_000, lz4.frame.compress(bytes(8 * MIB)), 4), LYING),
+    "lz4_unstated.mf4": (
+        lambda path: mf4(path, 32_000, lz4.frame.compress(bytes(8 * MIB), store_size=False), 5),
+        LYING,
+    ),
     "rows.parquet": (parquet_rows, "4194304 rows of 1 columns"),
+    "page.parquet": (parquet_page, "a page at byte 4 of 16777225 bytes, more than the 1 MiB"),
     "texts.parquet": (parquet_texts, "texts of 500 rows of 5000000 bytes, more than the 1 MiB"),
     "line.csv": (csv_line, "line.csv:2:1: the line has more than"),
     "head.csv": (csv_head, "the array 'line 1' has 60001 columns, more than the 50000"),
