@@ -250,7 +250,7 @@ def test_rows_end_once_a_position_stays() -> None:
     assert result.problems == ()
 
 
-def test_rows_of_rig_at_rest_go_on_for_2_s() -> None:
+def test_rows_go_on_for_2_s_at_rest() -> None:
     bench = Ended(Wire(LinkConfig()))
     bench.rests_below(2.0, within_s=30.0)
     bench.end_by(Severity.ABORT)
