@@ -47,6 +47,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.analysis.noise import white_noise
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
     AngleRig,
@@ -204,7 +205,7 @@ def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> It
     noisy = [
         f"{name} {noise:.3g} V"
         for name, volts in _volts(run).items()
-        if (noise := _noise(volts[used]))
+        if (noise := white_noise(volts[used]))
         > (limits.gauge_noise_v if "gauge" in name else limits.pot_noise_v)
     ]
     if noisy:
@@ -273,7 +274,7 @@ def _stuck(name: str, t_s: FloatArray, volts: FloatArray) -> Iterator[Flag]:
     steps = np.diff(volts)
     equal = steps == 0.0
     apart = np.abs(steps[~equal])
-    if not apart.size or _noise(volts) < max(QUIET * float(np.min(apart)), QUIET_V):
+    if not apart.size or white_noise(volts) < max(QUIET * float(np.min(apart)), QUIET_V):
         return  # the noise is finer than the converter: it repeats itself
     share = min(float(np.mean(equal)), 0.98)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
@@ -381,11 +382,6 @@ def _fastest(pot: _Pot) -> tuple[float, float]:
     steps = np.abs(np.diff(levels))
     at = int(np.argmax(steps))
     return float(steps[at]) / (size * period_s), float(pot.t_s[(at + 1) * size])
-
-
-def _noise(volts: FloatArray) -> float:
-    """Return the noise of one sample in V, from second differences; blind to spikes and slopes."""
-    return float(np.median(np.abs(np.diff(volts, 2)))) / (0.6745 * math.sqrt(6.0))
 
 
 def _level(t_s: FloatArray, volts: FloatArray, at_s: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError
+from rigd.analysis.noise import noise_of_differences
 from rigd.analysis.parameters import Trials
 from rigd.analysis.resample import period_ns, stale_rows
 from rigd.analysis.result import FloatArray
@@ -265,7 +266,7 @@ def in_succession(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _spread(second: FloatArray) -> float:
-    return float(1.4826 * np.median(_sizes(second)) / math.sqrt(6.0))
+    return noise_of_differences(_sizes(second), 2, jump=0.0)
 
 
 def _rounding(second: FloatArray) -> float:

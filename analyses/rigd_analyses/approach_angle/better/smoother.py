@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis.kernel import kernel
+from rigd.analysis.noise import white_noise
 from rigd_analyses.approach_angle.data import FloatArray
 
 #: Start of the filter: this many times the variance that its first steps leave means "unknown".
@@ -41,9 +42,7 @@ def smooth(measured: FloatArray, period_s: float, cutoff_hz: float) -> Track:
     """
     if measured.size < 4:
         raise ValueError(f"a track of {measured.size} samples, need at least 4")
-    # Third differences of white noise of variance r have 20 r; a robust scale lets jumps be jumps.
-    noise = 1.4826 * float(np.median(np.abs(np.diff(measured, 3)))) / math.sqrt(20.0)
-    noise = max(noise, 1e-12 * (1.0 + float(np.ptp(measured))))
+    noise = max(white_noise(measured, 3), 1e-12 * (1.0 + float(np.ptp(measured))))
     density = noise**2 * period_s * (2.0 * math.pi * cutoff_hz) ** 6
     states, variance = _smooth(measured - measured[0], period_s, noise**2, density)
     return Track(

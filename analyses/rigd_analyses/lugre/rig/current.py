@@ -17,13 +17,12 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
+from rigd.analysis.noise import white_noise
 from rigd.analysis.result import FloatArray
 
 ORDER = 2
 JUMP_SDS = 8.0  #: standard deviations of the monitor that a jump of the current exceeds
 LEAST_JUMP_A = 0.03
-MAD_TO_SIGMA = 1.4826
-USUAL_SDS = 5.0  #: by the median, of second differences that are noise
 DOUBLINGS = 5  #: of the window
 CONFIDENCE = 2.5  #: standard deviations of a filter's noise to either side
 
@@ -39,7 +38,7 @@ class SimulatedCurrent:
 
 def simulated_current(measured_a: FloatArray, window: int) -> SimulatedCurrent:
     """Return the current without noise, from filters of ``window`` samples (odd) and more."""
-    steps, noise = np.diff(measured_a), monitor_noise_a(measured_a)
+    steps, noise = np.diff(measured_a), white_noise(measured_a, jump=LEAST_JUMP_A)
     threshold = max(JUMP_SDS * noise, LEAST_JUMP_A)
     edges = np.flatnonzero(np.abs(steps) > threshold) + 1
     smooth = measured_a.astype(np.float64)
@@ -48,21 +47,6 @@ def simulated_current(measured_a: FloatArray, window: int) -> SimulatedCurrent:
     jumps = np.zeros(len(measured_a))
     jumps[edges - 1] = 1.0
     return SimulatedCurrent(smooth, jumps, noise)
-
-
-def monitor_noise_a(measured_a: FloatArray) -> float:
-    """Return the standard deviation in A of white noise and of the rounding, from ``measured_a``.
-
-    It is that of the second differences, which have 6 times the variance, without those that noise
-    does not explain. Medians of rounded differences are whole counts: of noise of two counts they
-    are up to 30 % off.
-    """
-    seconds = np.abs(np.diff(measured_a, 2))
-    if not seconds.size:
-        return 0.0
-    typical = MAD_TO_SIGMA * float(np.median(seconds))
-    usual = seconds[seconds <= (USUAL_SDS * typical if typical > 0.0 else LEAST_JUMP_A)]
-    return float(np.sqrt(np.mean(usual**2) / 6.0))
 
 
 def _smoothed(values: FloatArray, window: int, noise: float) -> FloatArray:
