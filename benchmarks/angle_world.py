@@ -10,7 +10,7 @@ and what a calibration knows of it, within the uncertainties that it states.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,8 @@ from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleR
 
 FloatArray = NDArray[np.float64]
 
-ANGLES_DEG = {"clean_0": 0.0, "clean_15": 15.0, "clean_45": 45.0}
+ANGLES_DEG = {"clean_0": 0.0, "clean_15": 15.0, "clean_30": 30.0, "clean_45": 45.0, "coated_0": 0.0}
+COATED = 2.4  #: friction of the coated wheel over that of the clean one (paper: 2.37)
 R_M, INERTIA, MASS_KG, GRAVITY = 0.05, 4e-4, 3.0, 9.81
 RATE_HZ, BEFORE_S, AFTER_S = 9600.0, 0.15, 0.06
 STOP_M, TIMEOUT_S = 0.3, 1.5
@@ -118,7 +119,10 @@ def drawn(number: int, profile_m: float | None = None) -> World:
     )
     at_0 = rng.uniform(0.16, 0.24)
     slope = rng.uniform(0.002, 0.010)
-    limits = {name: at_0 + slope * degrees for name, degrees in ANGLES_DEG.items()}
+    limits = {
+        name: (at_0 + slope * degrees) * (COATED if name.startswith("coated") else 1.0)
+        for name, degrees in ANGLES_DEG.items()
+    }
     return World(
         limits=limits, peak_speed=about(0.5, 0.25), flatness=rng.uniform(0.03, 0.10),
         breakaway=about(0.4, 0.3), stiffness=about(450.0, 0.2), convection=about(70.0, 0.2),
@@ -216,21 +220,15 @@ class _Run:
 
 
 def campaign(
-    number: int,
-    loads_kg: tuple[float, ...] = (4.0, 5.0, 6.0, 8.0),
-    voltages_v: tuple[float, ...] = (8.5, 10.0),
-    profile_m: float | None = None,
+    number: int, cells: Sequence[tuple[str, float, float]], profile_m: float | None = None
 ) -> list[KnownRun]:
-    """Return the runs of one rig, all sets under all loads."""
+    """Return the runs of one rig, one for each set, load in kg and voltage in V, in that order."""
     world = drawn(number, profile_m)
     rng = np.random.default_rng((815, number))
-    runs: list[KnownRun] = []
-    for name in ANGLES_DEG:
-        for load_kg in loads_kg:
-            for voltage_v in voltages_v:
-                run = _simulated(world, name, load_kg, voltage_v, len(runs) + 1, rng)
-                runs.append(KnownRun(run, world.calibration, world.known))
-    return runs
+    return [
+        KnownRun(_simulated(world, *cell, place, rng), world.calibration, world.known)
+        for place, cell in enumerate(cells, 1)
+    ]
 
 
 def _solved(
