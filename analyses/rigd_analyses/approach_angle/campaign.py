@@ -6,7 +6,8 @@ and the trend over the angle.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from rigd_analyses.approach_angle.better.bending import Bending, Sample, fit_bending
 from rigd_analyses.approach_angle.better.motion import Motion, motion
@@ -15,6 +16,7 @@ from rigd_analyses.approach_angle.better.run import evaluate, no_numbers, slidin
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import Flag, KnownRun, SetReference
 from rigd_analyses.approach_angle.flags import raw_flags
+from rigd_analyses.approach_angle.mains import without_mains
 from rigd_analyses.approach_angle.paper import PaperSettings, analyse_paper
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetResult, Trend
 from rigd_analyses.approach_angle.sets import evaluate_set
@@ -40,14 +42,16 @@ def analyse_campaign(
     come in the order of their wheels and angles, for any order of the recordings.
     """
     paper, better = paper or PaperSettings(), better or BetterSettings()
+    runs = [replace(k, run=without_mains(k.run, k.calibration, better.limits)) for k in runs]
     moved = [_moved(known, better) for known in runs]
     bending = _bending(moved, better)
     results = [
         _both(known, flags, moves, paper, better, bending)
         for known, (flags, moves) in zip(runs, moved, strict=True)
     ]
+    balanced, unseen = balance_errors(runs, results)
     shared = (
-        *balance_errors(runs, results),
+        *balanced,
         *excluded_errors(runs, results),
         *load_errors(runs, results),
         *share_errors(runs, results),
@@ -64,6 +68,7 @@ def analyse_campaign(
             missing=_missing(name, cells, expected),
             settings=better,
             shared=shared,
+            unseen={} if balanced else unseen,
         )
         for name in _set_names(runs)
     )
@@ -73,7 +78,7 @@ def analyse_campaign(
         sets=sets,
         trends=trends,
         reference="" if reference is None else reference.label,
-        statements=_statements(runs, bending, better),
+        statements=(*_statements(runs, bending, better), *_shared_statement(sets)),
         warnings=(
             *(error.sentence for error in shared),
             *_warnings(sets, trends),
@@ -202,6 +207,15 @@ def _statements(
         "runs; its uncertainty is the spread between runs and the systematic terms of the budget.",
         "All tables show the rolling-direction coefficient F_r/N unless they name another.",
     )
+
+
+def _shared_statement(sets: Sequence[SetResult]) -> Iterator[str]:
+    shown = [f"{s.name} {s.shared_u:.1%}" for s in sets if s.maximum and s.shared_u > 0.0]
+    if shown:
+        yield (
+            "The interval of each maximum holds what its runs may share and the comparison of all "
+            f"runs cannot exclude: u (k = 1) of {', '.join(shown)}."
+        )
 
 
 def _warnings(sets: Sequence[SetResult], trends: Mapping[str, Trend]) -> list[str]:

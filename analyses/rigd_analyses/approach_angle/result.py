@@ -205,7 +205,7 @@ class SetResult:
     budget: Budget | None
     missing: tuple[str, ...] = ()  #: repeats that the campaign lacks, one sentence each
     warnings: tuple[str, ...] = ()
-    shared_u: float = 0.0  #: relative, in ``maximum``: errors that the runs share, at full size
+    shared_u: float = 0.0  #: relative, in ``maximum``: errors that the runs share or may
 
     @property
     def paper_expanded(self) -> float | None:

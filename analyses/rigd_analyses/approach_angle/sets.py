@@ -16,7 +16,7 @@ approach angle (between the wheel's rolling direction and the movement). The res
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,10 +51,12 @@ def evaluate_set(
     missing: tuple[str, ...],
     settings: BetterSettings,
     shared: Sequence[SharedError] = (),
+    unseen: Mapping[str, float] | None = None,
 ) -> SetResult:
     """Return the result of a set; ``known`` and ``results`` are of the same runs, in order.
 
-    ``shared`` errors widen the interval of the maximum by their effect.
+    ``shared`` errors widen the interval of the maximum by their effect; so does, by the name of
+    the set, what of such errors would be ``unseen``.
     """
     alphas = [k.run.alpha_rad for k in known]
     sliding = [
@@ -84,16 +86,17 @@ def evaluate_set(
         first = sliding[0][0]
         runs = [b for _, r in sliding if (b := r.better.budget) is not None]
         budget = set_budget(runs, first.calibration, first.rig, scatter)
-    shared_u = math.hypot(*(error.effect.get(name, 0.0) for error in shared))
+    named_u = math.hypot(*(error.effect.get(name, 0.0) for error in shared))
+    shared_u = math.hypot(named_u, (unseen or {}).get(name, 0.0))
     alike = len({(k.calibration, k.rig) for k in known}) == 1
     maximum = None
     if pooled is not None and budget is not None:
         # Of runs with several calibrations nothing is known to be common to another campaign.
         maximum = _maximum(pooled, budget, shared_u, budget.shares if alike else ())
-    if maximum is not None and shared_u > 0.0:
+    if maximum is not None and named_u > 0.0:
         codes = ", ".join(error.code for error in shared if error.effect.get(name, 0.0) > 0.0)
         warnings.append(
-            f"the interval of the maximum is widened by {shared_u:.1%} (k = 1) for what all runs "
+            f"the interval of the maximum is widened by {named_u:.1%} (k = 1) for what all runs "
             f"show ({codes}; see the warnings)"
         )
     usable, resultant = _others(maximum, alphas[0], known[0].rig, settings)

@@ -11,6 +11,7 @@ from rigd_analyses.approach_angle.data import KnownRun, Severity
 from rigd_analyses.approach_angle.evaluation import settings_of
 from rigd_analyses.approach_angle.flags import raw_flags
 from rigd_analyses.approach_angle.known import angle_calibration, angle_rig, calibration_of
+from rigd_analyses.approach_angle.mains import without_mains
 from rigd_analyses.approach_angle.runs import find_signals, read_run
 
 
@@ -24,9 +25,10 @@ def check_trial(sweep: RecordedSweep, trial: TrialInfo) -> Sequence[str]:
         DataError: the recording lacks a signal, a constant, or its calibration.
     """
     used = calibration_of(sweep, None).used
+    settings, calibration = settings_of([sweep]), angle_calibration(sweep, used)
     run = read_run(sweep, trial, find_signals(sweep))
-    known = KnownRun(run, angle_calibration(sweep, used), angle_rig(sweep, trial, used))
-    settings = settings_of([sweep])
+    run = without_mains(run, calibration, settings.limits)
+    known = KnownRun(run, calibration, angle_rig(sweep, trial, used))
     flags = raw_flags(run, known.calibration, known.rig, settings.limits)
     if usable(run, flags):
         flags = evaluate(motion(known, settings), settings, flags=flags).flags

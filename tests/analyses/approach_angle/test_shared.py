@@ -115,7 +115,7 @@ def result_of(run: AngleRun, row: BalanceRow | None, *flags: Flag) -> RunResult:
 def test_shared_error_of_torque_is_named_and_sized(
     rig: AngleRig, wrong: Wrong, code: str, size: float, clean_0: float
 ) -> None:
-    (found,) = balance_errors(*campaign(rig, wrong))
+    (found,), _ = balance_errors(*campaign(rig, wrong))
     assert found.code == code
     assert abs(found.size - size) < 3.0 * found.u < abs(size)
     assert found.effect["clean_0"] == pytest.approx(clean_0, rel=0.3)
@@ -128,7 +128,7 @@ def test_uncertain_rig_alone_is_no_shared_error(rig: AngleRig) -> None:
         error.code
         for seed in range(100)
         for runs in [campaign(rig, seed=seed)]
-        for error in (*balance_errors(*runs), *load_errors(*runs), *share_errors(*runs))
+        for error in (*balance_errors(*runs)[0], *load_errors(*runs), *share_errors(*runs))
     ]
     assert len(alarms) <= 1, alarms
 
@@ -145,16 +145,17 @@ def test_drag_of_rollers_leaves_maxima_alone(rig: AngleRig) -> None:
         return replace(result, better=replace(result.better, balance=row))
 
     wrong = [dragged(r, k.run.alpha_rad) for k, r in zip(known, results, strict=True)]
-    (found,) = balance_errors(known, wrong)
+    (found,), _ = balance_errors(known, wrong)
     assert found.code == "roller_drag"
     assert found.size == pytest.approx(more, rel=0.2)
-    assert set(found.effect.values()) == {0.0}
+    assert max(found.effect.values()) < 0.002
 
 
 def test_run_left_out_shows_no_shared_error(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(gain=0.08))
     out = [replace(result, flags=(Flag("gauge_dead", "Bad."),)) for result in results]
-    assert balance_errors(known, out) == load_errors(known, out) == share_errors(known, out) == []
+    assert balance_errors(known, out) == ([], {})
+    assert load_errors(known, out) == share_errors(known, out) == []
 
 
 def excluded(results: list[RunResult], count: int) -> list[RunResult]:
@@ -167,7 +168,7 @@ def excluded(results: list[RunResult], count: int) -> list[RunResult]:
 
 def test_runs_that_the_balance_excludes_are_evidence(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(gain=0.06))
-    (found,) = balance_errors(known, excluded(results, 20))
+    (found,), _ = balance_errors(known, excluded(results, 20))
     assert found.code == "torque_gain"
     assert abs(found.size - 0.06) < 2.0 * found.u
 
@@ -185,9 +186,29 @@ def test_more_runs_make_an_error_better_known(rig: AngleRig) -> None:
     runs = [campaign(rig, Wrong(gain=0.08), seed) for seed in (1, 1, 1, 1)]
     known = [k for some, _ in runs for k in some]
     results = [r for _, some in runs for r in some]
-    (few,), (many,) = balance_errors(*runs[0]), balance_errors(known, results)
+    ((few,), _), ((many,), _) = balance_errors(*runs[0]), balance_errors(known, results)
     assert few.code == many.code == "torque_gain"
     assert many.u < few.u
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize(
+    ("wrong", "shift"), [(Wrong(gain=-0.05), 0.05), (Wrong(drift=0.06), 0.03), (Wrong(), 0.0)]
+)
+def test_error_just_missed_is_in_the_interval(
+    rig: AngleRig, wrong: Wrong, shift: float, repeats: int
+) -> None:
+    """What the balance does not name, at any number of runs, is within 2 u; without it, little."""
+    held, widths = [], []
+    for seed in range(10):
+        many = [campaign(rig, wrong, seed) for _ in range(repeats)]
+        known, results = [k for ks, _ in many for k in ks], [r for _, rs in many for r in rs]
+        _, effect = balance_errors(known, results)
+        widths.append(effect["clean_15"])
+        held.append(2.0 * math.hypot(effect["clean_15"], 0.01) > shift)
+    assert sum(held) >= 9
+    if not shift:
+        assert float(np.median(widths)) < 0.01
 
 
 @pytest.mark.parametrize(
@@ -245,4 +266,5 @@ def test_share_without_rest_is_unknown(rig: AngleRig) -> None:
 def test_few_runs_show_no_shared_error(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(gain=0.5, gain_a=-0.5))
     known, results = known[:3], results[:3]
-    assert balance_errors(known, results) == share_errors(known, results) == []
+    assert balance_errors(known, results) == ([], {})
+    assert share_errors(known, results) == []

@@ -16,6 +16,11 @@ If the residuals scatter more than V about the error, S is as many times larger 
 chi^2 that of n - 1 degrees of freedom (Paule and Mandel, J. Res. NBS 87, 1982): what the equations
 leave out is scatter of single runs, so that an error is the better known the more runs there are.
 
+The candidates and "none of them" have the weights exp(d^2/(2 u(d)^2) - 1) and 1, over their sum
+(Akaike's: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, 2.9). The maximum
+of a set is uncertain by the effects of d and u(d), each with its weight: what the balance only just
+misses at this number of runs is so in the interval, and what it shows is there whole.
+
 Runs that the balance alone has excluded are part of the evidence: an error that is the same in all
 runs excludes those in which chance adds to it. If more runs are excluded than chance allows, the
 intervals are widened, whether or not one error explains them.
@@ -27,7 +32,7 @@ them apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -75,11 +80,32 @@ class _Candidate:
     words: Callable[[float, float], str]
 
 
-def balance_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
-    """Return the error that explains the residuals of the sliding runs; none if none is needed."""
+@dataclass(frozen=True)
+class _Weighed:
+    """A candidate, its size with standard uncertainty, and its weight among all explanations."""
+
+    of: _Candidate
+    size: float
+    u: float
+    weight: float
+
+    @property
+    def pull(self) -> float:
+        """Its size over its uncertainty."""
+        return abs(self.size) / self.u
+
+
+def balance_errors(
+    known: Sequence[KnownRun], results: Sequence[RunResult]
+) -> tuple[list[SharedError], Mapping[str, float]]:
+    """Return the error that explains the residuals, none if none is needed; and what it does.
+
+    The second is the relative standard uncertainty of the maximum of each set for errors that all
+    runs may share, whether or not one is significant: by their weights, as above.
+    """
     chosen = _evidence(known, results)
     if len(chosen) < MIN_RUNS:
-        return []
+        return [], {}
     runs, rows = [k for k, _, _ in chosen], [row for _, row, _ in chosen]
     residual = np.array([row.residual_n for row in rows])
     explained = np.column_stack(
@@ -89,17 +115,43 @@ def balance_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> l
         ]
     )
     scatter = LEAST_SCATTER * np.array([row.normal_n for row in rows])
-    found = []
-    for item in _candidates(runs, rows):
-        if np.any(item.shape):
-            size, u = _estimate(residual, item.shape, scatter, explained)
-            found.append((abs(size) / u, size, u, item))
-    best = max(found, key=lambda entry: entry[0], default=None)
-    if best is None or best[0] < SIGNIFICANT:
-        return []
-    as_good = [entry for entry in found if entry[0] ** 2 > best[0] ** 2 - AS_GOOD]
-    names = [r.run.set_name for _, _, r in chosen]
-    return [_error(best, [entry for entry in as_good if entry is not best], names)]
+    candidates = [item for item in _candidates(runs, rows) if np.any(item.shape)]
+    sizes = [_estimate(residual, item.shape, scatter, explained) for item in candidates]
+    odds = np.array([0.0, *(0.5 * (size / u) ** 2 - 1.0 for size, u in sizes)])
+    weights = np.exp(odds - np.max(odds))
+    weights /= np.sum(weights)
+    found = [
+        _Weighed(item, size, u, float(weight))
+        for item, (size, u), weight in zip(candidates, sizes, weights[1:], strict=True)
+    ]
+    # A wheel that rolls shows the error, and no maximum that it is in.
+    names = [r.run.set_name if _slides(r) else None for _, _, r in chosen]
+    effect = {n: _effect(found, [name == n for name in names]) for n in dict.fromkeys(names) if n}
+    best = max(found, key=lambda item: item.pull)
+    if best.pull < SIGNIFICANT:
+        return [], effect
+    also = "".join(
+        f" As well possible: {item.of.words(item.size, item.u)}"
+        for item in found
+        if item is not best and item.pull**2 > best.pull**2 - AS_GOOD
+    )
+    sentence = (
+        f"The force balance of all runs together shows {best.of.words(best.size, best.u)}{also} "
+        "The intervals are widened for it."
+    )
+    return [SharedError(best.of.code, sentence, best.size, best.u, best.of.unit, effect)], effect
+
+
+def _effect(found: Sequence[_Weighed], there: Sequence[bool]) -> float:
+    """Return the relative standard uncertainty of F_r/N in the runs that are ``there``, (n,)."""
+    return math.hypot(
+        *(
+            math.sqrt(item.weight)
+            * math.hypot(item.size, item.u)
+            * float(np.mean(item.of.effect[np.array(there)]))
+            for item in found
+        )
+    )
 
 
 def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
@@ -114,12 +166,13 @@ def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> 
         return []
     shares: dict[str, list[float]] = {}
     for _, row, r in chosen:
-        share = row.residual_n / max(abs(row.force_n), 1e-9)
-        shares.setdefault(r.run.set_name, []).append(share)
+        if _slides(r):
+            share = row.residual_n / max(abs(row.force_n), 1e-9)
+            shares.setdefault(r.run.set_name, []).append(share)
     effect = {name: abs(float(np.median(values))) for name, values in shares.items()}
-    size = float(np.median([value for values in shares.values() for value in values]))
+    size = float(np.median([value for values in shares.values() for value in values] or [0.0]))
     sentence = (
-        f"The force balance excludes {count} of {len(chosen)} sliding runs; of good runs chance "
+        f"The force balance excludes {count} of {len(chosen)} runs; of good runs chance "
         f"excludes {EXCLUDED_SHARE:.1%}. What all runs share, such as the gain or zero of the "
         "gauges, an angle, a load, a mass or a calibration, is off in the others too. The "
         "intervals are widened by the median residual."
@@ -127,15 +180,18 @@ def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> 
     return [SharedError("runs_excluded", sentence, size, abs(size), "1", effect)]
 
 
+def _slides(result: RunResult) -> bool:
+    return all(flag.code != "no_sliding" for flag in result.better.flags)
+
+
 def _evidence(
     known: Sequence[KnownRun], results: Sequence[RunResult]
 ) -> list[tuple[KnownRun, BalanceRow, RunResult]]:
-    """Return the sliding runs that have a balance, with those that only the balance excludes."""
+    """Return the runs that have a balance, with those that only the balance excludes."""
     return [
         (k, row, r)
         for k, r in zip(known, results, strict=True)
         if (row := r.better.balance) is not None
-        and not any(f.code == "no_sliding" for f in r.better.flags)
         and {f.code for f in r.flags if f.severity is Severity.EXCLUDED} <= BY_BALANCE
     ]
 
@@ -157,27 +213,6 @@ def _estimate(
         times = brentq(lambda x: at(x)[0] - (len(residual) - 1), 1.0, MOST_SCATTER)
     _, size, information = at(times)
     return size, 1.0 / math.sqrt(information)
-
-
-def _error(
-    best: tuple[float, float, float, _Candidate],
-    others: Sequence[tuple[float, float, float, _Candidate]],
-    names: Sequence[str],
-) -> SharedError:
-    _, size, u, item = best
-    effect = {
-        name: max(
-            abs(float(np.mean(of.effect[[n == name for n in names]]))) * abs(of_size)
-            for _, of_size, _, of in (best, *others)
-        )
-        for name in dict.fromkeys(names)
-    }
-    also = "".join(f" As well possible: {of.words(s, v)}" for _, s, v, of in others)
-    sentence = (
-        f"The force balance of all runs together shows {item.words(size, u)}{also} The intervals "
-        "are widened for it."
-    )
-    return SharedError(item.code, sentence, size, u, item.unit, effect)
 
 
 def _known_shapes(known: KnownRun, row: BalanceRow) -> FloatArray:
