@@ -65,6 +65,12 @@ class _Signal:
         driven = inside & (run.t_s > STEADY_S) & (run.t_s < run.stop_s - margin_s)
         return _Signal(run.t_s, fast, rests, driven, size * period_s)
 
+    @property
+    def tells(self) -> bool:
+        """Whether the rest and the run last for a period at least."""
+        counts = (int(np.count_nonzero(used)) for used in (self.rests, self.driven))
+        return min(counts) * (self.t_s[1] - self.t_s[0]) >= self.window_s
+
     def line(self, used: NDArray[np.bool_], hz: float, count: int = 1) -> tuple[FloatArray, float]:
         """Return the ``count`` harmonics of ``hz`` in volts, (n,), and their power where used."""
         turns = hz * np.arange(1, count + 1)
@@ -84,12 +90,12 @@ class _Signal:
         bend = low - 2.0 * top + high
         return float(grid[at] + (0.5 * STEP_HZ * (low - high) / bend if bend < 0.0 else 0.0))
 
+    def amplitude_of_rest(self, hz: float) -> float:
+        """Return the amplitude in V of ``hz`` before the trigger."""
+        return math.sqrt(2.0 * self.line(self.rests, hz)[1])
+
     def amplitude(self, hz: float) -> float:
         """Return the amplitude in V of the mains at ``hz``; 0 if it is not the mains."""
-        if np.count_nonzero(self.rests) * 2 < self.window_s / (self.t_s[1] - self.t_s[0]):
-            return 0.0
-        if not np.any(self.driven):
-            return 0.0
         rest, run = (self.line(used, hz)[1] for used in (self.rests, self.driven))
         beside = max(self.line(self.rests, hz + off)[1] for off in (-BESIDE_HZ, BESIDE_HZ))
         if rest <= TIMES**2 * beside or not 1.0 / RATIO**2 <= run / rest <= RATIO**2:
@@ -99,7 +105,7 @@ class _Signal:
 
 def without_mains(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> AngleRun:
     """Return ``run`` without a hum that changes results, with a flag that names it."""
-    if not whole(run) or run.t_s[0] > -limits.pre_trigger_s:
+    if not whole(run) or not run.t_s[0] < -STEADY_S < STEADY_S < run.stop_s:
         return run
     torque = run.gauge_a_v - run.gauge_b_v
     level = abs(float(np.mean(torque[run.t_s > STEADY_S]) - np.mean(torque[run.t_s < 0.0])))
@@ -115,7 +121,7 @@ def without_mains(run: AngleRun, calibration: AngleCalibration, limits: Limits) 
     for name, volts, least, fields in tested:
         for nominal_hz in MAINS_HZ:
             signal = _Signal.of(run, volts, nominal_hz)
-            if math.sqrt(2.0 * signal.line(signal.rests, nominal_hz)[1]) < 0.5 * least:
+            if not signal.tells or signal.amplitude_of_rest(nominal_hz) < 0.5 * least:
                 continue
             hz = signal.mains_hz(nominal_hz)
             amplitude = signal.amplitude(hz)

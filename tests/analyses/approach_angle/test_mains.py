@@ -68,6 +68,14 @@ def test_line_in_one_part_is_no_mains(there: FloatArray) -> None:
     assert without_mains(run, CALIBRATION, Limits()) is run
 
 
+@pytest.mark.parametrize("first_s", [-0.07, -0.01, 0.05])
+def test_run_without_rest_shows_no_mains(first_s: float) -> None:
+    run, kept = with_hum(good_run(), "gauge_a_v", wave(50.0, 0.4)), first_s <= T_S
+    names = ("t_s", "gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+    short: dict[str, Any] = {name: getattr(run, name)[kept] for name in names}
+    assert not without_mains(replace(run, **short), CALIBRATION, Limits()).flags
+
+
 def test_other_frequencies_and_noise_are_no_mains() -> None:
     rng = np.random.default_rng(5)
     for disturbance in (wave(35.0, 0.4), wave(75.0, 0.4), 0.3 * rng.standard_normal(T_S.size)):
