@@ -77,7 +77,6 @@ class Trial:
     relaxed: bool = True
     wait: float = 60.0  # s since the contact was last loaded
     clutch: bool = False  # the belt stays engaged by mistake
-    pushed: float = 0.0  # m/s, when the trial begins
     rest: float = 0.5  # s
     lateral: float = 0.0  # m/s, of the bridge
 
@@ -102,7 +101,6 @@ class Sensors:
     scales: dict[str, float] = field(default_factory=dict)
     tones: dict[str, tuple[float, float]] = field(default_factory=dict)  # size, Hz
     drifts: dict[str, float] = field(default_factory=dict)  # per s of the trial
-    steps: dict[str, float] = field(default_factory=dict)  # rounding
     spikes: dict[str, tuple[float, float]] = field(default_factory=dict)  # share of rows, size
     clips: dict[str, float] = field(default_factory=dict)
     jitter: dict[str, float] = field(default_factory=dict)  # s rms
@@ -126,7 +124,6 @@ class Sensors:
         default_factory=dict
     )  # jump at s since the drive
     cross: float = 0.0  # the accelerometer also feels the current, m/s^2 per A
-    tilt: float = 0.0  # it pitches with the force: m/s^2 per m/s^2
 
 
 @dataclass
@@ -296,6 +293,11 @@ def draw_lateral(seed: int) -> Rig:
     rig.true["roller_dry"] = random.uniform(0.012, 0.045)
     rig.true["roller_viscous"] = random.uniform(0.01, 0.06)
     rig.true["lifted_rubs_not"] = float(random.random() < 0.3)
+    # Eq. 26 locks itself where 2 s c / j reaches 1 (docs/physics/lugre.md, section 1)
+    most = (rig.true["roller_dry"] + 0.65 * rig.true["roller_viscous"]) * 2 * rig.true["height"]
+    share = min(1.0, 0.75 * rig.true["rows"] / most)
+    rig.true["roller_dry"] *= share
+    rig.true["roller_viscous"] *= share
     rig.model, rig.rate, rig.substeps = "lugre-lateral", 1000.0, 4
     least = min(trial.current for trial in rig.trials)
     currents = np.round([max(0.5, 1.6 * least), random.uniform(1.1, 1.5)], 2)
@@ -352,8 +354,6 @@ def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
         item.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         for item in (constants, y, played, rows)
     ]
-    if trial.pushed:
-        y[3] = trial.pushed
     steps = substeps or max(1, int(rig.substeps * 1000 / rig.rate))
     n = _play()(*pointers[:3], len(played), 1 / rig.rate, PARTS, steps, pointers[3], most)
     assert n > 0, "a trial takes too long"
@@ -378,7 +378,7 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
     }
     if s.resonance[0]:
         raw["acceleration"] = raw["acceleration"] + _ring(a, fine[1] - fine[0], *s.resonance)
-    raw["acceleration"] = raw["acceleration"] * (1 + s.tilt) + s.cross * truth[:, 4]
+    raw["acceleration"] = raw["acceleration"] + s.cross * truth[:, 4]
     raw["position"] = raw["position"] - s.slip * np.cumsum(np.abs(a) * v) * (fine[1] - fine[0])
     for name, (size, period, phase) in s.wobble.items():
         raw[name] = raw[name] + size * np.sin(2 * np.pi * raw[name] / period + phase)
@@ -426,8 +426,6 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
         out["lateral"] = _round(out["lateral"] + 2e-4 * random.normal(size=len(time)), 1e-4)
     out["angle"] = _round(out["angle"], TICK / s.counts / (rig.true["gear"] / 20.25))
     out["position"] = _round(out["position"], s.guide)
-    for name, step in s.steps.items():
-        out[name] = _round(out[name], step)
     for name, scale in s.scales.items():
         out[name] = out[name] * scale
     for name, (share, size) in s.spikes.items():

@@ -221,44 +221,22 @@ def _mechanics() -> list[Kind]:
         Kind("slope", "mechanics", (0.08, 0.25), r"slope|tilt|level|inclin", _true("slope")),
         Kind("slope down", "mechanics", (-0.08, -0.25), r"slope|tilt|level|inclin", _true("slope")),
         Kind("cable drag", "mechanics", (0.25, 1.0), r"drag|cable|viscous|guide", _true("drag")),
-        Kind(
-            "cable spring", "mechanics", (0.3, 1.2), rf"cable|spring|{ALONG}", _true("cable_spring")
-        ),
+        Kind("cable spring", "mechanics", (0.3, 1.2), rf"cable|spring|{ALONG}",
+            _true("cable_spring")),
         Kind("clutch drags", "mechanics", (0.15, 0.8), CARRIAGE_FORCE, _true("clutch_drag")),
         Kind("air drag", "mechanics", (0.1, 0.5), r"drag|speed|air|cable|viscous", _true("air")),
         Kind("wheel hops", "mechanics", (0.05, 0.2), bodies, _true("hop")),
         Kind("flat roller", "mechanics", (2.0, 8.0), rf"flat|{WHEEL_TURN}", _true("flat_force")),
         Kind("guide varies along", "mechanics", (0.4, 1.2), rf"guide|{ALONG}", _true("guide_wave")),
-        Kind(
-            "guide sticks",
-            "mechanics",
-            (0.6, 2.5),
-            r"guide|stick|stiction|drag|low speed",
-            _true("guide_stiction"),
-        ),
-        Kind(
-            "load varies along",
-            "mechanics",
-            (0.6, 3.0),
-            rf"load|guide|lift|{ALONG}",
-            _true("load_slope"),
-        ),
-        Kind(
-            "load shifts with force",
-            "mechanics",
-            (0.1, 0.4),
-            r"load|force|tilt|slip|law|friction",
-            _true("tilt_load"),
-        ),
-        Kind(
-            "guide bears weight",
-            "mechanics",
-            (0.03, 0.1),
-            r"load|lift|weight|mass",
-            lift,
-            documented=True,
-        ),
-    ]
+        Kind("guide sticks", "mechanics", (0.6, 2.5), r"guide|stick|stiction|drag|low speed",
+            _true("guide_stiction")),
+        Kind("load varies along", "mechanics", (0.6, 3.0), rf"load|guide|lift|{ALONG}",
+            _true("load_slope")),
+        Kind("load shifts with force", "mechanics", (0.1, 0.4),
+            r"load|force|tilt|slip|law|friction", _true("tilt_load")),
+        Kind("guide bears weight", "mechanics", (0.03, 0.1), r"load|lift|weight|mass", lift,
+            documented=True),
+    ]  # fmt: skip
 
 
 def _friction() -> list[Kind]:
@@ -305,44 +283,19 @@ def _friction() -> list[Kind]:
         Kind("trials scatter", "friction", (0.02, 0.06), TRIAL, scatter),
         Kind("cleaned half way", "friction", (0.04, 0.2), TRIAL, later),
         Kind("other floor half way", "friction", (0.1, 1.0), rf"floor|{TRIAL}", other_floor),
-        Kind(
-            "ageing in rest",
-            "friction",
-            (0.01, 0.04),
-            rf"dwell|age|ageing|rest|static|{law}",
-            waits,
-        ),
-        Kind(
-            "warms by slip",
-            "friction",
-            (0.15, 0.6),
-            r"warm|heat|temperature|time|fade|slip|trial",
-            _true("heat_size"),
-        ),
-        Kind(
-            "backward less",
-            "friction",
-            (-0.08, -0.3),
-            r"direction|backward|sign|revers|side|brak",
-            _turned(_true("backward")),
-        ),
+        Kind("ageing in rest", "friction", (0.01, 0.04), rf"dwell|age|ageing|rest|static|{law}",
+            waits),
+        Kind("warms by slip", "friction", (0.15, 0.6),
+            r"warm|heat|temperature|time|fade|slip|trial", _true("heat_size")),
+        Kind("backward less", "friction", (-0.08, -0.3),
+            r"direction|backward|sign|revers|side|brak", _turned(_true("backward"))),
         Kind("gaussian law", "friction", (1.0, 2.0), law, _true("exponent")),
-        Kind(
-            "rolling relaxation",
-            "friction",
-            (0.3, 2.0),
-            rf"roll|relax|wheel speed|{law}",
-            _true("relaxation"),
-        ),
+        Kind("rolling relaxation", "friction", (0.3, 2.0), rf"roll|relax|wheel speed|{law}",
+            _true("relaxation")),
         Kind("uneven rollers", "friction", (0.03, 0.12), WHEEL_TURN, _true("turn_size")),
-        Kind(
-            "runs in at the start",
-            "friction",
-            (0.06, 0.3),
-            rf"start|time|run|{ALONG}",
-            _true("run_in"),
-        ),
-    ]
+        Kind("runs in at the start", "friction", (0.06, 0.3), rf"start|time|run|{ALONG}",
+            _true("run_in")),
+    ]  # fmt: skip
 
 
 def _electrics() -> list[Kind]:
@@ -374,76 +327,29 @@ def _electrics() -> list[Kind]:
         Kind("cogging", "electrics", (8e-4, 4e-3), ripple, _true("cogging")),
         Kind("monitor gain high", "electrics", (1.05, 1.15), rf"{current}|{DRIVE}", gain),
         Kind("monitor gain low", "electrics", (0.95, 0.85), rf"{current}|{DRIVE}", gain),
-        Kind(
-            "monitor bends",
-            "electrics",
-            (0.03, 0.12),
-            rf"{current}|saturat|{DRIVE}",
-            _set("squared"),
-        ),
-        Kind(
-            "monitor clips",
-            "electrics",
-            (1.0, 0.7),
-            rf"{current}|clip|range|saturat|end of",
-            _sensor("clips", "current"),
-        ),
-        Kind(
-            "current zero", "electrics", (0.02, 0.06), rf"{current}|no.load", _set("current_zero")
-        ),
-        Kind(
-            "current zero negative",
-            "electrics",
-            (-0.02, -0.06),
-            rf"{current}|no.load",
-            _set("current_zero"),
-        ),
-        Kind(
-            "current zero drifts",
-            "electrics",
-            (0.015, 0.06),
-            rf"{current}|no.load|drift|trial",
-            drift,
-        ),
-        Kind(
-            "mains on the current", "electrics", (0.02, 0.08), rf"{hum}|{current}", tone("current")
-        ),
-        Kind(
-            "mains on the accelerometer",
-            "electrics",
-            (0.1, 0.5),
-            r"(mains|hum|50 hz)[^.]*acceler|acceler[^.]*(mains|hum|50 hz)",
-            tone("acceleration"),
-        ),
-        Kind(
-            "motor fades",
-            "electrics",
-            (0.03, 0.12),
-            r"fade|motor|heat|warm|torque|drive|time",
-            _true("fade"),
-        ),
-        Kind(
-            "gear drags when driven back",
-            "electrics",
-            (0.0, 1.0),
-            rf"brak|direction|revers|{DRIVE}",
-            brake,
-        ),
-        Kind(
-            "monitor late",
-            "electrics",
-            (0.003, 0.012),
-            rf"{LATE}|{current}",
-            _sensor("delays", "current"),
-        ),
-        Kind(
-            "monitor filtered",
-            "electrics",
-            (30.0, 6.0),
-            rf"{LATE}|{current}",
-            _sensor("filters", "current"),
-        ),
-    ]
+        Kind("monitor bends", "electrics", (0.03, 0.12), rf"{current}|saturat|{DRIVE}",
+            _set("squared")),
+        Kind("monitor clips", "electrics", (1.0, 0.7), rf"{current}|clip|range|saturat|end of",
+            _sensor("clips", "current")),
+        Kind("current zero", "electrics", (0.02, 0.06), rf"{current}|no.load",
+            _set("current_zero")),
+        Kind("current zero negative", "electrics", (-0.02, -0.06), rf"{current}|no.load",
+            _set("current_zero")),
+        Kind("current zero drifts", "electrics", (0.015, 0.06), rf"{current}|no.load|drift|trial",
+            drift),
+        Kind("mains on the current", "electrics", (0.02, 0.08), rf"{hum}|{current}",
+            tone("current")),
+        Kind("mains on the accelerometer", "electrics", (0.1, 0.5),
+            r"(mains|hum|50 hz)[^.]*acceler|acceler[^.]*(mains|hum|50 hz)", tone("acceleration")),
+        Kind("motor fades", "electrics", (0.03, 0.12), r"fade|motor|heat|warm|torque|drive|time",
+            _true("fade")),
+        Kind("gear drags when driven back", "electrics", (0.0, 1.0),
+            rf"brak|direction|revers|{DRIVE}", brake),
+        Kind("monitor late", "electrics", (0.003, 0.012), rf"{LATE}|{current}", _sensor("delays",
+            "current")),
+        Kind("monitor filtered", "electrics", (30.0, 6.0), rf"{LATE}|{current}", _sensor("filters",
+            "current")),
+    ]  # fmt: skip
 
 
 def _sensors() -> list[Kind]:
@@ -495,155 +401,60 @@ def _sensors() -> list[Kind]:
         Kind("accelerometer late", "sensors", (0.003, 0.012), accelerometer, late("acceleration")),
         Kind("carriage late", "sensors", (0.005, 0.015), carriage, late("position")),
         Kind("wheel encoder late", "sensors", (0.005, 0.015), wheel, late("angle")),
-        Kind(
-            "both encoders late",
-            "sensors",
-            (0.005, 0.015),
-            rf"{LATE}|encoders",
-            late("angle", "position"),
-        ),
-        Kind(
-            "all but the current late",
-            "sensors",
-            (0.005, 0.015),
-            rf"{LATE}|current",
-            late("angle", "position", "acceleration"),
-        ),
-        Kind(
-            "wheel encoder jitters",
-            "sensors",
-            (5e-4, 3e-3),
-            rf"jitter|clock|time|{wheel}",
-            _sensor("jitter", "angle"),
-        ),
-        Kind(
-            "wheel misses counts",
-            "sensors",
-            (0.01, 0.05),
-            rf"count|slip|{wheel}",
-            _sensor("missed", "angle"),
-        ),
-        Kind(
-            "carriage misses counts",
-            "sensors",
-            (0.003, 0.02),
-            rf"count|{carriage}",
-            _sensor("missed", "position"),
-        ),
-        Kind(
-            "carriage counts backward",
-            "sensors",
-            (-1.0,),
-            rf"sign|direction|backward|other way|opposite|{carriage}",
-            _sensor("scales", "position"),
-        ),
+        Kind("both encoders late", "sensors", (0.005, 0.015), rf"{LATE}|encoders", late("angle",
+            "position")),
+        Kind("all but the current late", "sensors", (0.005, 0.015), rf"{LATE}|current",
+            late("angle", "position", "acceleration")),
+        Kind("wheel encoder jitters", "sensors", (5e-4, 3e-3), rf"jitter|clock|time|{wheel}",
+            _sensor("jitter", "angle")),
+        Kind("wheel misses counts", "sensors", (0.01, 0.05), rf"count|slip|{wheel}",
+            _sensor("missed", "angle")),
+        Kind("carriage misses counts", "sensors", (0.003, 0.02), rf"count|{carriage}",
+            _sensor("missed", "position")),
+        Kind("carriage counts backward", "sensors", (-1.0,),
+            rf"sign|direction|backward|other way|opposite|{carriage}", _sensor("scales",
+            "position")),
         Kind("accelerometer turned", "sensors", (-1.0,), accelerometer, gain),
-        Kind(
-            "current with the wrong sign",
-            "sensors",
-            (-1.0,),
-            r"sign|current|monitor|inverted",
-            _set("current_gain"),
-        ),
+        Kind("current with the wrong sign", "sensors", (-1.0,), r"sign|current|monitor|inverted",
+            _set("current_gain")),
         Kind("accelerometer gain low", "sensors", (0.93, 0.75), accelerometer, gain),
         Kind("accelerometer gain high", "sensors", (1.07, 1.3), accelerometer, gain),
-        Kind(
-            "accelerometer filtered",
-            "sensors",
-            (20.0, 4.0),
-            accelerometer,
-            _sensor("filters", "acceleration"),
-        ),
+        Kind("accelerometer filtered", "sensors", (20.0, 4.0), accelerometer, _sensor("filters",
+            "acceleration")),
         Kind("carriage filtered", "sensors", (25.0, 6.0), carriage, _sensor("filters", "position")),
         Kind("wheel filtered", "sensors", (25.0, 6.0), wheel, _sensor("filters", "angle")),
-        Kind(
-            "carriage coarse",
-            "sensors",
-            (2e-4, 1e-3),
-            rf"coarse|round|resol|count|{carriage}",
-            _set("guide"),
-        ),
-        Kind(
-            "accelerometer coarse", "sensors", (0.2, 0.6), accelerometer, _set("acceleration_step")
-        ),
-        Kind(
-            "accelerometer drifts",
-            "sensors",
-            (0.02, 0.1),
-            rf"slope|{accelerometer}",
-            _sensor("drifts", "acceleration"),
-        ),
+        Kind("carriage coarse", "sensors", (2e-4, 1e-3), rf"coarse|round|resol|count|{carriage}",
+            _set("guide")),
+        Kind("accelerometer coarse", "sensors", (0.2, 0.6), accelerometer,
+            _set("acceleration_step")),
+        Kind("accelerometer drifts", "sensors", (0.02, 0.1), rf"slope|{accelerometer}",
+            _sensor("drifts", "acceleration")),
         Kind("measuring wheel slips", "sensors", (0.003, 0.012), rf"slip|{scaled}", _set("slip")),
-        Kind(
-            "measuring wheel scale", "sensors", (1.01, 1.04), scaled, _sensor("scales", "position")
-        ),
-        Kind(
-            "measuring wheel eccentric",
-            "sensors",
-            (1.5e-4, 6e-4),
-            rf"eccentric|runout|{ALONG}|{carriage}",
-            wobble("position", 0.12566),
-        ),
-        Kind(
-            "wheel encoder eccentric",
-            "sensors",
-            (0.002, 0.01),
-            rf"{WHEEL_TURN}|{wheel}",
-            wobble("angle", 2 * np.pi),
-        ),
-        Kind(
-            "accelerometer spikes",
-            "sensors",
-            (2.0, 10.0),
-            rf"spike|jump|outlier|{accelerometer}",
-            spikes("acceleration"),
-        ),
+        Kind("measuring wheel scale", "sensors", (1.01, 1.04), scaled, _sensor("scales",
+            "position")),
+        Kind("measuring wheel eccentric", "sensors", (1.5e-4, 6e-4),
+            rf"eccentric|runout|{ALONG}|{carriage}", wobble("position", 0.12566)),
+        Kind("wheel encoder eccentric", "sensors", (0.002, 0.01), rf"{WHEEL_TURN}|{wheel}",
+            wobble("angle", 2 * np.pi)),
+        Kind("accelerometer spikes", "sensors", (2.0, 10.0), rf"spike|jump|outlier|{accelerometer}",
+            spikes("acceleration")),
         Kind("accelerometer mount rings", "sensors", (0.1, 0.6), accelerometer, rings),
-        Kind(
-            "accelerometer feels the current", "sensors", (0.06, 0.3), accelerometer, _set("cross")
-        ),
-        Kind(
-            "accelerometer zero jumps", "sensors", (0.05, 0.3), accelerometer, jump("acceleration")
-        ),
-        Kind(
-            "accelerometer gain falls by trial",
-            "sensors",
-            (0.12, 0.4),
-            rf"trial|{accelerometer}",
-            gains,
-        ),
+        Kind("accelerometer feels the current", "sensors", (0.06, 0.3), accelerometer,
+            _set("cross")),
+        Kind("accelerometer zero jumps", "sensors", (0.05, 0.3), accelerometer,
+            jump("acceleration")),
+        Kind("accelerometer gain falls by trial", "sensors", (0.12, 0.4), rf"trial|{accelerometer}",
+            gains),
         Kind("carriage jumps", "sensors", (8e-4, 6e-3), rf"jump|slip|{carriage}", jump("position")),
-        Kind(
-            "rows missing",
-            "sensors",
-            (0.005, 0.05),
-            r"row|missing|lost|gap|sample|bridged",
-            _set("gone"),
-        ),
-        Kind(
-            "carriage rows repeat",
-            "sensors",
-            (0.01, 0.08),
-            rf"repeat|row|late|stuck|{carriage}",
-            _sensor("stuck", "position"),
-        ),
-        Kind(
-            "clock slow",
-            "sensors",
-            (0.993, 0.97),
-            r"clock|time|rate",
-            _set("clock"),
-            documented=True,
-        ),
-        Kind(
-            "rolled along a wrong measuring wheel",
-            "sensors",
-            (1.007, 1.03),
-            scaled,
-            rolled,
-            documented=True,
-        ),
-    ]
+        Kind("rows missing", "sensors", (0.005, 0.05), r"row|missing|lost|gap|sample|bridged",
+            _set("gone")),
+        Kind("carriage rows repeat", "sensors", (0.01, 0.08), rf"repeat|row|late|stuck|{carriage}",
+            _sensor("stuck", "position")),
+        Kind("clock slow", "sensors", (0.993, 0.97), r"clock|time|rate", _set("clock"),
+            documented=True),
+        Kind("rolled along a wrong measuring wheel", "sensors", (1.007, 1.03), scaled, rolled,
+            documented=True),
+    ]  # fmt: skip
 
 
 def _procedure() -> list[Kind]:
@@ -670,42 +481,17 @@ def _procedure() -> list[Kind]:
             trial.constants |= {"slope": rig.true["slope"] + size}
 
     return [
-        Kind(
-            "weight added half way",
-            "procedure",
-            (0.04, 0.2),
-            r"mass|weight|load|trial|drive",
-            added,
-        ),
-        Kind(
-            "operator touches",
-            "procedure",
-            (-1.5, -8.0),
-            r"touch|force|trial|moment|jump|hand",
-            touch,
-        ),
-        Kind(
-            "clutch left in",
-            "procedure",
-            (1.0,),
-            r"clutch|held|left out|not move|does not move|stand|trial",
-            clutch,
-        ),
-        Kind(
-            "not relaxed",
-            "procedure",
-            (1.0,),
-            r"rest|relax|bristle|start|begin|deflect|preload",
-            unrelaxed,
-        ),
-        Kind(
-            "table moved half way",
-            "procedure",
-            (0.08, 0.3),
-            r"slope|tilt|level|trial|force",
-            sloped,
-        ),
-    ]
+        Kind("weight added half way", "procedure", (0.04, 0.2), r"mass|weight|load|trial|drive",
+            added),
+        Kind("operator touches", "procedure", (-1.5, -8.0), r"touch|force|trial|moment|jump|hand",
+            touch),
+        Kind("clutch left in", "procedure", (1.0,),
+            r"clutch|held|left out|not move|does not move|stand|trial", clutch),
+        Kind("not relaxed", "procedure", (1.0,), r"rest|relax|bristle|start|begin|deflect|preload",
+            unrelaxed),
+        Kind("table moved half way", "procedure", (0.08, 0.3), r"slope|tilt|level|trial|force",
+            sloped),
+    ]  # fmt: skip
 
 
 def _lateral() -> list[Kind]:
@@ -714,6 +500,15 @@ def _lateral() -> list[Kind]:
 
     def sign(rig: Rig, _: float, __: np.random.Generator) -> None:
         rig.sensors.scales["lateral"] = -1.0
+
+    def physical(apply: Apply) -> Apply:
+        """Let a lifted row not rub: as Eq. 26 is printed, more friction would lock itself."""
+
+        def both(rig: Rig, size: float, random: np.random.Generator) -> None:
+            rig.true["lifted_rubs_not"] = 1.0
+            apply(rig, size, random)
+
+        return both
 
     def wear(rig: Rig, size: float, _: np.random.Generator) -> None:
         for n, trial in enumerate(rig.trials):
@@ -727,45 +522,24 @@ def _lateral() -> list[Kind]:
     return [
         Kind("guide_lever low", "lateral", (0.75, 0.5), lengths, _state("guide_lever")),
         Kind("guide_lever high", "lateral", (1.3, 1.8), lengths, _state("guide_lever")),
-        Kind(
-            "guide_height", "lateral", (0.9, 0.7), lengths, _state("guide_height"), documented=True
-        ),
+        Kind("guide_height", "lateral", (0.9, 0.7), lengths, _state("guide_height"),
+            documented=True),
         Kind("guide_half_span", "lateral", (1.3, 2.0), lengths, _state("guide_half_span")),
         Kind("row_distance", "lateral", (0.8, 1.5), lengths, _state("row_distance")),
         Kind("mass_offset", "lateral", (0.7, 1.5), lengths, _state("mass_offset")),
-        Kind(
-            "lateral speed turned", "lateral", (1.0,), r"sign|turned|direction|other side|way", sign
-        ),
+        Kind("lateral speed turned", "lateral", (1.0,), r"sign|turned|direction|other side|way",
+            sign),
         Kind("lateral speed scale", "lateral", (1.05, 1.3), rollers, _sensor("scales", "lateral")),
-        Kind(
-            "lateral speed late",
-            "lateral",
-            (0.02, 0.1),
-            rf"{LATE}|{rollers}",
-            _sensor("delays", "lateral"),
-        ),
-        Kind(
-            "rollers rub more one way",
-            "lateral",
-            (0.1, 0.4),
-            rf"direction|sign|{rollers}|{lengths}",
-            _true("roller_side"),
-            documented=True,
-        ),
-        Kind("rollers wear", "lateral", (0.03, 0.12), rf"{TRIAL}|{rollers}", wear),
-        Kind("a roller sticks in one trial", "lateral", (0.5, 2.0), rf"{TRIAL}|{rollers}", stuck),
-        Kind(
-            "rollers' law bends",
-            "lateral",
-            (0.5, 2.0),
-            rf"law|speed|{rollers}",
-            _true("roller_power"),
-        ),
-        Kind(
-            "a cable pulls sideways",
-            "lateral",
-            (0.3, 1.5),
-            rf"force|cable|direction|{rollers}|{lengths}",
-            _true("side_pull"),
-        ),
-    ]
+        Kind("lateral speed late", "lateral", (0.02, 0.1), rf"{LATE}|{rollers}", _sensor("delays",
+            "lateral")),
+        Kind("rollers rub more one way", "lateral", (0.1, 0.4),
+            rf"direction|sign|{rollers}|{lengths}", physical(_true("roller_side")),
+            documented=True),
+        Kind("rollers wear", "lateral", (0.03, 0.12), rf"{TRIAL}|{rollers}", physical(wear)),
+        Kind("a roller sticks in one trial", "lateral", (0.5, 2.0), rf"{TRIAL}|{rollers}",
+            physical(stuck)),
+        Kind("rollers' law bends", "lateral", (0.5, 2.0), rf"law|speed|{rollers}",
+            physical(_true("roller_power"))),
+        Kind("a cable pulls sideways", "lateral", (0.3, 1.5),
+            rf"force|cable|direction|{rollers}|{lengths}", _true("side_pull")),
+    ]  # fmt: skip
