@@ -17,6 +17,8 @@ from rigd_analyses.approach_angle.values import CALIBRATABLE
 
 if TYPE_CHECKING:
     from rigd.analysis.source import RecordedSweep, TrialInfo
+    from rigd.analysis.validation.result import Validation
+    from rigd.analysis.validation.saved import SavedModel
 
 
 class ApproachAngleAnalysis(Analysis):
@@ -78,3 +80,15 @@ class ApproachAngleAnalysis(Analysis):
         from rigd_analyses.approach_angle.evaluation import evaluate
 
         return evaluate(sweeps, options, notify)
+
+    def validate(
+        self,
+        models: Sequence[SavedModel],
+        sweeps: Sequence[RecordedSweep],
+        group: str,
+        notify: Callable[[str], None],
+    ) -> Validation:
+        """Return how a campaign agrees with the friction of another one."""
+        from rigd_analyses.approach_angle.validation import validate
+
+        return validate(models, sweeps, group, notify)

@@ -126,7 +126,7 @@ def evaluate(
             parameter or constant.
     """
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
-    known = _known_runs(sweeps, calibrations)
+    known = known_runs(sweeps, calibrations)
     notify(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
     better = settings_of(sweeps)
     paper = PaperSettings(limits=better.limits)
@@ -167,7 +167,7 @@ def settings_of(sweeps: Sequence[RecordedSweep]) -> BetterSettings:
     return BetterSettings(limits=limits)
 
 
-def _known_runs(
+def known_runs(
     sweeps: Sequence[RecordedSweep], calibrations: Mapping[Path, Calibrated]
 ) -> list[KnownRun]:
     """Return the run of every trial, each with the calibration and rig of its recording."""

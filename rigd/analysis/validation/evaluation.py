@@ -160,7 +160,7 @@ def validate(
         sum(trial.recording == str(sweep.path) for item in result.groups for trial in item.trials)
         for sweep in sweeps
     ]
-    facts = {"model": str(model.name), "method": "current in, motion out"}
+    facts = {"model": str(model.name), "method": result.method}
     return ValidationEvaluation(
         result.title, model, result, tuple(sweep.path for sweep in sweeps),
         provenance(sweeps, used, facts),

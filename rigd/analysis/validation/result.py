@@ -137,7 +137,8 @@ class GroupValidation:
 class Validation:
     """All groups; ``statements`` on how it was done, ``published`` names the values beside ours.
 
-    ``judged`` are the outputs that decide, the most conclusive one first.
+    ``judged`` are the outputs that decide, the most conclusive one first; ``method`` is what enters
+    the model and what comes out, in some words.
     """
 
     model: str
@@ -146,6 +147,7 @@ class Validation:
     judged: tuple[str, ...]
     statements: tuple[str, ...]
     published: str = ""
+    method: str = "current in, motion out"
 
     def to_json(self) -> dict[str, object]:
         """Return an object ready for ``json.dump(..., allow_nan=False)``."""

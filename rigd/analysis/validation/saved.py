@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from rigd.analysis.provenance import file_sha256
 from rigd.analysis.result import FloatArray
 from rigd.config.document import parse_document
 from rigd.model.errors import ConfigError, Place
@@ -97,6 +98,13 @@ class SavedModel:
         if found.shape != shape or not np.all(np.isfinite(found)):
             raise self.error(f"{_dotted(keys)} must be {size} numbers", keys, hint=_MADE_BY)
         return found
+
+    def made_from(self, path: Path) -> bool:
+        """Whether the recording at ``path``, or one it is a copy of, gave the model."""
+        paths, digests = self.get("recordings"), self.get("recordings_sha256")
+        if isinstance(digests, list) and file_sha256(path) in digests:
+            return True
+        return isinstance(paths, list) and path.resolve() in [Path(str(x)).resolve() for x in paths]
 
     def error(self, message: str, keys: Sequence[str | int], hint: str = "") -> ConfigError:
         """Return an error about the value at ``keys``, with its place in the file."""

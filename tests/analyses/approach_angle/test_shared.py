@@ -247,6 +247,14 @@ def test_gauge_that_lost_gain_is_named(rig: AngleRig) -> None:
     assert found.effect["clean_45"] == pytest.approx(0.05, rel=0.15)
 
 
+def test_gauge_off_in_one_set_widens_all(rig: AngleRig) -> None:
+    (right, results), (wrong, _) = campaign(rig), campaign(rig, Wrong(gain_a=-0.1))
+    known = [w if w.run.set_name == "clean_0" else k for k, w in zip(right, wrong, strict=True)]
+    (found,) = share_errors(known, results)
+    assert "in clean_0" in found.sentence
+    assert set(found.effect) == set(SETS) and min(found.effect.values()) > 0.04
+
+
 def test_calibrated_share_is_no_error(rig: AngleRig) -> None:
     known, results = campaign(rig, Wrong(gain_a=-0.1))
     calibrated = replace(CALIBRATION, gauge_share=Known(0.9 / 1.9, 0.002))

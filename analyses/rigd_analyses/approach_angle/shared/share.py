@@ -91,6 +91,8 @@ def share_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> lis
     if worst is None or worst[0] < SIGNIFICANT:
         return []
     _, mean, u, name = worst
+    # All sets have the same gauges: where fewer runs show the share the error is there, too.
+    effect = dict.fromkeys((k.run.set_name for k in known), max(effect.values()))
     reference = by_set[name][0][2].calibration.gauge_share.value
     low = "a" if mean < reference else "b"
     sentence = (

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 from rigd.analysis import DataError, format_quantity
 from rigd.analysis.parameters import conditions
-from rigd.analysis.provenance import file_sha256
 from rigd.analysis.result import TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd.analysis.validation.result import GroupValidation, Validation
@@ -175,14 +173,6 @@ def _known_before(saved: SavedModel, trials: Trials) -> list[str]:
     if isinstance(rigs, list) and rigs and sweep.info.rig not in rigs:
         made = ", ".join(map(str, rigs))
         found.append(f"The model is of the rig {made}, the trials are of {sweep.info.rig}.")
-    if _made_from(saved, sweep.path):
+    if saved.made_from(sweep.path):
         found.append("The model was identified from this recording: that it fits is no prediction.")
     return found
-
-
-def _made_from(saved: SavedModel, path: Path) -> bool:
-    """Whether the recording at ``path``, or one it is a copy of, gave the model."""
-    paths, digests = saved.get("recordings"), saved.get("recordings_sha256")
-    if isinstance(digests, list) and file_sha256(path) in digests:
-        return True
-    return isinstance(paths, list) and path.resolve() in [Path(str(x)).resolve() for x in paths]
