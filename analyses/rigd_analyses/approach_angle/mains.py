@@ -69,7 +69,7 @@ class _Signal:
     def tells(self) -> bool:
         """Whether the rest and the run last for a period at least."""
         counts = (int(np.count_nonzero(used)) for used in (self.rests, self.driven))
-        return min(counts) * (self.t_s[1] - self.t_s[0]) >= self.window_s
+        return bool(min(counts) * (self.t_s[1] - self.t_s[0]) >= self.window_s)
 
     def line(self, used: NDArray[np.bool_], hz: float, count: int = 1) -> tuple[FloatArray, float]:
         """Return the ``count`` harmonics of ``hz`` in volts, (n,), and their power where used."""
