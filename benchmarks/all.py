@@ -54,6 +54,7 @@ BENCHES = (
     "flood",
     "four_rigs",
     "panel",
+    "page",
     "panel_stop",
     "panel_fuzz",
     "identify",

@@ -23,7 +23,7 @@ from support.page import (
     wait_until,
 )
 from support.panel import ServedPanel
-from support.played_campaign import LISTED, TRIP
+from support.played_campaign import LISTED, TRIP, run_line
 from support.played_rig import PlayedRig
 
 from rigd.remote.protocol import Code, Refusal
@@ -67,6 +67,14 @@ FAINT = """() => {
   }
   return bad;
 }"""
+#: By how many pixels the page is wider than its window.
+SIDEWAYS = """() => Math.max(0, document.documentElement.scrollWidth - innerWidth)"""
+#: A recording of which not even the beginning can be read.
+UNREADABLE = run_line(
+    "broken.mcap", "unreadable", procedure="", started_ns=0, duration_s=0.0, trials_done=0,
+    trials_total=0, identifies=False, set="", specimen="", condition="damaged",
+    problem="broken.mcap is damaged: bytes 400 to 700 cannot be read",
+)  # fmt: skip
 #: Whether an element is seen between the head and the lower edge.
 SEEN = """one => {
   const { top, bottom } = one.getBoundingClientRect();
@@ -90,6 +98,47 @@ def test_login_names_the_rig_before_entry(panel: ServedPanel, watched: Watched) 
     watched.page.goto(panel.links["operator"])
     expect(watched.page.get_by_role("heading")).to_have_text(panel.rig.name)
     expect(watched.page).to_have_title(re.compile(panel.rig.name))
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_long_names_stay_within_the_page(browser: Browser, width: int) -> None:
+    watched, rig = Watched(browser, width, 800), PlayedRig("R" + "x9-" * 20 + "end")
+    rig.runs.insert(0, run_line("r" * 190 + ".mcap", procedure="p" * 60, specimen="S" * 60))
+    with ServedPanel(rig) as panel:
+        watched.page.goto(panel.links["operator"])
+        assert watched.page.evaluate(SIDEWAYS) == 0
+        page = watched.page
+        page.get_by_label("Your name").fill("N" * 40)
+        button(page, "Open the panel").click()
+        turn_to(page, "Runs")
+        page.locator(".run-list tbody tr button").first.click()
+        expect(page.locator(".sheet h2").last).to_contain_text("pppp")
+        assert page.evaluate(SIDEWAYS) == 0
+    watched.context.close()
+
+
+def test_unreadable_recording_offers_nothing_but_itself(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    panel.rig.runs.insert(0, UNREADABLE)
+    page = in_control(panel, watched)
+    turn_to(page, "Runs")
+    row = page.locator(".run-list tbody tr").first
+    expect(row).to_contain_text("broken.mcap")
+    expect(row).not_to_contain_text("Jan")  # no date is no date of 1970
+    row.get_by_role("button").click()
+    sheet = page.locator(".sheet").last
+    expect(sheet.get_by_role("heading")).to_have_text("broken.mcap")
+    expect(sheet).to_contain_text("bytes 400 to 700 cannot be read")
+    assert sheet.get_by_role("button").count() == 0
+    expect(sheet).not_to_contain_text("analysis")
+
+
+def test_lost_control_is_told_on_the_page(panel: ServedPanel, watched: Watched) -> None:
+    page = in_control(panel, watched)
+    (holder,) = filter(None, [panel.rig.lease.view().holder])
+    panel.rig.lease.release(holder)  # as the daemon does after the silence of its client
+    expect(page.locator("#toasts")).to_contain_text("You no longer have control")
 
 
 def test_low_procedure_of_list_shows_its_form(

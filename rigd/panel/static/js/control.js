@@ -5,6 +5,8 @@ import { el, fill, icon } from "./dom.js";
 import { hasControl, isMaintainer, isOperator, known, nameOf, watch } from "./store.js";
 import { attempt, toast } from "./toasts.js";
 
+const LOST_MS = 60_000;
+
 /** The lease as it is shown, so that the page is rebuilt only if it changes. */
 function key() {
   return JSON.stringify([known.status?.lease.holder, known.link]);
@@ -13,11 +15,16 @@ function key() {
 /** @param {HTMLElement} root */
 export function mountControl(root) {
   let shown = "";
+  let mine = false; // when the rig was last heard of
   watch(["status", "link"], () => {
     if (known.status === null || shown === key()) return;
     shown = key();
     const { holder } = known.status.lease;
     root.dataset.mine = String(hasControl());
+    if (known.link === "ok") {
+      if (mine && !hasControl()) toast(lost(holder), "warn", LOST_MS);
+      mine = hasControl();
+    }
     if (known.link !== "ok") {
       fill(root);
     } else if (hasControl()) {
@@ -34,6 +41,12 @@ export function mountControl(root) {
     }
   });
 }
+
+/**
+ * What has become of the control that this page had.
+ * @param {Api.ClientUser | null} holder
+ */
+const lost = (holder) => (holder === null ? "You no longer have control. Take control before you command again." : `${nameOf(holder)} has control now; you no longer have it.`);
 
 /**
  * @param {string} text

@@ -140,6 +140,7 @@ export const day = (milliseconds) => DAY.format(milliseconds);
 
 /** @param {number} size */
 export function bytes(size) {
+  if (size < 1e3) return `${size} B`;
   if (size < 1e6) return `${(size / 1e3).toFixed(0)} kB`;
   return size < 1e9 ? `${(size / 1e6).toFixed(1)} MB` : `${(size / 1e9).toFixed(2)} GB`;
 }

@@ -98,12 +98,12 @@ export function mountRuns(root) {
   /** @param {Api.RunLine} item */
   function line(item) {
     const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(item, row) },
-      day(item.started_ns / 1e6));
+      began(item));
     const given = [item.specimen, item.set].filter(Boolean).join(", ");
     /** @type {HTMLInputElement} */
     const mark = el("input", {
       type: "checkbox", checked: marked.has(item.run), disabled: item.problem !== null || item.state === "running",
-      "aria-label": `Compare ${words(item.procedure)}, ${day(item.started_ns / 1e6)}`,
+      "aria-label": `Compare ${title(item)}`,
       onclick: (event) => event.stopPropagation(),
       onchange: () => {
         if (mark.checked) marked.set(item.run, item);
@@ -115,11 +115,11 @@ export function mountRuns(root) {
     const row = el("tr", { data: { chosen: String(open === item.run) }, onclick: (event) => event.target !== choose && pick(item, row) },
       el("td", {}, mark),
       el("th", { scope: "row" }, choose),
-      el("td", {}, words(item.procedure), el("span", { class: "quiet", title: given }, given)),
+      el("td", {}, words(item.procedure) || file(item.run), el("span", { class: "quiet", title: given }, given)),
       el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state)),
         item.condition ? el("small", { title: fileWords(item) }, `, file ${item.condition}`) : null),
-      el("td", { class: "value" }, `${item.trials_done}/${item.trials_total}`),
-      el("td", { class: "value" }, duration(item.duration_s)));
+      el("td", { class: "value" }, item.procedure ? `${item.trials_done}/${item.trials_total}` : ""),
+      el("td", { class: "value" }, item.procedure ? duration(item.duration_s) : ""));
     return row;
   }
 
@@ -209,7 +209,7 @@ function drawRun(root, item, refresh) {
     return button;
   };
   // Drawing a recording commands nothing: no control is needed.
-  const draw = isOperator() ? maker("Show the recording", "draw", "run", "Drawing …") : null;
+  const draw = isOperator() && item.problem === null ? maker("Show the recording", "draw", "run", "Drawing …") : null;
   const canMake = hasControl() && item.identifies && item.problem === null;
   const make = canMake
     ? maker(item.has_report ? "Make the report again" : "Make the report", "identify", "identification", "Identifying …")
@@ -218,7 +218,7 @@ function drawRun(root, item, refresh) {
   const canResume = status.run === null && status.interrupted.some((other) => other.run === item.run);
   fill(root,
     el("div", { class: "panel-head" },
-      el("h2", {}, `${words(item.procedure)}, ${day(item.started_ns / 1e6)}`),
+      el("h2", {}, item.procedure ? title(item) : file(item.run)),
       el("a", { class: "button", href: `${path}/recording`, download: item.run }, icon("down"), `Recording (${bytes(item.size)})`),
       draw, item.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
       make, canMake && item.calibrates && item.state === "complete" ? calibrateButton(item.run) : null,
@@ -230,6 +230,18 @@ function drawRun(root, item, refresh) {
   else if (item.has_page) show("run");
   else fill(report, el("p", { class: "empty" }, empty(item)));
 }
+
+/**
+ * When a run began; of a file that tells nothing about its run, that.
+ * @param {Api.RunLine} item
+ */
+const began = (item) => (item.started_ns ? day(item.started_ns / 1e6) : "no date");
+
+/**
+ * The procedure of a run and its beginning, or the name of a file that tells neither.
+ * @param {Api.RunLine} item
+ */
+const title = (item) => (item.procedure ? `${words(item.procedure)}, ${began(item)}` : item.run);
 
 /**
  * What the file of a recording is: whole, valid or damaged.
@@ -244,6 +256,7 @@ function fileWords(item) {
 
 /** @param {Api.RunLine} item */
 function empty(item) {
+  if (item.problem !== null) return "";
   if (!isOperator()) return "No report yet. An operator can make it.";
   if (item.identifies && !hasControl()) return "No report yet. The person who has control can make it.";
   return item.identifies ? "No report yet." : "The procedure of this run has no analysis.";
