@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from rigd.procedure.program import CompiledProcedure
     from rigd.sdk.shipped import Kind
 
+#: Names that are less alike are no typing errors of each other (share of equal letters).
+_NEAR: Final = 0.75
 #: Folders of shipped files that a name or path may mean, and what they hold.
 _SHIPPED: Final[tuple[tuple[Kind, str], ...]] = (("procedures", "procedure"), ("configs", "rig"))
 
@@ -337,6 +340,27 @@ def _lacking_sibling(procedure: CompiledProcedure, rig: RigConfig) -> str:
     return ""
 
 
+def _instead_of(path: Path, *shipped: str) -> str:
+    """Return a hint for a missing file: the shipped file of its name, or what is near to its name.
+
+    ``shipped`` are the hints of the search among shipped procedures and rigs. A name that is only
+    somewhat alike is no hint: it would be a file of another kind.
+    """
+    for hint in shipped:
+        if hint.startswith("to use"):
+            return hint
+    found = [match[1] for match in map(re.compile("did you mean '(.+)'").match, shipped) if match]
+    here = [str(item) for item in sorted(path.parent.glob("*.yaml"))]
+
+    def likeness(name: str) -> float:
+        return SequenceMatcher(None, path.stem, Path(name).stem).ratio()
+
+    nearest = max((*here, *found), key=likeness, default="")
+    if likeness(nearest) >= _NEAR:
+        return f"did you mean {nearest!r}?"
+    return "give the path of a file, or the name of a shipped procedure or rig"
+
+
 def _kind(given: str) -> str:
     """Return the kind of the file ``given``, from its keys, or from its name if it is unknown."""
     from rigd.config.shipped import find_file
@@ -362,9 +386,9 @@ def _kind(given: str) -> str:
                 "did you mean"
             )
             return "rig" if is_rig else "procedure"
-        shipped = as_rig.startswith("to use") and not as_procedure.startswith("to use")
-        hint = as_rig if shipped or path.parent.name == "configs" else as_procedure
-        raise ConfigError(f"file {given!r} does not exist", hint=hint)
+        raise ConfigError(
+            f"file {given!r} does not exist", hint=_instead_of(path, as_procedure, as_rig)
+        )
     try:
         text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

@@ -94,6 +94,14 @@ CASES = {
         "check quick.yaml", "to use the shipped procedure, give its name: quick",
         [("check quick", 0, "quick")],
     ),
+    "map to check, misspelt": Case(
+        "check lugre_table.yaml", "give the path of a file, or the name of a shipped procedure",
+        [("check plans/quick.yaml", 0, "right"), ("check quick", 0, "quick")],
+    ),
+    "misspelt file to check": Case(
+        "check plans/quik.yaml", "did you mean 'plans/quick.yaml'?",
+        [("check plans/quick.yaml", 0, "right")],
+    ),
     "name of a driver": Case(
         "new driver Bad_Name", "use lower case letters and digits, words joined by a dash",
         [("new driver bad-name", 0, "bad-name")],

@@ -75,6 +75,11 @@ UNREADABLE = run_line(
     trials_total=0, identifies=False, set="", specimen="", condition="damaged",
     problem="broken.mcap is damaged: bytes 400 to 700 cannot be read",
 )  # fmt: skip
+#: Keeps the name of the newest event that the page has got.
+LISTEN = """async () => {
+  const { watchEvents } = await import("/static/js/link.js");
+  watchEvents(({ data }) => { globalThis.lastEvent = data.name; });
+}"""
 #: Whether an element is seen between the head and the lower edge.
 SEEN = """one => {
   const { top, bottom } = one.getBoundingClientRect();
@@ -132,6 +137,22 @@ def test_unreadable_recording_offers_nothing_but_itself(
     expect(sheet).to_contain_text("bytes 400 to 700 cannot be read")
     assert sheet.get_by_role("button").count() == 0
     expect(sheet).not_to_contain_text("analysis")
+
+
+def test_events_make_no_rows_until_looked_at(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["operator"])
+    page.evaluate(LISTEN)
+    for number in range(1, 1101):
+        panel.rig.emit("step", name=f"step {number}")
+    wait_until(lambda: page.evaluate("globalThis.lastEvent") == "step 1100")
+    assert page.locator(".event-table tbody tr").count() == 0
+    turn_to(page, "Events")
+    rows = page.locator(".event-table tbody tr")
+    expect(rows).to_have_count(1000)
+    expect(rows.first).to_contain_text("step 1100")
+    panel.rig.emit("step", name="one more")
+    expect(rows.first).to_contain_text("one more")
+    expect(rows).to_have_count(1000)
 
 
 def test_lost_control_is_told_on_the_page(panel: ServedPanel, watched: Watched) -> None:

@@ -4,6 +4,7 @@ import { el, fill, setText } from "./dom.js";
 import { clock, parameters, short, words } from "./format.js";
 import { watchEvents, watchSkipped } from "./link.js";
 import { read, watch } from "./store.js";
+import { onShow } from "./tabs.js";
 
 const KEPT = 1000;
 /** @type {Record<string, string>} */
@@ -27,15 +28,26 @@ export function mountEvents(root) {
         el("thead", {}, el("tr", {}, ...["Time", "What", "Trial", ""].map((text) => el("th", { scope: "col" }, text)))),
         body), empty)));
 
-  /** @param {HTMLTableRowElement} row */
-  const add = (row) => {
-    empty.hidden = true;
-    filter(row);
-    body.prepend(row);
+  /** @type {(() => HTMLTableRowElement)[]} */
+  const waiting = []; // rows that are made once the page is shown: most users watch another one
+  const fillUp = () => {
+    for (const make of waiting.splice(0)) {
+      const row = make();
+      filter(row);
+      body.prepend(row);
+    }
     while (body.rows.length > KEPT) body.lastElementChild?.remove();
+    empty.hidden = body.rows.length > 0;
   };
-  watchEvents((event) => add(line(event)));
-  watchSkipped((skipped) => add(gap(skipped)));
+  /** @param {() => HTMLTableRowElement} make */
+  const add = (make) => {
+    waiting.push(make);
+    if (waiting.length > KEPT) waiting.shift();
+    if (root.offsetParent) fillUp();
+  };
+  watchEvents((event) => add(() => line(event)));
+  watchSkipped((skipped) => add(() => gap(skipped)));
+  onShow("events", fillUp);
   wanted.addEventListener("input", () => [...body.rows].forEach(filter));
 
   let shown = "";
