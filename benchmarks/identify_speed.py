@@ -101,7 +101,7 @@ def solved_outputs(system: RigSystem, trial: int, shared: FloatArray, local: Flo
     y = solve_ivp(rate, (0.0, t[-1]), [0, 0, 0, 0, q[18]], "LSODA", t, rtol=RTOL, atol=ATOL).y
     rates = np.array([rate(float(s), y[:, k])[2] for k, s in enumerate(t)])
     states = np.stack([y[0], y[1], rates, y[2], y[3], y[4]], axis=1)
-    return outputs(states, phase, shared, local, constants.wheel_radius.value)
+    return outputs(states, phase, shared, local, constants.wheel_radius.value, period)
 
 
 def against_scipy(floor: str, system: RigSystem, *, full: bool) -> None:

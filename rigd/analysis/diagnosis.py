@@ -21,7 +21,7 @@ from scipy.stats import chi2
 from rigd.analysis.extended import Extended, own_parameters
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.output_error import OutputErrorFit, estimate
-from rigd.analysis.result import BoolArray, Explanation, FloatArray, Meaning
+from rigd.analysis.result import Explanation, FloatArray, Meaning
 from rigd.analysis.score import Columns, Score, Scores, holm
 from rigd.analysis.structure import Suspect
 from rigd.analysis.system import System, Unknown
@@ -144,8 +144,7 @@ def diagnose(
             *_tested(scores, candidates(own_parameters(found))),
         ]
         left = sorted(_significant(tests), key=lambda item: -item.worth)
-        there = [noise.there for noise in found.model.noise]
-        state = _state(scores.white, there, period_s)
+        state = _state(found, scores.white, period_s)
         tried = vanished | unfitted | {item.name for item in chosen}
         new = [item for item in tests if item.name not in tried]
         best = _best(new)
@@ -226,13 +225,16 @@ class _State:
         return max(self.levels) > EXCESS or min(self.band.p_value, self.jump.p_value) < LEVEL
 
 
-def _state(white: Sequence[FloatArray], there: Sequence[BoolArray], period_s: float) -> _State:
+def _state(found: OutputErrorFit, white: Sequence[FloatArray], period_s: float) -> _State:
+    noise, measured = found.model.noise, found.model.system.measured
+    there = [item.there for item in noise]
+    counted = [item.counted(*parts) for item, *parts in zip(noise, measured, white, strict=True)]
     by_trial = np.array([levels([part], [read]) for part, read in zip(white, there, strict=True)])
     return _State(
         tuple(levels(white, there)),
         tuple(float(x) for x in by_trial.max(axis=0)),
         tuple(int(x) for x in by_trial.argmax(axis=0)),
-        loudest_band(white, period_s),
+        loudest_band(white, period_s, counted),
         largest_jump(white, there),
         shape_of(white, int(np.argmax(levels(white, there)))),
     )

@@ -33,7 +33,8 @@ class Deviations:
     ``variance`` (n, m) is that of the readings in the outputs' units squared, infinite if there is
     no reading; ``first`` (s,) is that of the state at the first sample. A value that is unknown but
     constant is a state that stays. ``mix`` (m, m) makes of the outputs the readings that ``seen``
-    and ``variance`` are of, whose noise is independent.
+    and ``variance`` are of, whose noise is independent. ``counts`` (m,) are the steps in which
+    these are shown, 0 of one that is not counted; none may be given.
     """
 
     forward: FloatArray
@@ -42,6 +43,7 @@ class Deviations:
     variance: FloatArray
     first: FloatArray
     mix: FloatArray
+    counts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +84,21 @@ class Whitener:
         """Return the innovations (n, m) of ``errors`` (n, m), in standard deviations."""
         at = self.deviations
         return _innovations_of_one(errors, at.mix, at.forward, at.seen, self.gain, self.scale)
+
+    def counted(self, measured: FloatArray, white: FloatArray) -> FloatArray:
+        """Return the errors (n, m) of counting, in standard deviations as ``white`` (n, m) is.
+
+        They are those of the motion that the filter predicts before each reading, ``measured``
+        (n, m). At a steady speed they make tones, where the noise of rounding is taken as white.
+        """
+        at = self.deviations
+        found = np.zeros(white.shape)
+        for place, count in enumerate(at.counts):
+            if count > 0.0:
+                scale = np.maximum(self.scale[:, place], np.finfo(np.float64).tiny)
+                motion = (measured @ at.mix[place] + white[:, place] / scale) / count
+                found[:, place] = (np.rint(motion) - motion) * count * self.scale[:, place]
+        return found
 
     def normal_equations(
         self, errors: FloatArray, jacobian: FloatArray, weights: FloatArray

@@ -66,10 +66,13 @@ def levels(white: Sequence[FloatArray], there: Sequence[BoolArray] | None = None
     return [float(x) for x in np.sum(together**2 * readings, axis=0) / counts]
 
 
-def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
+def loudest_band(
+    white: Sequence[FloatArray], period_s: float, counted: Sequence[FloatArray] | None = None
+) -> LoudBand:
     """Return the band in which the pooled periodogram of an output exceeds its noise most.
 
-    Bands below ``LOUD`` times the noise do not count: p is 1 without any.
+    Bands below ``LOUD`` times the noise do not count: p is 1 without any. ``counted`` (n, m) are
+    the errors of counting: the tones that these make at a steady speed are noise.
 
     Under whiteness the sum of a trial's periodogram over k Fourier frequencies is chi-square with
     2 k degrees of freedom (Brockwell and Davis, Time Series, 1991, sec. 10.3); trials add. The
@@ -78,26 +81,35 @@ def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
     edges = np.linspace(0.0, 0.5, BANDS + 1)
     best = LoudBand(0, 0.0, 0.0, 1.0, 1.0)
     for output in range(white[0].shape[1]):
-        power, counts = np.zeros(BANDS), np.zeros(BANDS)
-        for trial in white:
-            spectrum = np.abs(np.fft.rfft(trial[:, output])) ** 2 * 2.0 / len(trial)
-            frequency = np.fft.rfftfreq(len(trial))
-            inside = slice(1, len(spectrum) - 1)
-            place = np.minimum(np.searchsorted(edges, frequency[inside], "right") - 1, BANDS - 1)
-            np.add.at(power, place, spectrum[inside])
-            np.add.at(counts, place, 2.0)
-        there = np.flatnonzero(counts)  # a short trial has no frequency in some bands
-        level = float(np.median(power[there] / counts[there]))
+        power, count = _by_band([part[:, output] for part in white])
+        there = np.flatnonzero(count)  # a short trial has no frequency in some bands
+        noise = np.full(BANDS, np.median(power[there]))
+        if counted is not None:
+            tones, _ = _by_band([part[:, output] for part in counted])
+            noise += np.maximum(tones - np.median(tones[there]), 0.0)
         for band in there:
-            ratio = power[band] / counts[band] / level
+            ratio = power[band] / noise[band]
             if ratio < LOUD:
                 continue
-            p_value = float(chi2.sf(power[band] / level, counts[band]))
+            p_value = float(chi2.sf(ratio * count[band], count[band]))
             p_value = min(1.0, p_value * BANDS * white[0].shape[1])
             if p_value < best.p_value:
                 ends = edges[band : band + 2] / period_s
                 best = LoudBand(output, float(ends[0]), float(ends[1]), float(ratio), p_value)
     return best
+
+
+def _by_band(parts: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return the mean power of ``parts`` (n,) in each band, 1 of white noise, and its freedom."""
+    power, count = np.zeros(BANDS), np.zeros(BANDS)
+    for part in parts:
+        spectrum = np.abs(np.fft.rfft(part)) ** 2 * 2.0 / len(part)
+        frequency = np.fft.rfftfreq(len(part))[1:-1]
+        edges = np.linspace(0.0, 0.5, BANDS + 1)
+        place = np.minimum(np.searchsorted(edges, frequency, "right") - 1, BANDS - 1)
+        np.add.at(power, place, spectrum[1:-1])
+        np.add.at(count, place, 2.0)
+    return power / np.maximum(count, 1.0), count
 
 
 def largest_jump(white: Sequence[FloatArray], there: Sequence[BoolArray] | None = None) -> Jump:

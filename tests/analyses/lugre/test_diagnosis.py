@@ -13,6 +13,7 @@ from support.lugre_kinds import KINDS
 from support.lugre_wrong import CONSTANT, Program, World, control, right
 
 from rigd.analysis.diagnosis import diagnose
+from rigd.analysis.innovations import Deviations, Whitener
 from rigd.analysis.model import to_natural
 from rigd.analysis.output_error import conclude, estimate
 from rigd.analysis.result import FitOutcome, IdentificationResult
@@ -20,6 +21,7 @@ from rigd.analysis.score import holm
 from rigd.analysis.whiteness import largest_jump, levels, loudest_band
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.outputs import late
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s
 
@@ -58,6 +60,32 @@ def test_a_wheel_that_grows_is_named() -> None:
     stiffness = result.parameter("sigma_0")
     assert stiffness.low is not None and stiffness.high is not None
     assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+def test_a_late_accelerometer_is_named() -> None:
+    """It was called a delay of the current."""
+    base = right("pvc")
+    world = replace(base, accelerometer=replace(base.accelerometer, delay_s=5e-3))
+    result = found(world, CONSTANT[1::2])
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.CORRECTED
+    (first,) = result.gate.explanations
+    assert first.name == "delay of the accelerometer"
+    assert first.size == pytest.approx(5e-3, abs=2e-4)
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+def test_late_reading_lies_between_the_samples() -> None:
+    time = np.arange(200.0)[:, None]
+    seen, slope = late(np.sin(0.05 * time), 2.3)
+    inside = slice(5, -5)
+    np.testing.assert_allclose(seen[inside], np.sin(0.05 * (time - 2.3))[inside], atol=1e-5)
+    np.testing.assert_allclose(
+        slope[inside], -0.05 * np.cos(0.05 * (time - 2.3))[inside], atol=1e-4
+    )
+    np.testing.assert_array_equal(late(time, 3.0)[0][5:], time[5:] - 3.0)
 
 
 def test_a_shaft_that_winds_up_is_named() -> None:
@@ -147,6 +175,35 @@ def test_a_tone_or_jump_in_noise_is_seen() -> None:
     jump: Any = largest_jump(white)
     assert (jump.trial, jump.sample, jump.output) == (2, 700, 0)
     assert jump.p_value < 1e-6
+
+
+@pytest.mark.parametrize("hum_m", [0.0, 2e-5])
+def test_tones_of_counting_are_noise(hum_m: float) -> None:
+    """At a steady speed the rounding of an encoder repeats; a hum beside it is still seen."""
+    rng, count, samples = np.random.default_rng(3), 3e-5, np.arange(3000)
+    white, counted = [], []
+    for speed in (3.2e-6, 3.3e-6):  # m in each sample
+        hum = hum_m * np.sin(2.0 * math.pi * 0.21 * samples)
+        motion = speed * samples + 2e-7 * np.cumsum(rng.standard_normal(3000))
+        deviations = _still(len(samples), count)
+        whitener = Whitener.of(deviations)
+        read = np.rint((motion + hum) / count)[:, None] * count
+        predicted = motion[:, None] - read
+        white.append(whitener.whiten_errors(predicted))
+        counted.append(whitener.counted(read, white[-1]))
+    assert loudest_band(white, 1e-3).p_value < 1e-6
+    band = loudest_band(white, 1e-3, counted)
+    assert (band.p_value < 1e-6) == (hum_m > 0.0)
+    if hum_m:
+        assert band.low_hz <= 210.0 <= band.high_hz
+
+
+def _still(samples: int, count: float) -> Deviations:
+    """Return one output in counts whose state stays."""
+    ones = np.ones((samples, 1, 1))
+    variance = np.full((samples, 1), count**2 / 12.0)
+    nothing = np.zeros((samples, 1))
+    return Deviations(ones, nothing, ones, variance, np.zeros(1), np.eye(1), (count,))
 
 
 def test_holm_rejects_what_all_tests_allow() -> None:

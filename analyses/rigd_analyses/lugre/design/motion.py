@@ -75,7 +75,7 @@ class Motion:
 
 
 def predict(shape: Shape, shared: FloatArray, constants: RigConstants, sensors: Sensors) -> Motion:
-    """Return the motion of ``shape`` with the unknowns ``shared`` (26,) of a system."""
+    """Return the motion of ``shape`` with the unknowns ``shared`` (27,) of a system."""
     q, period_s = np.append(shared[:DYNAMIC], 0.0), sensors.period_s
     q[list(BY_MASS)] *= constants.mass.value / shared[MASS]
     told = np.zeros(round(REST_S / period_s))
@@ -91,7 +91,8 @@ def predict(shape: Shape, shared: FloatArray, constants: RigConstants, sensors: 
     current, states = current[: len(told)], states[: len(told)]
     phase_of = constants.roller_transitions * states[:, kernel.ANGLE]
     nothing = np.zeros(LOCAL)
-    felt = outputs(states, phase_of, shared, nothing, constants.wheel_radius.value)
+    radius = constants.wheel_radius.value
+    felt = outputs(states, phase_of, shared, nothing, radius, period_s)
     speed = abs(float(states[-1, kernel.SPEED]))
     end = float(states[-1, kernel.POSITION]) + 0.5 * speed**2 / BRAKE_M_S2
     back = max(end - CREEP_M, 0.0) / RETURN_M_S + min(max(end, 0.0), CREEP_M) / CREEP_M_S

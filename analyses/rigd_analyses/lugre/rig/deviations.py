@@ -25,9 +25,12 @@ from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.rig import kernel as rig
 from rigd_analyses.lugre.rig.outputs import (
+    ACCELERATION_DELAY,
     CARRIAGE_DELAY,
     GAIN,
     WHEEL_DELAY,
+    late,
+    unsure,
 )
 
 if TYPE_CHECKING:
@@ -46,6 +49,7 @@ UNHEEDED = 1e3  #: standard deviations of a reading that is not heeded
 class SensorNoise:
     """Standard deviations of current and accelerometer, and the counts of both encoders.
 
+    ``angle_count`` and ``position_count`` are the steps of the readings, 0 of means of several;
     ``rest`` is how many samples the zero of the current is the mean of.
     """
 
@@ -54,6 +58,8 @@ class SensorNoise:
     position_m: float
     acceleration_m_s2: float
     rest: int
+    angle_count: float = 0.0
+    position_count: float = 0.0
 
 
 @kernel
@@ -157,20 +163,24 @@ def deviations(
     first[OFFSET] = noise.current_a**2 / noise.rest
     drift = np.sqrt(_drift(forward, driven, first))
     turns = may_turn(states[:, rig.SPEED], drift)
-    seen[:, 2, V : Z + 1] = (1.0 + shared[GAIN]) * felt
+    lag = shared[ACCELERATION_DELAY] / system.period_s
+    seen[:, 2, V : Z + 1] = (1.0 + shared[GAIN]) * late(felt, lag)[0]
+    jumps = system.trials[trial].jumps
+    felt_sd = np.hypot(noise.acceleration_m_s2, unsure(states[:, 2], jumps, lag))
     turned = radius * system.period_s * np.abs(states[:, rig.WHEEL_SPEED])
     moved = system.period_s * np.abs(states[:, rig.SPEED])
     variance = np.stack(
         [
             _rounding(radius * noise.angle_rad, turned),
             _rounding(noise.position_m, moved),
-            (noise.acceleration_m_s2 * np.where(turns, UNHEEDED, 1.0)) ** 2,
+            (felt_sd * np.where(turns, UNHEEDED, 1.0)) ** 2,
         ],
         axis=1,
     )
     mix = np.eye(3)
     mix[0, 1] = 1.0  # slip travel and carriage travel are the wheel's travel
-    return Deviations(forward, driven, seen, variance, first, mix)
+    counts = (radius * noise.angle_count, noise.position_count, 0.0)
+    return Deviations(forward, driven, seen, variance, first, mix, counts)
 
 
 @kernel

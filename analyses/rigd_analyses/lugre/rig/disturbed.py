@@ -21,12 +21,14 @@ from rigd_analyses.lugre.rig.deviations import moving, stepped
 from rigd_analyses.lugre.rig.found import FRICTION
 from rigd_analyses.lugre.rig.outputs import (
     ACCELERATION,
+    ACCELERATION_DELAY,
     CARRIAGE_DELAY,
     GAIN,
     LOCAL,
     SLIP,
     TRAVEL,
     WHEEL_DELAY,
+    late,
 )
 from rigd_analyses.lugre.rig.system import RigSystem
 
@@ -156,14 +158,15 @@ class Disturbed:
         return self._outputs(trial, rates)
 
     def _outputs(self, trial: int, rates: FloatArray) -> FloatArray:
-        motion = self.motions[trial]
+        motion, period = self.motions[trial], self.system.period_s
         moved = _propagated(
-            motion.forward, motion.felt, rates * motion.moving[:, None, None], self.system.period_s
+            motion.forward, motion.felt, rates * motion.moving[:, None, None], period
         )
+        felt, _ = late(moved[:, 2], self.shared[ACCELERATION_DELAY] / period)
         return self.readings(
             moved[:, 0] - self.shared[CARRIAGE_DELAY] * moved[:, 3],
             moved[:, 1] - self.shared[WHEEL_DELAY] * moved[:, 4],
-            (1.0 + self.shared[GAIN]) * moved[:, 2],
+            (1.0 + self.shared[GAIN]) * felt,
         )
 
 

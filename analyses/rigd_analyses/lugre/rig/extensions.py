@@ -46,9 +46,7 @@ BY_TRIAL = (
     f"{FRICTION} that depends on the trial",
     f"{FRICTION} that depends on the recording",
 )
-DELAYS = LATE_ACCELEROMETER, LATE_CURRENT, LATE_ENCODERS = (
-    "a delay of the accelerometer", "a delay of the current", "a delay of both encoders",
-)  # fmt: skip
+DELAYS = LATE_CURRENT, LATE_ENCODERS = "a delay of the current", "a delay of both encoders"
 #: Of what kind things are that are easily taken for one another.
 LIKE = dict.fromkeys(BY_TRIAL, "by trial") | dict.fromkeys(DELAYS, "delay")
 #: What to check if friction differs between trials.
@@ -214,13 +212,6 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         POSITIVE,
     )
     yield yielded(
-        LATE_ACCELEROMETER,
-        "s",
-        "the filter of the accelerometer and its amplifier",
-        lambda k, m: rig.readings(acceleration=-np.gradient(m.acceleration, period)[:, None]),
-        possible=LATEST,
-    )
-    yield yielded(
         LATE_ENCODERS,
         "s",
         "the counter or bus that reads both, its filter and time stamps",
@@ -237,7 +228,7 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         LATE_CURRENT,
         "s",
         "the filter of the current monitor, the amplifier's loop",
-        lambda m: -np.gradient(m.current, period),
+        lambda m: np.gradient(m.current, period),
         LATEST,
     )
     yield current(

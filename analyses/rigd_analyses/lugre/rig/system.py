@@ -15,6 +15,7 @@ from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
+from rigd_analyses.lugre.counts import Rounding
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
@@ -43,7 +44,7 @@ TURNING_WINDOW = 21  #: samples, of the rate of the wheel angle that a delay is 
 LEAD = 40  #: samples of rest before the current step that are simulated
 REST = 300  #: samples of rest that the accelerometer's zero is taken from
 #: Uncertainties that no constant of the rig states; the sensors are taken to be ordinary ones.
-DELAY_S = 1e-3  #: of an encoder against the current
+DELAY_S = 1e-3  #: of a sensor against the current
 SLOPE_M_S2 = 0.02  #: of the floor, times gravity: 0.1 degrees
 DRAG_N_S_M = 0.05  #: of a cable
 CURRENT_ZERO_A = 3e-3
@@ -56,6 +57,7 @@ ZERO_M_S2 = 0.05
 OF_THE_RIG = (
     *("drive_gain", "no_load", "wheel_viscous", "wheel_inertia", "guide_friction", "drag"),
     *("wheel_radius", "current_zero", "wheel_delay", "carriage_delay", "acceleration_gain"),
+    "acceleration_delay",
 )
 #: Places among the shared unknowns, which begin with those of the recursion.
 GUIDE, NO_LOAD = kernel.NAMES.index("guide_friction"), kernel.NAMES.index("no_load")
@@ -175,6 +177,8 @@ class RigSystem:
                 / math.sqrt(12.0),
             ),
             REST + LEAD,
+            _each_reading([item.trial.angle_rounding for item in self.trials]),
+            _each_reading([item.trial.position_rounding for item in self.trials]),
         )
 
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
@@ -190,7 +194,8 @@ class RigSystem:
         # Far from the data a trial step may leave the numbers; the fit then takes a shorter one.
         states, _, phase = self._run(trial, shared, local, False)
         own = shared[self.places[trial]]
-        return outputs(states, phase, own, local, self.constants.wheel_radius.value)
+        radius = self.constants.wheel_radius.value
+        return outputs(states, phase, own, local, radius, self.period_s)
 
     def linearise(
         self, trial: int, shared: FloatArray, local: FloatArray
@@ -198,11 +203,11 @@ class RigSystem:
         """Return the outputs (n, 3) and their derivatives (n, 3, p + 4)."""
         states, by_q, phase = self._run(trial, shared, local, True)
         own, radius = shared[self.places[trial]], self.constants.wheel_radius.value
-        predicted = outputs(states, phase, own, local, radius)
+        predicted = outputs(states, phase, own, local, radius, self.period_s)
         hurry = self.constants.roller_transitions * self.trials[trial].turning_rad_s
         slopes = output_slopes(
             states, by_q, phase, hurry, own, radius, self._q_slopes(trial, shared, local),
-            self.places[trial], len(self.shared),
+            self.places[trial], len(self.shared), self.period_s,
         )  # fmt: skip
         return predicted, slopes
 
@@ -262,6 +267,7 @@ class RigSystem:
             _zero("wheel_delay", "s", DELAY_S, "delay of the wheel encoder"),
             _zero("carriage_delay", "s", DELAY_S, "delay of the carriage encoder"),
             _zero("acceleration_gain", "1", ACCELERATION_GAIN, "gain of the accelerometer"),
+            _zero("acceleration_delay", "s", DELAY_S, "delay of the accelerometer"),
             _zero("shake_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos"),
             _zero("shake_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin"),
             _zero("shake_2_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos of twice"),
@@ -281,7 +287,7 @@ class RigSystem:
     def _of_others(
         self, first: tuple[Unknown, ...]
     ) -> tuple[tuple[Unknown, ...], tuple[NDArray[np.intp], ...]]:
-        """Return all shared unknowns, and the places (26,) of those that each trial has."""
+        """Return all shared unknowns, and the places (27,) of those that each trial has."""
         shared, places = list(first), []
         masses = {self.trials[0].trial.load: MASS}
         recordings = {self.trials[0].trial.recording: list(OF_THE_ENCODER)}
@@ -334,6 +340,12 @@ def driven_trial(trial: LugreTrial, part: slice, window: int, radius_m: float) -
 def period(trials: Sequence[LugreTrial]) -> float:
     """Return the sampling period of the trials in s."""
     return float(np.median(np.diff(trials[0].t_s)))
+
+
+def _each_reading(rounding: Sequence[Rounding]) -> float:
+    """Return the count of readings that are each one sample; 0 if they are means of several."""
+    least = min(rounding, key=lambda item: item.of_reading)
+    return least.count if least.samples == 1.0 else 0.0
 
 
 def _named(unknown: Unknown, recording: str) -> Unknown:
