@@ -101,7 +101,8 @@ class Diagnosis:
     ``left`` are the tests that are still significant, the worst first; ``levels`` (m,) the mean
     squares of the whitened outputs, which noise leaves at 1, ``worst`` (m,) those of each output's
     worst trial and ``trials`` (m,) which one that is. ``doubts`` (s,) are the steps of the shared
-    parameters, scaled, from what was added to each other thing that explains as much.
+    parameters, scaled, from what was added to each other thing that explains as much, and to a law
+    of friction that the data do not show.
     """
 
     fit: OutputErrorFit
@@ -184,6 +185,7 @@ def diagnose(
         for item in chosen
         for other in as_good[item.name]
     ]
+    doubts += [shift[:own] for shift in _unseen(new, left)]
     return Diagnosis(
         found,
         explained,
@@ -196,6 +198,19 @@ def diagnose(
         state.shape,
         tuple(doubts),
     )
+
+
+def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]:
+    """Return the step (p,) with the law of ``tests`` that explains most without being significant.
+
+    It is less by the share that chance would gain: what the data just cannot show is in no
+    interval else.
+    """
+    laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
+    best = max(laws, key=lambda item: item.worth, default=None)
+    if best is None or best.worth <= 0.0:
+        return []
+    return [best.score.shift * best.worth / best.score.gain]
 
 
 def _deviance(found: OutputErrorFit) -> float:

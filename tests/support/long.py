@@ -252,6 +252,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_diagnosis.py": (
             "test_a_constant_on_its_way_is_not_suspected",
             "test_a_late_accelerometer_is_named",
+            "test_law_just_not_seen_is_in_the_interval",
             "test_a_measuring_wheel_out_of_centre_is_named",
             "test_a_shaft_that_winds_up_is_named",
             "test_a_wheel_that_grows_is_named",

@@ -102,6 +102,20 @@ def test_a_shaft_that_winds_up_is_named() -> None:
     assert stiffness.low <= world.physics.s0 <= stiffness.high
 
 
+def test_law_just_not_seen_is_in_the_interval() -> None:
+    """The exponent is 0.55: V_s was off by 7.7 half widths without a word, mu_s by 2.4."""
+    base = right("pvc")
+    world = replace(base, physics=base.physics._replace(exponent=0.55))
+    result = found(world, tuple(((amps, 3.0),) for amps in (0.3, 0.45, 0.6, 0.9, 1.2, 1.5)))
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.FITS
+    for name in ("V_s", "mu_s", "mu_c", "sigma_0"):
+        entry = result.parameter(name)
+        if entry.quoted is not None:
+            assert entry.low is not None and entry.high is not None
+            assert entry.low <= world.truth[name] <= entry.high, name
+
+
 def test_V_s_of_slip_hardly_seen_is_refused() -> None:
     """V_s was 0.34 mm/s for 1.96 m/s, of 0.1 mm slid below it; the bristle follows in 10 mm."""
     (kind,) = (kind for kind in KINDS if kind.name == "accelerometer's gain and slope")
