@@ -20,7 +20,7 @@ from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd.analysis.score import holm
 from rigd.analysis.whiteness import largest_jump, levels, loudest_band
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.identify import fit_group, identify_output_error, rig_system
 from rigd_analyses.lugre.rig.outputs import late
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s
@@ -100,6 +100,16 @@ def test_a_shaft_that_winds_up_is_named() -> None:
     stiffness = result.parameter("sigma_0")
     assert stiffness.low is not None and stiffness.high is not None
     assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+def test_hum_of_the_accelerometer_is_told_from_current() -> None:
+    """The mains were looked for on the current alone."""
+    base = right("pvc")
+    world = replace(base, program=FEW, accelerometer=replace(base.accelerometer, hum=0.1))
+    begun = fit_group(world.trials(1), world.constants, world.rig)
+    (first,) = begun.gate.explanations
+    assert first.name == "a hum of 50 Hz on the accelerometer"
+    assert first.size == pytest.approx(0.1, rel=0.1)
 
 
 def test_law_just_not_seen_is_in_the_interval() -> None:

@@ -69,10 +69,11 @@ def test_unshown_effect_makes_no_promise(monkeypatch: pytest.MonkeyPatch) -> Non
     """Without a Stribeck effect there is no V_s; another test may show one."""
     monkeypatch.setitem(FLOORS, "flat", replace(FLOORS["pvc"], mu_s=FLOORS["pvc"].mu_c))
     found = identified("flat", first("flat")).further
-    (speed,) = (item for item in found if item.target == "V_s")
-    assert speed.count == 1 and not speed.certain
-    assert "may determine it" in speed.sentence
-    assert "if friction is that of the best fit, but not with all" in speed.sentence
+    assert not any(item.certain for item in found)
+    (likely, *_) = (item for item in found if item.count)
+    assert likely.target in ("V_s", "mu_s")
+    assert "may determine it" in likely.sentence
+    assert "if friction is that of the best fit, but not with all" in likely.sentence
 
 
 def test_no_test_is_promised_beyond_all_slip() -> None:

@@ -29,7 +29,8 @@ from rigd_analyses.lugre.rig.system import LEAD, RigSystem
 WARMING_S = 0.3  #: time over which friction may change within a drive
 STICTION_M_S = 0.02  #: speed over which the guide's static friction falls
 ORDERS = tuple(n for n in range(1, 41))  #: per turn of the wheel, of a force
-LONGEST_M, SHORTEST_M = 0.5, 0.03  #: of what may repeat along the guide
+SHORTEST_M = 0.03  #: of what may repeat along the guide
+PERIODS = 4.0  #: that the longest travel shows, or it is not known to repeat
 RESOLVED = 0.5  #: of one wave more along the longest travel
 NEAR = 13  #: lengths between two neighbours that a winner is refined with
 MAINS_HZ = (50.0, 60.0)
@@ -66,7 +67,7 @@ def candidates(system: RigSystem, theta: FloatArray) -> Iterator[Suspect]:
 def suspects(rig: Disturbed) -> Iterator[Suspect]:
     """Yield what may be wrong with a rig that moves along the guide."""
     for item in _all(rig):
-        yield replace(item, like=LIKE.get(item.name, ""))
+        yield replace(item, like=LIKE.get(item.name, item.like))
 
 
 def _all(rig: Disturbed) -> Iterator[Suspect]:
@@ -116,6 +117,8 @@ def contexts(rig: Disturbed) -> list[Context]:
         of("the acceleration", lambda m: m.acceleration),
         of("the wheel's angle", lambda m: m.angle, round_rad=True),
         Context("the direction", [np.sign(m.speed) * m.moving for m in motions], groups=True),
+        Context("the direction of the slip", [np.sign(m.slip) * m.moving for m in motions],
+                groups=True),
         Context("the trial", [np.full(m.time.size, float(k)) for k, m in enumerate(motions)],
                 groups=True),
         Context("the recording", [np.full(m.time.size, numbers[name])
@@ -322,12 +325,17 @@ def _repeating(rig: Disturbed) -> Iterator[Suspect]:
         )  # fmt: skip
     travel = max(float(np.ptp(motion.position)) for motion in rig.motions)
     step = RESOLVED / travel
-    for waves_m in np.arange(1.0 / LONGEST_M, 1.0 / SHORTEST_M, step):
+    for waves_m in np.arange(PERIODS / travel, 1.0 / SHORTEST_M, step):
         yield _repeated(rig, float(waves_m), step)
     for mains_hz in MAINS_HZ:
+        hum = f"a hum of {mains_hz:.0f} Hz"
         yield Suspect(
-            f"a hum of {mains_hz:.0f} Hz on the current", "A", partial(_humming, rig, mains_hz),
-            "earth and screen of the current monitor", special=True, each_trial=True,
+            f"{hum} on the current", "A", partial(_humming, rig, mains_hz),
+            "earth and screen of the current monitor", special=True, each_trial=True, like=hum,
+        )  # fmt: skip
+        yield Suspect(
+            f"{hum} on the accelerometer", "m/s^2", partial(_felt_hum, rig, mains_hz),
+            "earth and screen of the accelerometer", special=True, each_trial=True, like=hum,
         )  # fmt: skip
 
 
@@ -363,6 +371,12 @@ def _humming(rig: Disturbed, mains_hz: float) -> Columns:
     return [
         rig.forced(k, torque_nm=gain * _circle(2.0 * np.pi * mains_hz * m.time))
         for k, m in enumerate(rig.motions)
+    ]
+
+
+def _felt_hum(rig: Disturbed, mains_hz: float) -> Columns:
+    return [
+        rig.readings(acceleration=_circle(2.0 * np.pi * mains_hz * m.time)) for m in rig.motions
     ]
 
 

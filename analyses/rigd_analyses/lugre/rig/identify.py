@@ -162,9 +162,9 @@ def fit_group(
     if cause:
         changed = changes(alike)
         why = (*changed, sentence(gate.explanations[0]))[0]
-        text = f"The model does not fit these data: {why}"
-        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
-        gate = replace(gate, findings=(*changed, *gate.findings, *_confounded(used)))
+        text = " ".join([f"The model does not fit these data: {why}", *_confounded(used)])
+        findings = (*changed, *gate.findings)
+        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
     shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
     return FirstFit(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
@@ -288,9 +288,9 @@ def _confounded(trials: Sequence[LugreTrial]) -> list[str]:
     if len(trials) < MONOTONIC or abs(spearmanr(range(len(trials)), currents)[0]) < IN_ORDER:
         return []
     return [
-        "The trials are in the order of their currents: what changes with time cannot be told from "
-        "what changes with speed. Play them with `order: random`, and an early one again at the "
-        "end."
+        "The trials are in the order of their currents: what changes with time (wear, warming) "
+        "cannot be told from what changes with speed (another law of friction). Play them with "
+        "`order: random`, and an early one again at the end."
     ]
 
 
