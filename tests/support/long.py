@@ -258,6 +258,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_shaft_that_winds_up_is_named",
             "test_a_wheel_that_grows_is_named",
             "test_V_s_of_slip_hardly_seen_is_refused",
+            "test_constant_far_from_stated_is_named",
             "test_constant_is_named_not_a_law_without_size",
             "test_error_that_follows_slip_gives_no_number",
             "test_rig_with_correct_constants_fits",

@@ -102,6 +102,24 @@ def test_a_shaft_that_winds_up_is_named() -> None:
     assert stiffness.low <= world.physics.s0 <= stiffness.high
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("cable drags, viscous", "drag of a cable"),
+        ("accelerometer late", "delay of the accelerometer"),
+    ],
+)
+def test_constant_far_from_stated_is_named(kind: str, name: str) -> None:
+    """20 of its uncertainties: the fit ended on a bound of 8, and nothing explained the misfit."""
+    (wrong,) = (item for item in KINDS if item.name == kind)
+    world = replace(wrong.world(right("pvc"), wrong.sizes[2]), program=CONSTANT[1::2])
+    begun = fit_group(world.trials(1), world.constants, world.rig)
+    assert begun.gate.outcome is FitOutcome.MISFIT
+    (first,) = begun.gate.explanations
+    assert first.name == name
+    assert first.size == pytest.approx(wrong.sizes[2], rel=0.01)
+
+
 def test_hum_of_the_accelerometer_is_told_from_current() -> None:
     """The mains were looked for on the current alone."""
     base = right("pvc")

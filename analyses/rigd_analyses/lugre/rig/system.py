@@ -36,7 +36,7 @@ from rigd_analyses.lugre.rig.outputs import (
 )
 from rigd_analyses.lugre.trial import LugreTrial
 
-REACH = 8.0  #: a constant may move by this many of its uncertainties
+REACH = 40.0  #: a constant may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor
 LEAST_U = 1e-4  #: relative: no constant is known better than this
 TINY = 1e-12
