@@ -21,7 +21,7 @@ Apply = Callable[[Rig, float, np.random.Generator], None]
 
 #: What one sentence about a cause may say instead of another.
 CARRIAGE_FORCE: Final = r"guide|rolling|slope|drag|force on the carriage|clutch|belt"
-DRIVE: Final = r"torque|drive|efficien|gear ratio|gain of the (current|monitor)|current monitor|monitor"
+DRIVE: Final = r"torque|drive|efficien|gear ratio|gain of the current|monitor"
 ALONG: Final = r"position|along|place|each [\d.]+ m?m\b|of the floor"
 TRIAL: Final = r"trial|record|order|wear|rises|falls|differs|in time"
 WHEEL_TURN: Final = r"wheel angle|eccentric|runout|out of round|turn|roller|revolution"
