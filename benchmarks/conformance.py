@@ -6,11 +6,11 @@ the rule that it names. The package as written must pass them all.
 
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
-    python benchmarks/conformance.py --fresh [KIND]  those that were written without the suites
-    python benchmarks/conformance.py --fresh-second [KIND]  those of the second author
+    python benchmarks/conformance.py --fresh third [KIND]  those of the third author
 
-A fresh mutant (`tests/support/fresh_mutants`) names no rule: it is caught if the suite finds
-anything. The seconds are those of the processor.
+Three authors (first, second, third) wrote fresh mutants without a look at the suites
+(`tests/support/fresh_mutants`). These name no rule: one is caught if the suite finds anything. The
+seconds are those of the processor.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from figures import at_least, at_most
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.fresh_mutants import Fresh
-from support.fresh_mutants.kinds import KINDS as FRESH
-from support.fresh_mutants.kinds import SECOND
+from support.fresh_mutants.kinds import AUTHORS
 from support.mutants import Mistake, made
 from support.mutants.kinds import KINDS
 
@@ -45,15 +44,14 @@ def rules_of(kind: str, mutant: Mistake | None, only: tuple[str, ...] = ()) -> l
 def main() -> int:
     """Examine the mutants and print which rules find each."""
     parser = argparse.ArgumentParser(description=__doc__)
-    kinds = tuple(dict.fromkeys((*KINDS, *FRESH)))
+    kinds = tuple(dict.fromkeys((*KINDS, *AUTHORS["first"])))
     parser.add_argument("kind", nargs="?", choices=kinds, help="of one kind only")
     parser.add_argument("name", nargs="*", help="mutants of this name only")
     parser.add_argument("--own-rule", action="store_true", help="apply only the rule it names")
-    parser.add_argument("--fresh", action="store_true", help="those that name no rule")
-    parser.add_argument("--fresh-second", action="store_true", help="those of the second author")
+    parser.add_argument("--fresh", choices=AUTHORS, help="those of an author, which name no rule")
     args = parser.parse_args()
-    if args.fresh or args.fresh_second:
-        fresh = SECOND if args.fresh_second else FRESH
+    if args.fresh:
+        fresh = AUTHORS[args.fresh]
         return examine_fresh(fresh, [args.kind] if args.kind else list(fresh), args.name)
     sums = []
     missed, unfit = 0, 0

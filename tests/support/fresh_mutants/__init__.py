@@ -1,8 +1,9 @@
 """Mistakes of authors that were written before the conformance suites were read.
 
 They measure what ``check_driver``, ``check_plant`` and ``check_analysis`` find of mistakes that
-nobody had in mind who wrote a rule. ``python benchmarks/conformance.py --fresh`` examines them. A
-mistake that they miss stays here as it is: a rule is made for its kind, never for its text.
+nobody had in mind who wrote a rule. ``python benchmarks/conformance.py --fresh AUTHOR`` examines
+those of one author. A mistake that they miss stays here as it is: a rule is made for its kind,
+never for its text.
 """
 
 from __future__ import annotations
