@@ -208,3 +208,10 @@ def name_recordings(args: argparse.Namespace) -> None:
     for name in ("file", "recording", "resume"):
         if isinstance(given := getattr(args, name, None), Path):
             setattr(args, name, the_newest(given, folder))
+
+
+def port(text: str) -> int:
+    """Return a port of TCP; 0 is any free one."""
+    if text.isdecimal() and int(text) < 1 << 16:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no port: give a whole number from 0 to 65535")

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from rigd.cli.options import port
 from rigd.cli.remote.command import add_target, connect_async
 from rigd.cli.shown import outlive_output
 
@@ -34,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_target(parser)
     page = parser.add_argument_group("the page")
     page.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
-    page.add_argument("--port", type=int, help=("default 8423, or a free port if 8423 is in use"))
+    page.add_argument("--port", type=port, help=("default 8423, or a free port if 8423 is in use"))
     page.add_argument(
         "--name",
         action="append",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.options import add_rig, add_runs, rig_of
+from rigd.cli.options import add_rig, add_runs, port, rig_of
 from rigd.cli.shown import outlive_output
 
 if TYPE_CHECKING:  # imported when it is needed: a command line that only prints help is quick
@@ -35,9 +35,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--procedures",
         type=Path,
-        default=Path("procedures"),
         metavar="FOLDER",
-        help="folder of your own procedures, offered together with the shipped ones",
+        help="folder of your own procedures, offered together with the shipped ones (default: "
+        "procedures)",
     )
     parser.add_argument(
         "--panel",
@@ -46,13 +46,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--panel-port",
-        type=int,
+        type=port,
         metavar="PORT",
         help="port of the panel (default 8423, or a free port if 8423 is in use)",
     )
     parser.add_argument(
         "--foxglove",
-        type=int,
+        type=port,
         nargs="?",
         const=8765,
         metavar="PORT",
@@ -81,7 +81,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
     from rigd.daemon.serve import DaemonOptions, logging_to, serve
-    from rigd.model.errors import Exit
+    from rigd.model.errors import ConfigError, Exit
     from rigd.model.extras import is_installed, missing, require
 
     outlive_output()
@@ -89,10 +89,14 @@ def execute(args: argparse.Namespace) -> int:
         require("panel", "rigd serve --panel")
     has_panel = args.panel is not False and is_installed("panel")
     rig = load_rig(rig_of(args))
+    if args.procedures is not None and not args.procedures.is_dir():
+        raise ConfigError(
+            f"there is no folder {args.procedures}", hint="make it, or leave --procedures out"
+        )
     options = DaemonOptions(
         rig,
         args.runs.absolute(),
-        args.procedures.absolute(),
+        (args.procedures or Path("procedures")).absolute(),
         monitored=args.monitor,
         foxglove=args.foxglove,
         panel=_panel_of(rig, args.runs.absolute(), args.panel_port) if has_panel else (),

@@ -94,6 +94,20 @@ CASES = {
         "check quick.yaml", "to use the shipped procedure, give its name: quick",
         [("check quick", 0, "quick")],
     ),
+    "no rig to serve": Case(
+        "serve", "give --rig RIG, set RIGD_RIG, or write `default_rig: RIG` into rigd.yaml",
+        [("serve --rig lugre_1", 2, "did you mean 'lugre-1'?"),
+         ("RIGD_RIG=lugre_1 serve", 2, "did you mean 'lugre-1'?")],
+    ),
+    "port that is none": Case(
+        "serve --rig lugre-1 --panel-port 99999", "give a whole number from 0 to 65535",
+        [("serve --rig lugre-1 --foxglove x", 2, "'x' is no port"),
+         ("panel --rig lugre-1 --port -1", 2, "port")],
+    ),
+    "no folder of procedures to serve": Case(
+        "serve --rig lugre-1 --procedures nothing", "make it, or leave --procedures out",
+        [("serve --rig lugre-1 --procedures plans --runs text.mcap", 7, "choose another --runs")],
+    ),
     "map to check, misspelt": Case(
         "check lugre_table.yaml", "give the path of a file, or the name of a shipped procedure",
         [("check plans/quick.yaml", 0, "right"), ("check quick", 0, "quick")],
