@@ -50,6 +50,7 @@ class Case:
     A constant is a number in SI or, if it differs from trial to trial, the name of the parameter of
     the trials that holds it. ``truth`` are the parameters that they were simulated from, which must
     be found; ``unknown`` those that they cannot hold, of which no number may be quoted.
+    ``symbols`` are those by which the report calls what is found, by name.
     ``calibration`` is the text of a calibration file, for an analysis that needs one.
     """
 
@@ -58,6 +59,7 @@ class Case:
     truth: Mapping[str, float]
     unknown: tuple[str, ...] = ()
     calibration: str = ""
+    symbols: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_case(

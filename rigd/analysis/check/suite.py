@@ -277,6 +277,12 @@ class _Bench:
             yield f"it refuses the case: {error}", "evaluate what the case simulates"
             return
         yield from self._misses(case, found)
+        for name, symbol in _symbols(self.first(case)[1]).items():
+            if symbol != case.symbols.get(name, symbol):
+                yield (
+                    f"the report calls {name} {symbol}, and it is {case.symbols[name]}",
+                    "give quantities in the order of the parameters",
+                )
 
     def slower(self, case: Case) -> Iterator[tuple[str, str]]:
         """Look for a rate that is written into the analysis: every second sample is left out."""
@@ -480,6 +486,17 @@ class _Bench:
             numbers = [name for name, interval in found.items() if interval is not None]
             if numbers and not answers:
                 yield f"a recording {which} gives {', '.join(numbers)}", demand
+
+
+def _symbols(evaluation: Evaluation) -> Mapping[str, str]:
+    """Return the symbols of a report by the names of the parameters."""
+    if not isinstance(evaluation, ParameterEvaluation):
+        return {}
+    return {
+        item.name: item.symbol
+        for section in evaluation.sections
+        for item in (*section.result.parameters, *section.result.derived)
+    }
 
 
 def _ragged(evaluation: Evaluation) -> Iterator[tuple[str, str]]:

@@ -7,10 +7,11 @@ its rows, each row once and none left out.
 
 from __future__ import annotations
 
+import itertools
 import random
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -20,7 +21,7 @@ import numpy as np
 from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
-from rigd.sdk.check.rows import beyond_range, drawn_values, measure, untrue
+from rigd.sdk.check.rows import Matching, beyond_range, drawn_values
 from rigd.sdk.check.sequences import (
     DrawnTrial,
     KindOfStep,
@@ -68,6 +69,13 @@ PAUSE_S: Final = 0.4
 ENDS_S: Final = 0.12
 #: A machine that stands still for so long says nothing about the times of rows, in s.
 STALL_S: Final = 0.03
+#: Faults that a device has for a while, in s.
+FAULTS_THAT_END: Final = ("cut", "garbled", "dead", "silent", "lossy")
+FAULT_S: Final = 0.3
+#: A time may be so many periods from when the device measured, but for the time that the command
+#: to begin takes; a machine that stood still for so many says nothing about that.
+STAMP_PERIODS: Final = 0.5
+STILL_PERIODS: Final = 0.25
 
 
 class BlockBench:
@@ -168,6 +176,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "read blocks": KindOfStep("started", 3),
     "measure": KindOfStep("started", 4),
     "pause": KindOfStep("started", 1.5),
+    "fail": KindOfStep("started", 1.0, "started", 2),
     "close": KindOfStep("open started", 2.5, "closed"),
     "new driver": KindOfStep("closed", 0.2),
 }
@@ -175,14 +184,25 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
+    faults = itertools.cycle(FAULTS_THAT_END)
 
     def play(trial: DrawnTrial) -> None:
-        drawn = replace(subject, more=trial.options)
-        with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
-            played = _Played(drawn, peer, caller)  # what it leaves open stays to be seen
-            played.play(trial)
+        drawn = replace(subject, more=trial.options, varied=trial.seed)
+        other = replace(drawn, varied=f"{trial.seed} beside")
+        with (
+            nothing_left(),
+            drawn.fresh_peer() as peer,
+            other.fresh_peer() if trial.beside else nullcontext() as beside,
+            Caller() as caller,
+        ):
+            # What they leave open stays to be seen.
+            others = [] if beside is None else [_Played(other, beside, caller)]
+            played = _Played(drawn, peer, caller)
+            played.play(trial, others)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
+        if name == "fail":
+            return next(faults)
         return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
 
     drawing = SequenceDrawing(subject, lambda _: CALLS, value)
@@ -199,16 +219,17 @@ class _Played:
         self._all: list[BlockDriver] = []
         self._new_driver()
         self._watcher = Watcher(peer)
-        self._rows = 0  # since the start, and what the device had sent until then
-        self._sent: int | None = None
+        self._readings = Matching(peer, self._driver.declaration)
+        self._offsets: list[float] = []  # of times of rows from those of the device, in s
+        self._gap_s = 0.0  # for how long this machine stood still since the start
         self._kept: list[int] = []  # of the last blocks: how many readings did not come with it
         self._ages: list[float] = []
         self._steps: list[float] = []  # from row to row, in ns
         self._last_ns = 0
         self._before: tuple[Block, Block] | None = None  # the last block, and a copy of it
 
-    def play(self, trial: DrawnTrial) -> None:
-        """Make the calls.
+    def play(self, trial: DrawnTrial, beside: Sequence[_Played] = ()) -> None:
+        """Make the calls, and read from others beside it, each before a device of its own.
 
         Raises:
             StepFailed: the driver breaks a promise.
@@ -218,16 +239,36 @@ class _Played:
         with self._watcher:
             try:
                 with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                    for other in beside:
+                        other.begin(self._watcher)
                     for step in walk:
                         self._watcher.gap_s = 0.0
                         made(self, step)
+                        for other in beside:
+                            other.go_on(2)
             finally:
-                self._caller.call(self._driver.close, OPEN_S)
+                for played in (*beside, self):
+                    played.end()
+
+    def begin(self, watcher: Watcher) -> None:
+        """Begin to sample, beside another; ``watcher`` sees whether this machine stalls."""
+        self._watcher = watcher
+        self._open()
+        self._start()
+
+    def end(self) -> None:
+        """Close it."""
+        self._caller.call(self._driver.close, OPEN_S)
 
     # The calls of each step.
 
     def _open(self) -> None:
         self._must("open", self._driver.open)
+        identity = self._peer.look().identity
+        if identity not in self._driver.identity:
+            raise StepFailed(
+                f"identity is {self._driver.identity!r}, and the device is {identity!r}"
+            )
 
     def _open_again(self) -> None:
         error = self._caller.call(self._driver.open, OPEN_S).error
@@ -236,12 +277,16 @@ class _Played:
         self._close()
 
     def _start(self) -> None:
-        self._rows, self._sent = 0, self._watcher.look().sent
-        self._last_ns, self._steps = 0, []
+        self._readings.begin()
+        self._last_ns, self._steps, self._offsets, self._gap_s = 0, [], [], 0.0
         self._began_ns = time.monotonic_ns()
         self._must("start", self._driver.start)
 
-    def _read_blocks(self, count: int = BLOCKS) -> None:
+    def _read_blocks(self) -> None:
+        self.go_on(BLOCKS)
+
+    def go_on(self, count: int) -> None:
+        """Read so many blocks, and check them."""
         blocks, end = 0, time.monotonic() + BLOCKS_S
         late = ""
         while blocks < count or late:  # what was late before a pause comes first
@@ -255,6 +300,13 @@ class _Played:
             if time.monotonic() > end:
                 problem = late or f"{blocks} blocks with rows in {BLOCKS_S:g} s"
                 raise StepFailed(problem) if blocks else surely(problem)
+        self._gap_s = max(self._gap_s, self._watcher.gap_s)
+        off_s = float(np.median(self._offsets)) if self._offsets else 0.0
+        period_s = 1.0 / self._driver.rate_hz
+        if abs(off_s) > STAMP_PERIODS * period_s and self._gap_s < STILL_PERIODS * period_s:
+            raise StepFailed(
+                f"the time of a row is {off_s / period_s:.2g} periods from when it was measured"
+            )
         span_s = (time.monotonic_ns() - self._began_ns) * 1e-9
         apart_s, rate_hz = float(np.median(self._steps)) * 1e-9, self._driver.rate_hz
         if span_s > GATHER_S and not abs(apart_s * rate_hz - 1) <= TIMES_PART:
@@ -270,23 +322,40 @@ class _Played:
             return f"rows are {min(self._ages):.3g} s old when they come"
         return ""
 
-    def _measure(self, values: tuple[float, ...]) -> None:
-        measure(self._peer, self._driver.declaration, values)
+    def _measure(self, values: Mapping[str, float], pause_s: float = 0.0) -> None:
+        time.sleep(pause_s / 2)
+        if self._peer.measure is not None:
+            self._peer.measure(values)
+        time.sleep(pause_s / 2)
         self._read_blocks()
 
-    def _pause(self, values: tuple[float, ...]) -> None:
-        time.sleep(PAUSE_S / 2)
-        measure(self._peer, self._driver.declaration, values)
-        time.sleep(PAUSE_S / 2)
+    def _pause(self, values: Mapping[str, float]) -> None:
+        self._measure(values, PAUSE_S)
+
+    def _fail(self, fault: str) -> None:
+        """Have the device fail for a while; opened again, the driver is as before."""
+        peer, found = self._peer, self._driver
+        if fault not in peer.faults or peer.mend is None or fault in peer.lasts:
+            return
+        peer.faults[fault]()
+        end, error = time.monotonic() + FAULT_S, None
+        while error is None and time.monotonic() < end:
+            error = self._caller.call(partial(found.read_block, TIMEOUT_S), OPEN_S).error
+        if error is not None and not isinstance(error, FAILURES):
+            raise StepFailed(f"while the device is {fault}, read_block raises {described(error)}")
+        peer.mend()
+        self._must("close", found.close)
+        self._must("open once the fault is over", found.open)
+        self._start()
         self._read_blocks()
 
     def _close(self) -> None:
         for turn in ("close", "close again"):
             self._must(turn, self._driver.close)
         time.sleep(ENDS_S)  # what is under way arrives
-        before = self._watcher.look().sent
+        before = self._readings.sent
         time.sleep(ENDS_S)
-        if self._watcher.look().sent != before:
+        if self._readings.sent != before:
             raise StepFailed("the device goes on sending after close()")
 
     def _new_driver(self) -> None:
@@ -308,7 +377,7 @@ class _Played:
 
     def _check(self, block: Block) -> None:
         """Check a block that came just now."""
-        now_ns, look = time.monotonic_ns(), self._watcher.look()
+        now_ns = time.monotonic_ns()
         for problem in _block_problems(self._driver, block):
             raise StepFailed(problem)
         if self._before is not None:
@@ -320,12 +389,17 @@ class _Played:
                 raise StepFailed("the block before changes when the next one is read")
         self._before = block, Block(block.times_ns.copy(), block.values.copy())
         times, period_ns = block.times_ns, 1e9 / self._driver.rate_hz
-        self._rows += len(times)
-        if self._sent is not None:
-            kept = (look.sent or 0) - self._sent - self._rows
+        if self._peer.readings is not None:
+            kept = self._readings.waiting - len(times)
             if kept < 0:
                 raise StepFailed(f"{-kept} rows more than the device has sent")
             self._kept.append(kept)
+            for at_ns, (taken_s, problem) in zip(
+                times, self._readings.in_turn(block.values.tolist()), strict=True
+            ):
+                if problem:
+                    raise StepFailed(problem)
+                self._offsets.append(at_ns * 1e-9 - taken_s)
         if self._last_ns:
             times = np.concatenate([[self._last_ns], times])
         steps = np.diff(times)
@@ -343,12 +417,6 @@ class _Played:
         if times[0] < self._began_ns - AGE_S * 1e9:
             raise StepFailed("a row is of a time before start()")
         self._ages.append(age_s)
-        for index in (0, len(block.values) // 2, -1):
-            began_s = block.times_ns[index] * 1e-9 - AGE_S
-            looks = [item.measured for item in self._watcher.since(began_s)]
-            if looks[-1]:
-                for problem in untrue(self._driver.declaration, block.values[index], looks):
-                    raise StepFailed(problem)
 
 
 def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:
@@ -389,16 +457,6 @@ def _lossy(subject: Subject) -> Iterator[str]:
         gaps = np.diff(np.concatenate([block.times_ns for block in blocks]))
         if np.max(gaps) < LOST_PERIODS * np.median(gaps):
             yield "samples were lost, read_block() raises nothing, and the times show no gap"
-
-
-def _garbled_at_open(subject: Subject) -> Iterator[str]:
-    with bench(subject, "garbled", started=False) as (found, begin):
-        begin()
-        for name, step in (("open", found.driver.open), ("close", found.driver.close)):
-            outcome = found.call(step, OPEN_S)
-            known = FAILURES if name == "open" else ()
-            if outcome.error is not None and not isinstance(outcome.error, known):
-                yield f"{name}() raises {described(outcome.error)}"
 
 
 def _rising(block: Block, channels: int) -> Block:
@@ -469,21 +527,6 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
     return check
 
 
-def _not_there(subject: Subject) -> Iterator[str]:
-    with bench(subject, "dead", started=False) as (found, begin):
-        begin()
-        outcome = found.call(found.driver.open, OPEN_S)
-        if outcome.error is None:
-            yield "open() succeeds although nothing is connected"
-        elif not isinstance(outcome.error, FAILURES):
-            yield f"open() raises {described(outcome.error)}"
-        elif outcome.error.hint is None:
-            yield f"open() raises {outcome.error.message!r} without a hint"
-        closed = found.call(found.driver.close, OPEN_S)
-        if closed.error is not None:
-            yield f"close() after that raises {described(closed.error)}"
-
-
 #: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
@@ -537,17 +580,5 @@ RULES: Final = (
         "raise a DeviceError if samples were lost, or leave a gap in the times",
         _lossy,
         "lossy",
-    ),
-    Rule(
-        "garbled at open",
-        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
-        _garbled_at_open,
-        "garbled",
-    ),
-    Rule(
-        "not there",
-        "open() without a device raises a LinkError with a hint: what to check",
-        _not_there,
-        "dead",
     ),
 )

@@ -12,7 +12,7 @@ from typing import Any, Final
 from rigd.sdk.check.caller import SENDS, Caller, CallOutcome, hearing
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import Truth, row_problems
+from rigd.sdk.check.rows import Matching, row_problems
 from rigd.sdk.check.sequences import StepFailed
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
@@ -34,6 +34,8 @@ PERIOD_S: Final = 0.002
 WAITS_S: Final = 0.015
 #: What the peer has sent has arrived after this time, in s: a row is the newest that has arrived.
 AGE_S: Final = 0.05
+#: A row that shows what was measured so long before it is old, in s.
+OLD_S: Final = 0.12
 #: After each thing that is sent outside the cycle the driver is held for so long, in s: the device
 #: obeys, and is looked at, before the driver can take it back.
 HELD_S: Final = 0.004
@@ -49,14 +51,14 @@ class Bench:
         self.peer = peer
         self.took: dict[str, list[float]] = {}  # how long each read and write took, in s
         self.waits: Counter[str] = Counter()  # how often one waited, while the machine went on
-        self._truth = Truth()
+        #: When a cycle read, and the one before, on CLOCK_MONOTONIC in s.
+        self._read_s = (time.monotonic(), 0.0)
         self.rows = 0  # that came since it was opened
         self._last_ns: int | None = None  # taken_ns of the last of them
-        #: Rows since all that the device had sent was read, and how many readings it had sent then.
-        self._fresh_rows = 0
-        self._sent: int | None = None
         self.sent_s: list[float] = []  # when something was sent in calls that may wait
         self.replace()
+        #: Compares rows with what the device has sent.
+        self.readings = Matching(peer, self.driver.declaration)
         self.watcher = Watcher(peer)  # a plant is there once it has a link
         self.gap_s = 0.0  # for how long the machine stood still
         #: What the device did before it was opened.
@@ -131,7 +133,7 @@ class Bench:
     def open(self) -> CallOutcome:
         """Open the link, if there is one, then the driver."""
         self.rows, self._last_ns = 0, None
-        self._fresh_rows, self._sent = 0, self.look().sent
+        self.readings.begin()
         if isinstance(self.link, Link):
             opened = self.call(self.link.open, OPEN_S)
             if opened.error is not None:
@@ -158,6 +160,7 @@ class Bench:
             begun = self.call(lambda: link.begin(t_ns))
             if begun.error is not None:
                 return begun
+        self._read_s = (time.monotonic(), self._read_s[0])
         row = self._timed("read", lambda: driver.read(t_ns))
         wanted = rest(driver) if setpoints is None else setpoints
         if row.error is None and wanted:
@@ -208,16 +211,12 @@ class Bench:
         Raises:
             StepFailed: it is not as declared, not true, or no reading of the device is behind it.
         """
-        now_s, declared = time.monotonic(), self.driver.declaration
-        look = self.look()
         if row is None:
-            if self.watcher.at(now_s - AGE_S).sent == look.sent:  # all that was sent is read
-                self._fresh_rows, self._sent = 0, look.sent
             return
+        now_s, declared = time.monotonic(), self.driver.declaration
         for problem in row_problems(declared, row):
             raise StepFailed(problem)
         self.rows += 1
-        self._fresh_rows += 1
         taken_ns = self.driver.taken_ns
         if taken_ns is not None:
             if taken_ns > now_s * 1e9:
@@ -225,15 +224,10 @@ class Bench:
             if self._last_ns is not None and taken_ns <= self._last_ns:
                 raise StepFailed("taken_ns of a row is not after that of the row before")
             self._last_ns = taken_ns
-        if self._sent is not None and self._fresh_rows > (look.sent or 0) - self._sent:
-            raise StepFailed(f"row {self.rows} is read, and the device has sent fewer readings")
-        if look.measured:
-            age_s = AGE_S
-            if look.sent is None and not declared.every_cycle:
-                age_s += declared.silent_s
-            looks = [item.measured for item in self.watcher.since_reading(now_s - age_s)]
-            for problem in self._truth.problems(declared, row, looks):
-                raise StepFailed(problem)
+        age_s = OLD_S + declared.oldest_s + self._read_s[0] - self._read_s[1]
+        stamp_s = None if taken_ns is None else taken_ns * 1e-9
+        for problem in self.readings.newest_first(row, age_s, stamp_s):
+            raise StepFailed(problem)
 
     def arm(self) -> None:
         """Arm the device and go through cycles until it is ready."""
@@ -266,14 +260,22 @@ def far(driver: Driver) -> tuple[float, ...]:
 
 @contextmanager
 def bench(subject: Subject, fault: str = "") -> Iterator[Bench]:
-    """Put a new driver before a new device, not opened; leave it safe and closed.
-
-    ``fault`` is one that the device has from the beginning.
+    """Put a new driver before a new device, as :func:`mounted` does.
 
     Raises:
         StepFailed: the driver leaves something open.
     """
-    with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
+    with nothing_left(), mounted(subject, fault) as found:
+        yield found
+
+
+@contextmanager
+def mounted(subject: Subject, fault: str = "") -> Iterator[Bench]:
+    """Put a new driver before a new device, not opened; leave it safe and closed.
+
+    ``fault`` is one that the device has from the beginning.
+    """
+    with subject.fresh_peer() as peer, Caller() as caller:
         found = Bench(subject, peer, caller)
         with found.watcher:
             try:

@@ -12,19 +12,22 @@ import gc
 import inspect
 import random
 import statistics
+import sys
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rigd.sdk.check.caller import RECEIVES, hearing
-from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far, rest
+from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far
+from rigd.sdk.check.drawn import intervals, too_often
 from rigd.sdk.check.fast import any_order, near
 from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.sequences import StepFailed
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.check.watching import until
 
 #: Half of the calls of a cycle must return within this, in s: a cycle at 100 Hz has 10 ms.
@@ -47,10 +50,6 @@ TAIL_S: Final = 0.5
 TAIL_CYCLES: Final = 50
 #: For so long, and 2 silent_s, a fault is looked at, in s.
 FAULT_S: Final = 0.7
-#: After this time an answer that is late has come, in s.
-LATE_S: Final = 1.3
-#: Time from one setpoint to the next while answers are late, in s.
-CHANGES_S: Final = 0.15
 #: What a device may take until it is safe, in s.
 SAFE_S: Final = 1.0
 #: arm() only sends: it takes no longer, in s, if the machine goes on meanwhile.
@@ -59,6 +58,10 @@ ORDER_S: Final = 0.15
 SAFE_ENDS_S: Final = {"make_safe": 0.58, "confirm_safe": 0.75}
 #: For so long a device that does not enable its actuator is asked whether it is ready, in s.
 LOCKED_S: Final = 0.5
+#: For so many times the interval of readings they are counted.
+INTERVALS: Final = 6
+#: So many devices refuse a setpoint.
+REFUSALS: Final = 3
 
 Check = Callable[[Subject], Iterator[str]]
 
@@ -69,8 +72,23 @@ def _bounded(subject: Subject) -> Iterator[str]:
         for _ in range(CYCLES):
             found.cycle(far(found.driver))
         yield from _waits(found)
+        yield from _grown(found, _files(subject.driver_class))
+    with bench(subject) as found:
+        found.run()
         yield from _taken_at_once(found)
-        yield from _grown(found, Path(inspect.getfile(subject.driver_class)).parent)
+
+
+def _intervals(subject: Subject) -> Iterator[str]:
+    for other, apart_s in intervals(subject):
+        with bench(other) as found:
+            if found.peer.readings is None:
+                return
+            found.run()
+            before, began_s = found.readings.sent, time.monotonic()
+            while time.monotonic() < began_s + INTERVALS * apart_s:
+                found.cycle(far(found.driver))
+            sent, for_s = found.readings.sent - before, time.monotonic() - began_s
+            yield from too_often(sent, for_s, apart_s)
 
 
 def _waits(found: Bench) -> Iterator[str]:
@@ -86,8 +104,11 @@ def _waits(found: Bench) -> Iterator[str]:
 
 def _taken_at_once(found: Bench) -> Iterator[str]:
     """Yield that one read() takes as many frames as there are, if it does."""
+    if begin := found.peer.faults.get("flooding"):
+        begin()
     for _ in range(FLOOD):
         found.write(far(found.driver))
+    found.cycle(far(found.driver))  # it asks
     time.sleep(FLOOD_S)
     taken: list[None] = []
 
@@ -96,13 +117,20 @@ def _taken_at_once(found: Bench) -> Iterator[str]:
             return found.driver.read(time.monotonic_ns())
 
     if found.call(read).error is None and len(taken) > MOST_TAKEN:
-        yield f"one read() takes {len(taken)} frames of {FLOOD} that wait: a flood stops the cycle"
+        yield f"one read() takes {len(taken)} frames: a flood stops the cycle"
 
 
-def _grown(found: Bench, package: Path) -> Iterator[str]:
+def _files(driver_class: type[Any]) -> set[str]:
+    """Return the files of a driver: its own, and those beside it that it uses."""
+    own = inspect.getfile(driver_class)
+    used = map(inspect.getmodule, vars(sys.modules[driver_class.__module__]).values())
+    names = {getattr(module, "__file__", None) or "" for module in used}
+    return {own, *(name for name in names if Path(name).parent == Path(own).parent)}
+
+
+def _grown(found: Bench, names: set[str]) -> Iterator[str]:
     """Yield how many bytes each cycle leaves in memory that code of the driver has allocated."""
-    found.watcher.stop()  # it keeps what it sees
-    files = [tracemalloc.Filter(True, f"{package}/*")]
+    files = [tracemalloc.Filter(True, name) for name in names]
     tracemalloc.start()
     try:
         sizes = []
@@ -139,46 +167,23 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                     outcome = found.close()
                     if outcome.error is not None:
                         yield f"{turn} raises {described(outcome.error)}"
-                if found.peer.mend is not None:
-                    found.peer.mend()
-                    yield from _works_again(found, fault)
-        if fault == "late":
-            yield from _behind(subject)
-        elif fault in {"silent", "stuck"}:
+        if fault in {"silent", "stuck"}:
             yield from _rescued(subject, fault)
 
     return check
-
-
-def _behind(subject: Subject) -> Iterator[str]:
-    """Yield that rows stay as many readings behind as once were late, if they do."""
-    with bench(subject) as found:
-        mend, silence = found.peer.mend, found.peer.faults.get("silent")
-        if mend is None or silence is None:
-            return
-        found.run()
-        for change in (found.peer.faults["late"], mend):
-            change()
-            end = time.monotonic() + LATE_S
-            while time.monotonic() < end:
-                if found.cycle(far(found.driver)).error is not None:
-                    return
-        silence()
-        yield from _cycled(found, "silent", rows=False)
 
 
 def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
     problems: dict[str, None] = {}
     found.took.clear()
     found.waits.clear()
-    began_s, number = time.monotonic(), 0
-    # A row that is not of the newest answer takes a late one for the answer to another question.
-    asks = fault == "late" and not found.driver.declaration.every_cycle
-    while (now_s := time.monotonic()) < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
-        rests = asks and (now_s - began_s) % (2 * CHANGES_S) > CHANGES_S
-        outcome = found.cycle((rest if rests else far)(found.driver))
+    began_s, number, raised = time.monotonic(), 0, False
+    while time.monotonic() < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
+        outcome = found.cycle(far(found.driver))
         number += 1
-        if asks and outcome.error is None:
+        raised |= outcome.error is not None
+        # It takes a late answer for that to another question if a row is not of the newest.
+        if fault == "late" and not found.driver.declaration.every_cycle and outcome.error is None:
             try:
                 found.check_row(outcome.value)
             except StepFailed as failed:
@@ -191,6 +196,8 @@ def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
             problems |= dict.fromkeys(row_problems(declared, outcome.value, in_range=False))
             if not rows and number > TAIL_CYCLES and time.monotonic() > began_s + TAIL_S:
                 problems[f"read() still gives rows {TAIL_S:g} s after the device is {fault}"] = None
+    if fault == "dead" and not raised:
+        problems["the link is dead, and no cycle raises a LinkError or DeviceError"] = None
     problems |= dict.fromkeys(_waits(found))
     yield from problems
 
@@ -221,14 +228,6 @@ def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[st
         yield f"make_safe() and confirm_safe() return, and the device drives {after.driven}"
 
 
-def _works_again(found: Bench, fault: str) -> Iterator[str]:
-    """Yield what does not work once the device has no fault any more, with the same driver."""
-    try:
-        found.run()
-    except UnfitSubject as unfit:
-        yield f"once the device is no longer {fault}, {unfit}"
-
-
 def _locked(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         if not found.driver.declaration.setpoints:
@@ -249,6 +248,11 @@ def _locked(subject: Subject) -> Iterator[str]:
 
 
 def _refused(subject: Subject) -> Iterator[str]:
+    for number in range(REFUSALS):  # of devices whose errors are others
+        yield from _refused_by(replace(subject, varied=f"refusal {number}"))
+
+
+def _refused_by(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         declared = found.driver.declaration
         if not declared.setpoints:
@@ -318,26 +322,6 @@ def _unguarded(subject: Subject) -> Iterator[str]:
             yield f"prove_watchdog() raises {described(proven.error)}"
 
 
-def _at_open(fault: str) -> Check:
-    """Return the check of opening a device with a fault: it ends, perhaps with an error."""
-
-    def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, fault) as found:
-            error = found.open().error
-            if error is None:
-                if fault == "dead":
-                    yield "open() succeeds although nothing is connected"
-            elif not isinstance(error, FAILURES):
-                yield f"open() raises {described(error)}"
-            elif fault == "dead" and error.hint is None:
-                yield f"open() raises {error.message!r} without a hint"
-            closed = found.close()
-            if closed.error is not None:
-                yield f"close() after that raises {described(closed.error)}"
-
-    return check
-
-
 #: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
@@ -355,8 +339,14 @@ RULES: Final = (
         "",
     ),
     Rule(
+        "as often as asked",
+        "an option `period` or `interval` is the time from one reading to the next",
+        _intervals,
+        "",
+    ),
+    Rule(
         "dead",
-        "with the link dead read() returns None or raises a LinkError; make_safe() or "
+        "with the link dead read() or write() raises a LinkError or DeviceError; make_safe() or "
         "confirm_safe() raises, unless the device is safe; close() ends",
         _fault("dead"),
         "dead",
@@ -420,23 +410,5 @@ RULES: Final = (
         "it did not",
         _unguarded,
         "unguarded",
-    ),
-    Rule(
-        "not there",
-        "open() without a device raises a LinkError with a hint: what to check",
-        _at_open("dead"),
-        "dead",
-    ),
-    Rule(
-        "silent at open",
-        "open() of a device that sends nothing ends within 30 s, and raises at most a LinkError",
-        _at_open("silent"),
-        "silent",
-    ),
-    Rule(
-        "garbled at open",
-        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
-        _at_open("garbled"),
-        "garbled",
     ),
 )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import asyncio
-import contextlib
 import inspect
 import math
 import re
@@ -20,6 +18,7 @@ from pydantic import BaseModel, ValidationError
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.leaks import nothing_left, opens
+from rigd.sdk.check.opening import AnyBench, any_bench
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
@@ -129,10 +128,10 @@ def _elsewhere(subject: Subject) -> Iterator[str]:
                 config = subject.config({**peer.options, name: value.replace(HERE, THERE)})
             except ValueError:
                 continue
-            driver = subject.driver_class(config, peer.link())
             with Caller() as caller:
-                ended = caller.call(partial(_listened, _opening_and_closing(driver)), OPEN_S)
-            _, opened = ended.value
+                found = AnyBench(subject, peer, caller, config)
+                opened = found.opened()
+                found.end()
             if any(HERE in item for item in opened) and not any(THERE in item for item in opened):
                 yield f"{name} is {value.replace(HERE, THERE)}, and open() connects to {HERE}"
 
@@ -297,49 +296,20 @@ def _listened(make: Callable[[], object]) -> tuple[object, list[str]]:
         return make(), opened
 
 
-def _opening_and_closing(driver: AnyDriver) -> Callable[[], object]:
-    """Return what opens a driver, with or without success, and closes it."""
-
-    async def slow() -> None:
-        if isinstance(driver, SlowDriver):
-            with contextlib.suppress(Exception):  # other rules report it
-                await driver.open()
-            with contextlib.suppress(Exception):
-                await driver.close()
-
-    def other() -> None:
-        if isinstance(driver, Driver | BlockDriver):
-            with contextlib.suppress(Exception):
-                driver.open()
-            with contextlib.suppress(Exception):
-                driver.close()
-
-    return (lambda: asyncio.run(slow())) if isinstance(driver, SlowDriver) else other
-
-
 def _unopened(subject: Subject) -> Iterator[str]:
-    with subject.fresh_peer() as peer, Caller() as caller:
-        driver = subject.make(peer, peer.link())
+    with any_bench(subject) as (found, _, _):
+        driver = found.driver
         steps: list[tuple[str, Callable[[], object]]] = []
         if isinstance(driver, Driver):
             steps = [("make_safe", driver.make_safe), ("make_safe again", driver.make_safe)]
-        steps += [("close", _closing(driver)), ("close again", _closing(driver))]
-        for name, step in steps:
+        for name, step in (*steps, ("close", driver.close), ("close again", driver.close)):
             try:
-                ended = caller.call(step, AT_ONCE_S)
+                ended = found.call(step, AT_ONCE_S)
             except Hung as hung:
                 yield f"{name} before open {hung}"
                 return
             if ended.error is not None:
                 yield f"{name} before open raises {described(ended.error)}"
-
-
-def _closing(driver: AnyDriver) -> Callable[[], object]:
-    if isinstance(driver, SlowDriver):
-        return lambda: asyncio.run(driver.close())
-    if isinstance(driver, Driver | BlockDriver):
-        return driver.close
-    raise TypeError(f"{type(driver).__name__} is none of Driver, BlockDriver and SlowDriver")
 
 
 def _named_well(what: str, channels: tuple[Channel, ...]) -> Iterator[str]:

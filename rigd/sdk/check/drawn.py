@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from enum import Enum
-from typing import Any, Final, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
@@ -20,31 +22,68 @@ from rigd.model.units import format_quantity
 from rigd.sdk.driver import DriverConfig
 from rigd.sdk.quantities import In
 
+if TYPE_CHECKING:
+    from rigd.sdk.check.subject import Subject
+
 #: A quantity is drawn between its default over this and its default times this, in its range.
 SPREAD: Final = 8.0
 #: Share of the options that are drawn; the others keep their defaults.
 SHARE: Final = 0.7
+#: Times between readings that are tried, in s; the device may be read so many times more often, and
+#: so many times more seldom, as its answer takes a while and this machine may stall.
+PERIODS_S: Final = (0.06, 0.3)
+OFTEN_PART: Final = 1.2
+SELDOM_PART: Final = 0.4
 
 
 def drawn_options(
-    config_class: type[DriverConfig], fixed: Collection[str], rng: random.Random
+    config_class: type[DriverConfig],
+    fixed: Collection[str],
+    rng: random.Random,
+    end: int | None = None,
 ) -> Mapping[str, Any]:
-    """Return options at random as a rig file gives them, without those of ``fixed``."""
+    """Return options at random as a rig file gives them, without those of ``fixed``.
+
+    With ``end`` all quantities are at the low (0) or high (-1) ends of their ranges.
+    """
     return {
         name: value
-        for name, value in _values(config_class, rng)
-        if name not in fixed and rng.random() < SHARE
+        for name, value in _values(config_class, rng, end)
+        if name not in fixed and (end is not None or rng.random() < SHARE)
     }
 
 
-def _values(config_class: type[DriverConfig], rng: random.Random) -> Iterator[tuple[str, Any]]:
+def intervals(subject: Subject) -> Iterator[tuple[Subject, float]]:
+    """Yield the driver with a long and a short time between readings, and that time in s.
+
+    The option is called `period` or `interval`, has a unit of time, and is not given by the author.
+    """
+    given = () if isinstance(subject.options, DriverConfig) else subject.options
+    for name in {"period", "interval"} & subject.driver_class.Config.model_fields.keys() - {*given}:
+        for value_s in PERIODS_S:
+            other = replace(subject, more={name: f"{value_s:g} s"})
+            with suppress(ValueError):  # it is beyond its bounds, or no time
+                other.declare()
+                yield other, value_s
+
+
+def too_often(count: int, for_s: float, apart_s: float) -> Iterator[str]:
+    """Yield that a driver that is to read every ``apart_s`` reads more often, or too seldom."""
+    times = for_s / apart_s
+    if not SELDOM_PART * times - 1 <= count <= OFTEN_PART * times + 2:
+        yield f"it reads {count} times in {for_s:.2g} s, and is to read every {apart_s:g} s"
+
+
+def _values(
+    config_class: type[DriverConfig], rng: random.Random, end: int | None
+) -> Iterator[tuple[str, Any]]:
     for key, field in config_class.model_fields.items():
         if not field.is_required():
-            for value in _value(field, rng):
+            for value in _value(field, rng, end):
                 yield field.alias or key, value
 
 
-def _value(field: FieldInfo, rng: random.Random) -> Iterator[Any]:
+def _value(field: FieldInfo, rng: random.Random, end: int | None) -> Iterator[Any]:
     """Yield a value of a field; nothing, if it has no range."""
     kind, default = field.annotation, field.get_default(call_default_factory=True)
     if get_origin(kind) is Literal:
@@ -56,11 +95,11 @@ def _value(field: FieldInfo, rng: random.Random) -> Iterator[Any]:
     elif kind is float and isinstance(default, float) and default and math.isfinite(default):
         for item in field.metadata:
             if isinstance(item, In):
-                yield format_quantity(_number(field, default, rng), item.unit, 4)
+                yield format_quantity(_number(field, default, rng, end), item.unit, 4)
 
 
-def _number(field: FieldInfo, default: float, rng: random.Random) -> float:
-    """Return a number of the sign of its default: within its bounds, or at one of them."""
+def _number(field: FieldInfo, default: float, rng: random.Random, end: int | None) -> float:
+    """Return a number of the sign of its default: within its bounds, or at that ``end``."""
     ends = sorted((default / SPREAD, default * SPREAD))
     low, high = ends
     for item in field.metadata:
@@ -73,6 +112,8 @@ def _number(field: FieldInfo, default: float, rng: random.Random) -> float:
                 high = min(high, float(bound))  # type: ignore[arg-type]
             case Lt(lt=bound):
                 high = min(high, float(bound) - 1e-3 * abs(default))  # type: ignore[arg-type]
+    if end is not None:
+        return (low, high)[end]
     if low * high <= 0:
         return rng.uniform(low, high)
     between = math.log(abs(low)) + rng.random() * math.log(high / low)

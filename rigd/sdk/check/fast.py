@@ -13,15 +13,18 @@ import math
 import random
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 from rigd.model.channels import Channel
 from rigd.model.errors import DeviceError
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, READY_S, Bench, rest
+from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, READY_S, Bench, mounted, rest
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
+from rigd.sdk.check.rows import drawn_values
 from rigd.sdk.check.sequences import (
     DrawnStep,
     DrawnTrial,
@@ -75,6 +78,17 @@ PROOF_S: Final = 0.03
 #: none, for so long, in s.
 HELD_PART: Final = 1.4
 HELD_S: Final = 0.3
+#: Cycles for which it is held at least: counters of 8 bits begin again. An answer has come after
+#: this time, in s, and another that long later.
+HELD_CYCLES: Final = 270
+ANSWERED_S: Final = 0.02
+COMES_S: Final = 0.003
+#: Faults that end, for how many cycles, and after which time an answer that is late has come, in s.
+FAULTS_THAT_END: Final = ("garbled", "cut", "dead", "late", "silent", "flooding")
+FAULT_CYCLES: Final = 40
+LATE_S: Final = 1.2
+#: Of the cycles in which all is damaged the device is asked in so many as before, at least.
+ASKED_PART: Final = 0.75
 
 #: States: closed, open (not armed), armed, tripped (by the watchdog).
 CALLS: Final[Mapping[str, KindOfStep]] = {
@@ -88,8 +102,11 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "write unarmed": KindOfStep("open", 1.5, "", 2),
     "write without a read": KindOfStep("armed", 1),
     "go on": KindOfStep("armed", 2),
+    "measure": KindOfStep("armed open", 1.5),
+    "fail": KindOfStep("armed open", 1.0, "open", 2),
     "hold": KindOfStep("armed", 0.6, "", 1),
     "cycle without a write": KindOfStep("armed open", 1),
+    "be silent": KindOfStep("open", 0.5, "open", 1),
     "act": KindOfStep("open armed", 0.6, "", 3),
     "wait for the watchdog": KindOfStep("armed", 0.4, "tripped", 1),
     "make safe": KindOfStep("open armed tripped", 2.5, "open"),
@@ -100,15 +117,16 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 }
 #: Those that a driver without setpoints, without a watchdog, a second link, actions does not know.
 OF_SETPOINTS: Final = {
-    "write", "write unarmed", "write without a read", "creep", "go on", "hold",
+    "write", "write unarmed", "write without a read", "creep", "go on",
     "arm and at once make safe",
 }  # fmt: skip
-OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill"}
+OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill", "be silent"}
 #: Those after which the device is driven, or in which it may be.
-DRIVES: Final = {"prove watchdog", "arm", "arm and at once make safe", "act"}
+DRIVES: Final = {"prove watchdog", "arm", "arm and at once make safe", "act", "fail"}
 #: Those in which the driver may be silent for so long that the watchdog acts.
 SILENT: Final = {
     "prove watchdog", "wait for the watchdog", "kill", "open again", "close", "new driver", "open",
+    "fail", "be silent",
 }  # fmt: skip
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
@@ -208,9 +226,13 @@ def near(channel: Channel, value: float, wanted: float) -> bool:
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, proofs = Setpoints(), itertools.count()
+    setpoints, proofs, faults = Setpoints(), itertools.count(), itertools.cycle(FAULTS_THAT_END)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
+        if name == "measure":
+            return drawn_values(subject.declare(), rng)
+        if name == "fail":
+            return next(faults)
         if name.startswith("write"):
             return setpoints.draw(subject.declare(), rng)
         if name == "creep":
@@ -220,9 +242,15 @@ def any_order(subject: Subject) -> Iterator[str]:
         return "twice" if name == "prove watchdog" and next(proofs) == 0 else None
 
     def play(trial: DrawnTrial) -> None:
-        drawn = replace(subject, more=trial.options)
-        with nothing_left(), drawn.fresh_peer() as peer, Caller() as caller:
-            played = _Played(drawn, Bench(drawn, peer, caller))  # kept: what it leaves is seen
+        drawn = replace(subject, more=trial.options, varied=trial.seed)
+        other = replace(drawn, varied=f"{trial.seed} beside")
+        with (
+            nothing_left(),
+            drawn.fresh_peer() as peer,
+            Caller() as caller,
+            mounted(other) if trial.beside else nullcontext() as beside,
+        ):
+            played = _Played(drawn, Bench(drawn, peer, caller), beside)  # what it leaves is seen
             played.play(trial)
 
     trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
@@ -232,9 +260,10 @@ def any_order(subject: Subject) -> Iterator[str]:
 class _Played:
     """Makes the calls of a sequence, and knows what the device is to do."""
 
-    def __init__(self, subject: Subject, found: Bench) -> None:
+    def __init__(self, subject: Subject, found: Bench, beside: Bench | None) -> None:
         self._subject = subject
         self._found = found
+        self._beside = beside  # another of its class, before a device of its own
         self._channels = found.driver.declaration.setpoints
         self._safe: Sequence[float] = found.fresh.driven
         #: What the device is to be driven with, and what was written last.
@@ -255,6 +284,8 @@ class _Played:
         found, self._walk = self._found, RandomWalk(trial, CALLS)
         with found.watcher:
             try:
+                if self._beside is not None:
+                    self._must("open another driver", self._beside.open())
                 with self._walk.judged(lambda: self._stalled or self._stands()):
                     for step in self._walk:
                         self._step(step)
@@ -271,6 +302,8 @@ class _Played:
         self._found.gap_s = self._found.watcher.gap_s = 0.0
         began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
         made(self, step)
+        if self._beside is not None:
+            self._look_beside(self._beside)
         if not self._observed or not self._channels:
             return
         if self._found.look().trips != trips and step.name not in SILENT:
@@ -295,10 +328,28 @@ class _Played:
         gap_s = max(self._found.gap_s, self._found.watcher.gap_s, self._before_s)
         return gap_s > min(watchdog_s / 3, AGE_S / 2)
 
+    def _look_beside(self, beside: Bench) -> None:
+        """Check that the driver beside this one, which is open and not armed, is as it was."""
+        outcome = beside.cycle(())
+        if outcome.error is None:
+            beside.check_row(outcome.value)
+        elif not isinstance(outcome.error, FAILURES):
+            raise StepFailed(f"a driver beside it raises {described(outcome.error)}")
+        look = beside.look()
+        if look.identity not in beside.driver.identity:
+            raise StepFailed(f"the identity of a driver beside it is {beside.driver.identity!r}")
+        if look.energised:
+            raise StepFailed("the device of a driver beside it is energised")
+
     # The calls of each step.
 
     def _open(self) -> None:
         self._must("open", self._found.open())
+        if self._found.look().identity not in self._found.driver.identity:
+            raise StepFailed(
+                f"identity is {self._found.driver.identity!r}, and the device is "
+                f"{self._found.look().identity!r}"
+            )
         self._safe_now("after open()")
         outcome = self._found.call_slowly(self._found.driver.preflight)
         self._must("preflight", outcome)
@@ -419,8 +470,13 @@ class _Played:
                 )
 
     def _write_unarmed(self, setpoints: Sequence[float]) -> None:
-        for _ in range(3):
+        known, watchdog_s = self._found.readings, self._found.driver.watchdog_s
+        end = time.monotonic() + (FOLLOWS_S if watchdog_s is None else watchdog_s / 2)
+        asked = known.sent + 2 * (self._found.peer.readings is not None)
+        for number in itertools.count():
             self._cycle(setpoints, refused=True)
+            if (number >= 3 and known.sent >= asked) or time.monotonic() > end:
+                break
         self._safe_now("without arm()")
 
     def _write_without_a_read(self, setpoints: Sequence[float]) -> None:
@@ -447,16 +503,81 @@ class _Played:
         self._wanted = self._clipped(self._last)
         for_s = HELD_S if watchdog_s is None else HELD_PART * watchdog_s
         rows, cycles, began_s = self._found.rows, 0, time.monotonic()
-        while time.monotonic() < began_s + max(for_s, 4 * declared.silent_s):
-            self._cycle(self._last)
+        known, sent, lost = self._found.readings, self._found.readings.sent, 0
+        while (
+            time.monotonic() < began_s + max(for_s, 4 * declared.silent_s) or cycles < HELD_CYCLES
+        ):
+            fresh, sent = known.sent > sent, known.sent
+            row = self._cycle(self._last).value
+            lost += fresh and row is None and declared.every_cycle
+            if known.sent:
+                until(partial(known.sends_after, sent), ANSWERED_S)
+                time.sleep(COMES_S)
             cycles += 1
+        if lost:
+            raise StepFailed(f"{lost} answers of {cycles} that have come give no row")
         if cycles > 50 and declared.channels and self._found.rows == rows:
             raise StepFailed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
         self._settle()
 
+    def _measure(self, values: Mapping[str, float]) -> None:
+        if self._found.peer.measure is not None:
+            self._found.peer.measure(values)
+        for _ in range(5):
+            self._cycle(self._last if self._walk.state == "armed" else ())
+
+    def _fail(self, fault: str) -> None:
+        """Have the device fail for a while; then it is as before, with the same driver."""
+        found, peer = self._found, self._found.peer
+        if fault not in peer.faults or peer.mend is None or fault in peer.lasts:
+            self._make_safe()
+            return
+        setpoints = self._last if self._walk.state == "armed" else ()
+        self._wanted = self._safe
+        sent = [found.readings.sent]
+        for _ in range(FAULT_CYCLES):
+            self._cycle(setpoints)
+        error: BaseException | None = None
+        for change in (peer.faults[fault], peer.mend):
+            sent.append(found.readings.sent)
+            change()
+            end, cycles = time.monotonic() + (LATE_S if fault == "late" else 0.0), 0
+            while error is None and (cycles < FAULT_CYCLES or time.monotonic() < end):
+                error, cycles = found.cycle(setpoints).error, cycles + 1
+        before, meanwhile = sent[1] - sent[0], sent[2] - sent[1]
+        asks = found.driver.declaration.every_cycle and before > ASKED_PART * FAULT_CYCLES
+        if error is None and fault == "garbled" and asks and meanwhile < ASKED_PART * before:
+            raise StepFailed(
+                f"in {FAULT_CYCLES} cycles the device is asked {before} times, and {meanwhile} "
+                "times while its answers are damaged"
+            )
+        if error is None:
+            self._found.check_row(found.cycle(setpoints).value)  # whatever was late
+            error = found.call(found.driver.make_safe).error  # it may raise, once
+        if error is not None and not isinstance(error, FAILURES):
+            raise StepFailed(f"while the device is {fault}, it raises {described(error)}")
+        self._must("close", found.close())
+        self._must("open once the fault is over", found.open())
+        self._make_safe()
+
     def _cycle_without_a_write(self) -> None:
         self._listen(2 * ARRIVES_S)
         self._still()
+
+    def _be_silent(self) -> None:
+        """Make no call for so long that the watchdog acts, not armed; then go on, or open anew."""
+        found = self._found
+        time.sleep((found.driver.watchdog_s or 0.0) + ROOM_S / 10)
+        for _ in range(5):
+            outcome = found.cycle(rest(found.driver))
+            if outcome.error is None:
+                found.check_row(outcome.value)
+                continue
+            if not isinstance(outcome.error, FAILURES):
+                raise StepFailed(f"a cycle raises {described(outcome.error)}")
+            self._must("close", found.close())
+            self._must("open after a silence", found.open())
+            break
 
     def _act(self, action: str) -> None:
         found = self._found
@@ -507,7 +628,7 @@ class _Played:
         self._await_safe("after make_safe()", trips)
         self._must("confirm_safe", found.call_slowly(found.driver.confirm_safe))
         self._must("make_safe again", found.call(found.driver.make_safe))
-        if found.look().sent is not None:  # what is read then is not what was read before
+        if found.readings.sent:  # what is read then is not what was read before
             time.sleep(1.5 * AGE_S)
         self._cycle(())
         self._safe_now("after make_safe()")
@@ -590,7 +711,8 @@ class _Played:
                 raise StepFailed(f"{when} the device is energised")
             if not self._driven(look):
                 raise StepFailed(f"{when} the device is driven at {self._shown(look.driven)}")
-            if look.ordered and not self._driven(replace(look, driven=look.ordered)):
+            told = replace(look, driven=look.ordered)
+            if look.ordered not in ((), self._found.fresh.ordered) and not self._driven(told):
                 raise StepFailed(f"{when} the device is told {self._shown(look.ordered)}")
 
     def _await_safe(self, when: str, trips: int | None) -> None:

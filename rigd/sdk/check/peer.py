@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -23,7 +24,20 @@ FAULTS: Final[Mapping[str, str]] = {
     "refusing": "it answers, and refuses what it is told, with the error of its manual",
     "locked": "it answers, and does not enable its actuator: its enable input is open",
     "unguarded": "its watchdog never acts",
+    "cut": "its connection ends within an answer, once; it takes another",
+    "flooding": "it answers with hundreds of frames, or bytes, for one",
+    "another": "another device is at its address, and answers as it does",
 }
+
+
+class Reading(NamedTuple):
+    """A reading that a device has sent, as its frame has it."""
+
+    #: When it was measured, on CLOCK_MONOTONIC in s.
+    taken_s: float
+    #: By channel in its unit, rounded as the device rounds them; status bits by their names, 0 or
+    #: 1, or the whole word as "status".
+    values: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -43,15 +57,13 @@ class Observed:
     watchdog_s: float | None = None
     #: How often its watchdog has acted since it was started; None: it does not count.
     trips: int | None = None
-    #: What it measures, by channel, in the unit of the channel. What changes is not compared.
-    measured: Mapping[str, float] = field(default_factory=dict)
-    #: How many readings it has sent, each counted before it is sent; None: it does not count.
-    sent: int | None = None
     #: The actions that it has done, in their order; None: it does not count them.
     acted: Sequence[str] | None = None
     #: What each would be driven with if it were switched on at the device itself, as at its front
     #: panel; () if it cannot be.
     ordered: Sequence[float] = ()
+    #: What tells this device from others of its make: its serial number.
+    identity: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,10 +92,17 @@ class Peer:
     link: Callable[[], Any] = lambda: None
     #: Functions that begin each of :data:`FAULTS`, without those that it cannot show.
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
-    #: Has the device measure other values, by channel in its unit; None if it cannot.
+    #: All that the device has sent, in turn, each added before it is sent; None: not kept.
+    readings: Sequence[Reading] | None = None
+    #: Draws, before a driver opens it, in what this device differs from others of its make: serial
+    #: number, rate, time of its watchdog, size of frames, texts of errors. It may alter `options`.
+    vary: Callable[[random.Random], object] | None = None
+    #: Has the device measure other values, by channel in its unit, and status bits by name, as far
+    #: as it can; None if it cannot.
     measure: Callable[[Mapping[str, float]], object] | None = None
-    #: Ends the fault that was begun; None if it cannot.
+    #: Ends the fault that was begun, but not those that last; None if it cannot.
     mend: Callable[[], object] | None = None
+    lasts: Collection[str] = ()
     #: Returns what the device does now, from any thread, whatever its fault is.
     observed: Callable[[], Observed] | None = None
 

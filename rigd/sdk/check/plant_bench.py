@@ -218,6 +218,20 @@ def gentle(driver: Driver, cycle: int) -> Sequence[float]:
     return values
 
 
+def mirrored(driver: Driver, cycle: int) -> Sequence[float]:
+    """Return the setpoints of :func:`gentle`, mirrored at the middle of their ranges."""
+    return [
+        setpoint.low + setpoint.high - value
+        for setpoint, value in zip(driver.declaration.setpoints, gentle(driver, cycle), strict=True)
+    ]
+
+
+def strong(driver: Driver, cycle: int) -> Sequence[float]:
+    """Return setpoints that stay at the low ends of their ranges, then at the high ones."""
+    end = (cycle // CYCLES) % 2
+    return [(setpoint.low, setpoint.high)[end] for setpoint in driver.declaration.setpoints]
+
+
 def wild(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints that jump from end to end of their ranges, far beyond them, and to NaN."""
     turn = cycle // 20

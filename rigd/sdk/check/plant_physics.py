@@ -6,7 +6,15 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from rigd.sdk.check.plant_bench import CYCLES, PlantBench, PlantSubject, gentle
+from rigd.sdk.check.plant_bench import (
+    CYCLES,
+    Commands,
+    PlantBench,
+    PlantSubject,
+    gentle,
+    mirrored,
+    strong,
+)
 from rigd.sdk.check.plant_rules import PlantRule, needs_devices, needs_truth
 from rigd.sdk.plant import Energy
 
@@ -35,14 +43,16 @@ def needs_steps(subject: PlantSubject) -> str:
     return "" if subject.plant_class.step_ns is not None else "the plant states no step_ns"
 
 
-def _driven(subject: PlantSubject) -> tuple[list[Energy], list[Energy]]:
+def _driven(
+    subject: PlantSubject, commands: Commands = gentle, cycles: int = CYCLES
+) -> tuple[list[Energy], list[Energy]]:
     """Return the energy in every cycle: while the plant is driven, and once all is safe."""
     bench = PlantBench(subject, subject.make())
     bench.look()
-    bench.play(CYCLES, gentle)
+    bench.play(cycles, commands)
     bench.make_safe()
     bench.play(CYCLES, None)
-    return bench.seen.energy[: CYCLES + 1], bench.seen.energy[CYCLES + 1 :]
+    return bench.seen.energy[: cycles + 1], bench.seen.energy[cycles + 1 :]
 
 
 def turned_over(energies: Sequence[Energy]) -> float:
@@ -89,13 +99,15 @@ def unbalanced(energies: Sequence[Energy], accuracy: float) -> str:
 
 
 def _dissipates(subject: PlantSubject) -> Iterator[str]:
-    moving, resting = _driven(subject)
-    energies = [*moving, *resting]
-    least = -ROUNDING * turned_over(energies)
-    for cycle, (item, other) in enumerate(pairwise(energies)):
-        if other.dissipated - item.dissipated < least:
-            yield f"friction gives {item.dissipated - other.dissipated:.3g} J back after {cycle} ms"
-            return
+    for commands in (gentle, mirrored, strong):
+        moving, resting = _driven(subject, commands, 2 * CYCLES)
+        energies = [*moving, *resting]
+        least = -ROUNDING * turned_over(energies)
+        for cycle, (item, other) in enumerate(pairwise(energies)):
+            back = item.dissipated - other.dissipated
+            if back > -least:
+                yield f"friction gives {back:.3g} J back after {cycle} ms"
+                return
 
 
 def _passive(subject: PlantSubject) -> Iterator[str]:

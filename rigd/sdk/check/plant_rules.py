@@ -14,10 +14,12 @@ from rigd.model.errors import ConfigError, RigdError
 from rigd.model.units import parse_quantity, parse_unit
 from rigd.sdk.check.plant_bench import (
     CYCLES,
+    Commands,
     PlantBench,
     PlantSubject,
     Played,
     gentle,
+    mirrored,
     wild,
 )
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
@@ -37,6 +39,12 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: as a drive at the end of its supply does, by so much.
 ALIKE: Final = 0.95
 FACTOR: Final = 5.0
+SETPOINT: Final = "its setpoint"
+#: The error of a sensor jumps at zero by no more than this part of its steps, so many standard
+#: deviations.
+ROUNDED_PART: Final = 0.3
+SURE: Final = 8.0
+ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -247,11 +255,28 @@ def _units(subject: PlantSubject) -> Iterator[str]:
     """Compare what devices show with the truth, and with setpoints, of the same name and unit."""
     import numpy as np
 
+    pairs = [list(_pairs(subject, commands)) for commands in (gentle, mirrored)]
+    for (words, of, shown, wanted), (_, _, shown_2, wanted_2) in zip(*pairs, strict=True):
+        factor = _factor(shown, wanted)
+        if factor is not None and not 1 / FACTOR <= factor <= FACTOR:
+            yield f"{words} is {factor:.3g} times {of}"
+        elif factor is not None and of != SETPOINT:
+            a, b = (np.concatenate(each) for each in ((shown, shown_2), (wanted, wanted_2)))
+            if (jump := _jump(a, b)) > ROUNDED_PART:
+                yield f"{words} jumps by {jump:.2g} of its steps as {of} passes zero"
+
+
+def _pairs(
+    subject: PlantSubject, commands: Commands
+) -> Iterator[tuple[str, str, NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield each channel in words, what it is to show, and both as arrays."""
+    import numpy as np
+
     bench = PlantBench(subject, subject.make())
     commanded: dict[str, list[Sequence[float]]] = {}
 
     def noted(driver: Driver, cycle: int) -> Sequence[float]:
-        values = gentle(driver, cycle)
+        values = commands(driver, cycle)
         (name,) = (name for name, item in bench.devices.items() if item is driver)
         commanded.setdefault(name, []).append(values)
         return values
@@ -268,17 +293,35 @@ def _units(subject: PlantSubject) -> Iterator[str]:
         for number, channel in enumerate(driver.declaration.channels):
             wanted = known.get((name, channel.name, channel.unit))
             shown = rows[1:, number] if rows.size else rows
-            of = "its setpoint"
+            of = SETPOINT
             if wanted is None and truth is not None and driver is not truth:
                 names = [(item.name, item.unit) for item in truth.declaration.channels]
                 if (channel.name, channel.unit) in names:
                     column = names.index((channel.name, channel.unit))
                     wanted, of = seen.table(subject.truth)[1:, column], f"that of {subject.truth}"
-            if wanted is None or len(wanted) != len(shown):
-                continue
-            factor = _factor(shown, wanted)
-            if factor is not None and not 1 / FACTOR <= factor <= FACTOR:
-                yield f"{name}.{channel.name} in {channel.unit} is {factor:.3g} times {of}"
+            if wanted is not None and len(wanted) == len(shown):
+                yield f"{name}.{channel.name} in {channel.unit}", of, shown, wanted
+
+
+def _jump(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
+    """Return by how much an error differs below and above zero, as part of the steps of a sensor.
+
+    Counts that are rounded towards zero do; a scale that is off a little does not.
+    """
+    import numpy as np
+
+    steps = np.diff(np.unique(shown))
+    steps = steps[steps > ROUNDING * np.ptp(shown)]
+    signs = np.sign(wanted)
+    if not len(steps) or min((signs > 0).sum(), (signs < 0).sum()) < CYCLES // 8:
+        return 0.0
+    error = shown - wanted
+    matrix = np.stack([np.ones_like(wanted), wanted, signs], axis=1)
+    found, _, _, _ = np.linalg.lstsq(matrix, error, rcond=None)
+    left = float(np.std(error - matrix @ found))
+    jump = 2.0 * abs(float(found[2]))
+    sure = jump > SURE * left / math.sqrt(min((signs > 0).sum(), (signs < 0).sum()))
+    return jump / float(np.min(steps)) if sure else 0.0
 
 
 def _factor(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float | None:

@@ -213,6 +213,23 @@ def _from_the_start(subject: PlantSubject) -> Iterator[str]:
                 break
 
 
+def _set_again(subject: PlantSubject) -> Iterator[str]:
+    """Compare a plant of which a setting is set to the value that it has with one left alone."""
+    for change in changes_of(subject.config().settings()):
+        seen = []
+        for again in (False, True):
+            bench = PlantBench(subject, subject.make())
+            bench.play(AFTER // 2, gentle)
+            with contextlib.suppress(ValueError):  # not allowed with the other options, or now
+                bench.plant.change(*change)
+                bench.play(AFTER // 2, gentle)
+                if again:
+                    bench.plant.change(*change)
+                seen.append(bench.play(AFTER // 2, gentle).bytes())
+        if len(set(seen)) > 1:
+            yield f"{change[0]}, set to {change[1]} again, changes what devices show"
+
+
 def _apart(subject: PlantSubject, first: Played, other: Played) -> str:
     """Return how the hidden state of two plants differs; "" if it does not."""
     rows = [{subject.truth: played.rows[subject.truth]} for played in (first, other)]
@@ -271,6 +288,12 @@ RULES: Final = (
         "an option is the value of its setting at the start: what is changed later acts as well",
         _from_the_start,
         needs_truth,
+    ),
+    PlantRule(
+        "settings set again",
+        "change() to the value that a setting has changes nothing, and to another only the setting",
+        _set_again,
+        needs_devices,
     ),
     PlantRule(
         "everything is read",

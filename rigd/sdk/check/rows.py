@@ -1,35 +1,29 @@
-"""Checks a row against the channels of its stream."""
+"""Checks a row against the channels of its stream, and the readings that its device has sent."""
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
-from rigd.sdk.check.peer import Peer
+from rigd.sdk.check.peer import Peer, Reading
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
 STATUS_LIMIT = 1 << 31
 #: A channel without a range is given values up to this, in its unit.
 LARGEST: Final = 100.0
-#: A small change of what a device measures, as part of its range.
-SMALL_STEP: Final = 0.04
-#: A value may differ from what the device measures by this part of it: its noise, its resolution.
-TRUE_PART = 0.02
-#: And by this part of its range: frames and cards carry whole numbers.
-RANGE_PART: Final = 1e-4
-#: After so many values it is known whether their errors lie on a straight line: they are not less
-#: than this part of the largest value, and what the line does not explain is this part of them.
-LINE_OF: Final = 10
-LINE_PART: Final = 3e-4
-LINE_LEFT: Final = 0.02
-#: After so many values the resolution of a device is known.
-LEARNED: Final = 3
-#: The part of a value that is lost in single precision.
-ROUNDED: Final = 1e-6
+#: The smallest of them, as powers of ten of that.
+SMALLEST: Final = 6.0
+#: What a value may differ from that of its reading by: the part that single precision takes, and
+#: some more.
+ROUNDED: Final = 3e-7
+LEAST: Final = 1e-12
+#: The time of a row may be so far from that of its reading, in s: it is estimated from arrivals.
+STAMP_S: Final = 0.05
 
 
 def row_problems(declared: Declaration, row: object, *, in_range: bool = True) -> Iterator[str]:
@@ -69,123 +63,92 @@ def beyond_range(channel: Channel, value: float) -> str:
     )
 
 
-def untrue(
-    declared: Declaration,
-    row: Sequence[float],
-    looks: Sequence[Mapping[str, float]],
-    rooms: Mapping[str, float] | None = None,
-) -> Iterator[str]:
-    """Yield the problems of a row whose device measured ``looks`` in turn, by channel in its unit.
-
-    A value lies between the least and the greatest of them, or beyond by at most its room of
-    ``rooms``, in its unit; by default that is a part of the value.
-    """
-    names = [channel.name for channel in declared.channels]
-    units = [channel.unit for channel in declared.channels]
-    if declared.has_status:
-        names, units = [*names, STATUS_FIELD], [*units, ""]
-    for name in looks[-1]:
-        if name not in names:
-            yield f"the peer measures {name!r}, which is no channel"
-            continue
-        index = names.index(name)
-        values = [look[name] for look in looks if name in look]
-        low, high = min(values), max(values)
-        room = 0.0
-        if units[index]:
-            span = declared.channels[index].high - declared.channels[index].low
-            steps = RANGE_PART * span if math.isfinite(span) else 0.0
-            room = max(TRUE_PART * max(abs(low), abs(high)), steps)
-        room = min(room, (rooms or {}).get(name, room))
-        if not low - room <= row[index] <= high + room:
-            measured = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-            yield f"{name} is {row[index]:g} {units[index]}, and the device measures {measured}"
-
-
-def drawn_values(declared: Declaration, rng: random.Random) -> tuple[float, ...]:
-    """Return a value for each channel, within its range."""
-    values = []
+def drawn_values(declared: Declaration, rng: random.Random) -> dict[str, float]:
+    """Return a value for each channel, within its range, and each status bit: 0 or 1."""
+    values: dict[str, float] = {}
     for channel in declared.channels:
-        low, high = _ends(channel)
-        values.append(low + (high - low) * rng.choice((0.02, 0.98, rng.random(), rng.random())))
-    return tuple(values)
+        low = channel.low if math.isfinite(channel.low) else min(channel.high, LARGEST) - LARGEST
+        high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
+        if not (math.isfinite(channel.low) or math.isfinite(channel.high)):
+            low, high = -LARGEST, LARGEST
+        inside = low + (high - low) * rng.choice((0.02, 0.98, rng.random(), rng.random()))
+        small = rng.choice((low, high)) * 10.0 ** -rng.uniform(0.0, SMALLEST)
+        values[channel.name] = small if low <= small <= high and rng.random() < 0.3 else inside
+    return values | {name: float(rng.random() < 0.5) for name in declared.status_bits}
 
 
-def _ends(channel: Channel) -> tuple[float, float]:
-    """Return the range in which values of a channel are drawn."""
-    low = channel.low if math.isfinite(channel.low) else min(channel.high, LARGEST) - LARGEST
-    high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
-    return low, high
+class Matching:
+    """Compares rows with the readings that a device has sent: none invented, twice or old."""
 
+    def __init__(self, peer: Peer, declared: Declaration) -> None:
+        self._readings = peer.readings
+        self._columns = {channel.name: index for index, channel in enumerate(declared.channels)}
+        self._bits = declared.status_bits
+        if declared.has_status:
+            self._columns[STATUS_FIELD] = len(declared.channels)
+        self._names = [*self._columns, *self._bits]
+        self.begin()
 
-def nearby(declared: Declaration, values: Sequence[float]) -> tuple[float, ...]:
-    """Return values that differ from ``values`` by a small step towards the middle."""
-    near = []
-    for channel, value in zip(declared.channels, values, strict=True):
-        low, high = _ends(channel)
-        near.append(value + math.copysign(SMALL_STEP * (high - low), low + high - 2 * value))
-    return tuple(near)
+    def begin(self) -> None:
+        """Forget what the device has sent until now."""
+        self._next = self.sent
 
+    @property
+    def sent(self) -> int:
+        """How many readings the device has sent."""
+        return len(self._readings or ())
 
-def measure(peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
-    """Have the device measure ``values``, as far as it can, by its channels."""
-    names = [channel.name for channel in declared.channels]
-    measured = peer.look().measured
-    if peer.measure is not None:
-        peer.measure({n: v for n, v in zip(names, values, strict=True) if n in measured})
-
-
-class Truth:
-    """Compares rows with what the device measured, the closer the more it knows of the device.
-
-    A simulated device that is told what to measure shows it rounded to its digits: that is its
-    resolution. And a value that is off by the same part and the same offset each time is off by a
-    mistake of the driver, however little that is.
-    """
-
-    def __init__(self) -> None:
-        #: What a value may differ by, by channel in its unit, of those of which that is known.
-        self.rooms: dict[str, float] = {}
-        self._off: dict[str, list[float]] = {}
-        self._errors: dict[str, dict[float, float]] = {}  # by channel and measured value
-
-    def measure(self, peer: Peer, declared: Declaration, values: Sequence[float]) -> None:
-        """Have the device measure ``values``; see :func:`measure`."""
-        measure(peer, declared, values)
-        shown = peer.look().measured
-        for channel, value in zip(declared.channels, values, strict=True):
-            if channel.name in shown:
-                off = self._off.setdefault(channel.name, [])
-                off.append(abs(shown[channel.name] - value))
-                if len(off) >= LEARNED and max(off) > 0.0:
-                    self.rooms[channel.name] = 2 * max(off) + ROUNDED * abs(value)
-
-    def problems(
-        self, declared: Declaration, row: Sequence[float], looks: Sequence[Mapping[str, float]]
+    def newest_first(
+        self, row: Sequence[float], age_s: float, stamp_s: float | None = None
     ) -> Iterator[str]:
-        """Yield the problems of a row whose device measured ``looks``; see :func:`untrue`."""
-        yield from untrue(declared, row, looks, self.rooms)
-        for channel, value in zip(declared.channels, row, strict=False):
-            measured = {look.get(channel.name, math.nan) for look in looks}
-            if len(measured) == 1 and not any(map(math.isnan, measured)):
-                errors = self._errors.setdefault(channel.name, {})
-                before = len(errors)
-                errors[measured.pop()] = value - min(look[channel.name] for look in looks)
-                if len(errors) > before and (problem := _same_error(errors)):
-                    yield f"{channel.name} is off {problem}, in {channel.unit}"
+        """Yield the problem of a row that came just now: it is a reading of the last ``age_s``.
 
+        ``stamp_s`` is the time of CLOCK_MONOTONIC that the driver gives for it, if it gives one.
+        """
+        readings = self._readings
+        if readings is None:
+            return
+        now_s, count = time.monotonic(), len(readings)
+        alike = [n for n in range(self._next, count) if not any(self._wrong(row, readings[n]))]
+        if alike:
+            self._next = alike[0] + 1
+            old_s = now_s - readings[alike[-1]].taken_s
+            if old_s > age_s:
+                yield f"a row shows what the device measured {old_s:.2g} s before"
+            apart_s = [abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike]
+            if min(apart_s) > STAMP_S:
+                yield f"the time of a row is {min(apart_s):.2g} s from that of its reading"
+        elif self._next == count:
+            yield f"a row comes, and the device has sent no reading since the {count} before"
+        else:
+            yield from list(self._wrong(row, readings[-1]))[:1]
 
-def _same_error(errors: Mapping[float, float]) -> str:
-    """Return the straight line on which the errors of a channel lie; "" if they lie on none."""
-    count = len(errors)
-    largest = max(map(abs, errors))
-    size = math.sqrt(sum(error**2 for error in errors.values()) / count)
-    if count < LINE_OF or size < LINE_PART * largest:
-        return ""
-    middle, offset = sum(errors) / count, sum(errors.values()) / count
-    spread = sum((value - middle) ** 2 for value in errors)
-    slope = sum((value - middle) * error for value, error in errors.items()) / spread
-    left = sum((error - offset - slope * (value - middle)) ** 2 for value, error in errors.items())
-    if math.sqrt(left / count) > LINE_LEFT * size:
-        return ""
-    return f"by {offset - slope * middle:.3g} and {100 * slope:.3g} % each time"
+    def sends_after(self, count: int) -> bool:
+        """Return whether the device has sent more than so many."""
+        return self.sent > count
+
+    @property
+    def waiting(self) -> int:
+        """How many of them no row has shown."""
+        return self.sent - self._next
+
+    def in_turn(self, rows: Sequence[Sequence[float]]) -> Iterator[tuple[float, str]]:
+        """Yield when the next reading, for each row, was taken, in s, and what is wrong, or ""."""
+        for row in rows:
+            reading = (self._readings or ())[self._next]
+            self._next += 1
+            yield reading.taken_s, next(self._wrong(row, reading), "")
+
+    def _wrong(self, row: Sequence[float], reading: Reading) -> Iterator[str]:
+        """Yield where a row differs from a reading."""
+        if not any(name in self._names for name in reading.values):
+            yield f"the peer sends {', '.join(reading.values)}, none of which is a channel"
+        for name, value in reading.values.items():
+            if name in self._columns:
+                shown = row[self._columns[name]]
+            elif name in self._bits:
+                shown = float(bool(int(row[-1]) & self._bits[name]))
+            else:
+                continue
+            if abs(shown - value) > ROUNDED * abs(value) + LEAST:
+                yield f"{name} is {shown:.7g}, and the device has sent {value:.7g}"

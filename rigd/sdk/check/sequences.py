@@ -45,6 +45,8 @@ class DrawnStep(NamedTuple):
     value: Any = None
 
     def __str__(self) -> str:
+        if isinstance(self.value, Mapping):
+            return f"{self.name} {', '.join(f'{k} {v:.6g}' for k, v in self.value.items())}"
         if isinstance(self.value, tuple):
             return f"{self.name} {', '.join(f'{value:.6g}' for value in self.value)}"
         return self.name if self.value is None else f"{self.name} {self.value}"
@@ -56,10 +58,15 @@ class DrawnTrial:
 
     steps: tuple[DrawnStep, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
+    #: What its device is, is drawn from it.
+    seed: str = ""
+    #: Whether another driver is open beside it, with a device of its own.
+    beside: bool = False
 
     def __str__(self) -> str:
         steps = ", ".join(map(str, self.steps))
-        return f"with {self.drawn}: {steps}" if self.options else steps
+        beside = "beside another, " if self.beside else ""
+        return f"with {self.drawn}: {beside}{steps}" if self.options else f"{beside}{steps}"
 
     def until(self, step: int) -> DrawnTrial:
         """Return the trial with the steps up to this one."""
@@ -93,12 +100,18 @@ class SequenceDrawing:
     used: Counter[str] = field(default_factory=Counter)
 
     def trials(self, count: int, steps: int) -> Iterator[DrawnTrial]:
-        """Yield sequences of so many steps, the first with the options of the author alone."""
+        """Yield sequences of so many steps.
+
+        The first has the options of the author alone, the next two have all others at the ends of
+        their ranges.
+        """
         for number in range(count):
             rng = random.Random(f"{self.subject.seed} {number}")
-            options = self.subject.drawn(rng) if number else {}
+            ends = {1: 0, 2: -1}
+            options = self.subject.drawn(rng, ends.get(number)) if number else {}
             subject = replace(self.subject, more=options)
-            yield DrawnTrial(tuple(self._steps(subject, steps, rng)), options)
+            drawn = tuple(self._steps(subject, steps, rng))
+            yield DrawnTrial(drawn, options, str(number), beside=number % 2 == 1)
 
     def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[DrawnStep]:
         calls = self.calls(subject)
@@ -254,8 +267,9 @@ def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[Drawn
     """Return the shortest trial that was found to fail, and how it fails."""
     end = time.monotonic() + SHORTEN_S
     trial = trial.until(failed.at)
-    for shorter in _without_options(trial):
-        if time.monotonic() < end and (now := _fails(play, shorter)):
+    for less in _less(trial):
+        shorter = replace(trial, **less)
+        if time.monotonic() < end and shorter != trial and (now := _fails(play, shorter)):
             trial, failed = shorter.until(now.at), now
     size = len(trial.steps) // 2
     while size and time.monotonic() < end:
@@ -270,8 +284,9 @@ def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[Drawn
     return trial, failed
 
 
-def _without_options(trial: DrawnTrial) -> Iterator[DrawnTrial]:
-    if trial.options:
-        yield replace(trial, options={})
+def _less(trial: DrawnTrial) -> Iterator[dict[str, Any]]:
+    """Yield what of a trial may be left out: the other driver, all options, all but one."""
+    yield {"beside": False}
+    yield {"options": {}}
     for name in trial.options if len(trial.options) > 1 else ():
-        yield replace(trial, options={name: trial.options[name]})
+        yield {"options": {name: trial.options[name]}}

@@ -14,14 +14,16 @@ import math
 import random
 import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Hung
+from rigd.sdk.check.drawn import intervals, too_often
 from rigd.sdk.check.fast import Setpoints, near
 from rigd.sdk.check.leaks import connections, nothing_left
 from rigd.sdk.check.peer import Observed, Peer
-from rigd.sdk.check.rows import Truth, drawn_values, nearby, row_problems
+from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
     DrawnTrial,
     KindOfStep,
@@ -57,6 +59,8 @@ STANDS_S: Final = 0.5
 #: Most rows per second of a slow device; a driver that ignores its interval gives many more.
 MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
+#: For so many times the interval of readings they are counted.
+INTERVALS: Final = 6
 #: For so long after the device is dead, run() may still emit rows that arrived before, in s.
 TAIL_S: Final = 0.5
 #: Faults in which no answer says that an action was done.
@@ -70,9 +74,9 @@ CANCEL_STEPS: Final = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 TRIALS: Final = 5
 STEPS: Final = 14
 #: What a row shows was measured at most so long before it was emitted, in s.
-AGE_S: Final = 0.05
+AGE_S: Final = 0.12
 #: Faults that a device has for a while, and after which time an answer that is late has come, in s.
-FAULTS_THAT_END: Final = ("late", "silent")
+FAULTS_THAT_END: Final = ("late", "cut", "silent", "garbled", "dead")
 LATE_S: Final = 1.3
 #: So often the device is made to measure something else after a fault.
 AGAIN: Final = 3
@@ -217,6 +221,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "fail": KindOfStep("running", 1, "running", 1),
     "cancel": KindOfStep("running", 1.5, "open"),
     "close": KindOfStep("open", 1, "closed"),
+    "kill and open": KindOfStep("open", 1.5, "open", 2),
     "new driver": KindOfStep("closed", 0.5),
     "arm": KindOfStep("running", 3, "armed"),
     "write": KindOfStep("armed", 8),
@@ -241,7 +246,7 @@ def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, truth, faults = Setpoints(), Truth(), itertools.cycle(FAULTS_THAT_END)
+    setpoints, faults = Setpoints(), itertools.cycle(FAULTS_THAT_END)
 
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         declared = subject.declare()
@@ -262,12 +267,16 @@ def any_order(subject: Subject) -> Iterator[str]:
         return rng.choice(CANCEL_STEPS) if "cancel" in name else None
 
     def play(trial: DrawnTrial) -> None:
-        drawn = replace(subject, more=trial.options)
+        drawn = replace(subject, more=trial.options, varied=trial.seed)
         kept: list[_Session] = []  # what its drivers leave open stays to be seen
 
         async def main(peer: Peer) -> None:
-            kept.append(_Session(drawn, peer, truth))
-            await kept[0].play(trial)
+            kept.append(_Session(drawn, peer))
+            other = replace(drawn, varied=f"{trial.seed} beside")
+            with other.fresh_peer() if trial.beside else nullcontext() as beside:
+                if beside is not None:
+                    kept.append(_Session(other, beside))
+                await kept[0].play(trial, *kept[1:])
 
         try:
             _played(drawn, main)
@@ -283,24 +292,24 @@ def any_order(subject: Subject) -> Iterator[str]:
 class _Session:
     """Makes the calls of a sequence, and knows what the device is to do."""
 
-    def __init__(self, subject: Subject, peer: Peer, truth: Truth) -> None:
+    def __init__(self, subject: Subject, peer: Peer) -> None:
         self._subject = subject
         self._peer = peer
-        self._truth = truth
         self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
+        self._readings = Matching(peer, self._driver.declaration)
         self._watcher = Watcher(peer)
         self._task: asyncio.Task[None] | None = None
-        self._rows = 0  # since it was opened, and what the device had sent until then
-        self._sent: int | None = None
+        self._rows = 0  # since it was opened
+        self._opened = False
         self._wrong: list[StepFailed] = []  # what emit() saw
         self._came = asyncio.Event()
         self._safe = self._wanted = self._watcher.look().driven
         self._observed = bool(self._safe)  # the peer shows its actuators
 
-    async def play(self, trial: DrawnTrial) -> None:
-        """Make the calls.
+    async def play(self, trial: DrawnTrial, *beside: _Session) -> None:
+        """Make the calls; ``beside`` run meanwhile, each with a device of its own.
 
         Raises:
             StepFailed: the driver breaks a promise.
@@ -310,25 +319,52 @@ class _Session:
         with self._watcher:
             try:
                 with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                    for other in beside:
+                        await other.begin()
                     for step in walk:
                         self._watcher.gap_s = 0.0
                         await made(self, step)
+                        for other in beside:
+                            other.go_on()
                         if self._wrong:
                             raise self._wrong[0]
             finally:
-                if self._task is not None:
-                    self._task.cancel()
-                    await asyncio.wait({self._task}, timeout=CANCEL_S)
-                if self._driver.declaration.setpoints and walk.state != "closed":
-                    with contextlib.suppress(*FAILURES):
-                        await self._driver.make_safe()
-                await self._driver.close()
+                for session in (*beside, self):
+                    await session.end()
+
+    async def begin(self) -> None:
+        """Open it and have it run, beside another."""
+        await self._open()
+        await self._run()
+
+    def go_on(self) -> None:
+        """Check that a driver which runs beside another goes on."""
+        if self._wrong or (self._task is not None and self._task.done()):
+            why = self._wrong[0] if self._wrong else repr(self._task)
+            raise StepFailed(f"a driver beside it: {why}")
+
+    async def end(self) -> None:
+        """Cancel, make safe and close it."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait({self._task}, timeout=CANCEL_S)
+        if self._driver.declaration.setpoints and self._opened:
+            with contextlib.suppress(*FAILURES):
+                await self._driver.make_safe()
+        await self._driver.close()
 
     # The calls of each step.
 
     async def _open(self) -> None:
-        self._rows, self._sent = 0, self._watcher.look().sent
+        self._rows = 0
+        self._readings.begin()
         await self._must("open", self._driver.open())
+        self._opened = True
+        identity = self._watcher.look().identity
+        if identity not in self._driver.identity:
+            raise StepFailed(
+                f"identity is {self._driver.identity!r}, and the device is {identity!r}"
+            )
         await self._still("after open()")
         if reasons := list(self._driver.preflight()):
             raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
@@ -377,11 +413,10 @@ class _Session:
             if not self._came.is_set():
                 raise StepFailed(f"run() gives no row for {within_s:.3g} s")
 
-    async def _measure(self, values: tuple[float, ...]) -> None:
-        declared = self._driver.declaration
-        for given in (values, nearby(declared, values)):
-            await asyncio.to_thread(self._truth.measure, self._peer, declared, given)
-            await self._wait_for_rows()
+    async def _measure(self, values: Mapping[str, float]) -> None:
+        if self._peer.measure is not None:
+            await asyncio.to_thread(self._peer.measure, values)
+        await self._wait_for_rows()
 
     async def _act(self, action: str) -> None:
         before = self._watcher.look().acted
@@ -404,7 +439,7 @@ class _Session:
     async def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then rows are what it measures, as before."""
         begin, mend = self._peer.faults.get(fault), self._peer.mend
-        if begin is None or mend is None:
+        if begin is None or mend is None or fault in self._peer.lasts:
             return
         assert self._task is not None  # noqa: S101
         self._fails = True
@@ -419,7 +454,6 @@ class _Session:
             await self._must("close", self._driver.close())
             await self._open()
             await self._run()
-        self._rows, self._sent = 0, None  # what was late or lost is not counted
         if self._driver.declaration.channels:
             rng = random.Random(f"{self._subject.seed} {fault}")
             for _ in range(AGAIN):
@@ -439,16 +473,25 @@ class _Session:
             raise StepFailed(f"run() {how} when it is cancelled")
         self._task = None
 
+    async def _kill_and_open(self) -> None:
+        """Ask, and end as if killed; another driver opens the device while it answers."""
+        self._task = asyncio.create_task(self._driver.run(self._emit))
+        await self._cancel()
+        await self._driver.close()
+        self._new()
+        await self._open()
+
     async def _close(self) -> None:
         rows = self._rows
         for turn in ("close", "close again"):
             await self._must(turn, self._driver.close())
         await asyncio.sleep(ENDS_S)  # what is under way arrives
-        before = self._watcher.look().sent
+        before = self._readings.sent
         await asyncio.sleep(ENDS_S)
         if self._rows > rows:
             raise StepFailed("run() still gives rows after it was cancelled")
-        if self._watcher.look().sent != before:
+        self._opened = False
+        if self._readings.sent != before:
             raise StepFailed("the device goes on sending after close()")
 
     async def _new_driver(self) -> None:
@@ -501,13 +544,8 @@ class _Session:
         self._came.set()
         if self._fails:
             return
-        declared, look = self._driver.declaration, self._watcher.look()
-        looks = [item.measured for item in self._watcher.since(time.monotonic() - AGE_S)]
-        problems = list(row_problems(declared, row))
-        if not problems and looks[-1]:
-            problems += self._truth.problems(declared, row, looks)
-        if self._sent is not None and self._rows > (look.sent or 0) - self._sent:
-            problems.append(f"row {self._rows} comes, and the device has sent fewer readings")
+        problems = list(row_problems(self._driver.declaration, row))
+        problems += () if problems else self._readings.newest_first(row, AGE_S)
         self._wrong += map(StepFailed, problems)
 
     async def _must(self, what: str, call: Awaitable[Any]) -> Any:
@@ -585,6 +623,27 @@ async def _cancelled_waiting(driver: SlowDriver, peer: Peer, problems: Problems)
         await _stop(task, problems)
 
 
+def _often(subject: Subject) -> Iterator[str]:
+    """Count the rows of a while, with each interval and with that of the author."""
+    yield from _scene(_rate)(subject)
+    for other, apart_s in intervals(subject):
+        yield from _scene(_every(apart_s))(other)
+
+
+def _every(apart_s: float) -> Scene:
+    async def counted(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+        rows = _Rows(1)
+        task = asyncio.create_task(driver.run(rows))
+        await rows.enough(driver, task)
+        before, began_s = len(rows.rows), time.monotonic()
+        await asyncio.wait({task}, timeout=INTERVALS * apart_s)
+        came = len(rows.rows) - before
+        problems.update(too_often(came, time.monotonic() - began_s, apart_s))
+        await _stop(task, problems)
+
+    return counted
+
+
 async def _rate(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     rows = _Rows()
     task = asyncio.create_task(driver.run(rows))
@@ -628,6 +687,22 @@ def _silent(subject: Subject) -> Iterator[str]:
     yield from _scene(_cancelled_waiting)(subject)
 
 
+async def _refused(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+    rows = _Rows()
+    task = asyncio.create_task(driver.run(rows))
+    await rows.enough(driver, task)
+    peer.faults["refusing"]()
+    for action in driver.declaration.actions:
+        before = peer.look().acted
+        try:
+            reply = await asyncio.wait_for(driver.act(action), OPEN_S)
+        except FAILURES:  # the scene reports any other error
+            continue
+        if peer.look().acted == before:
+            problems.add(f"the device refuses {action!r}, and act() returns {reply!r}")
+    await _stop(task, problems)
+
+
 async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
     """Check that a run that has ended raised an error with a message; cancel a run that goes on."""
     if not task.done():
@@ -638,25 +713,6 @@ async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
         problems.add("run() returns; it runs until it is cancelled")
     elif not isinstance(error, FAILURES):
         problems.add(f"run() raises {described(error)}")
-
-
-async def _not_there(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    peer.faults["dead"]()
-    try:
-        await driver.open()
-        problems.add("open() succeeds although nothing is connected")
-    except FAILURES as error:
-        if error.hint is None:
-            problems.add(f"open() raises {error.message!r} without a hint")
-
-
-def _opens_in_words(fault: str) -> Scene:
-    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        peer.faults[fault]()
-        with contextlib.suppress(*FAILURES):  # the scene reports any other error
-            await asyncio.wait_for(driver.open(), OPEN_S)
-
-    return play
 
 
 #: If the first rule is broken, the others are not checked.
@@ -678,9 +734,9 @@ RULES: Final = (
     ),
     Rule(
         "not too often",
-        "wait from one reading to the next, as long as the options give: 100 rows per second at "
-        "most",
-        _scene(_rate),
+        "wait from one reading to the next, as long as an option `period` or `interval` gives: 100 "
+        "rows per second at most",
+        _often,
         "",
     ),
     Rule(
@@ -711,21 +767,10 @@ RULES: Final = (
         "garbled",
     ),
     Rule(
-        "not there",
-        "open() without a device raises a LinkError with a hint: what to check",
-        _scene(_not_there, opened=False),
-        "dead",
-    ),
-    Rule(
-        "silent at open",
-        "open() of a device that sends nothing ends within 30 s, with a LinkError",
-        _scene(_opens_in_words("silent"), opened=False),
-        "silent",
-    ),
-    Rule(
-        "garbled at open",
-        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
-        _scene(_opens_in_words("garbled"), opened=False),
-        "garbled",
+        "action refused",
+        "act() returns if the device says that it has done the action; else it raises a "
+        "DeviceError, whatever the words of the refusal are",
+        _scene(_refused),
+        "refusing",
     ),
 )

@@ -41,15 +41,21 @@ class Subject:
     seed: int = 1
     #: Options that were drawn, beside those of the author.
     more: Mapping[str, Any] = field(default_factory=dict)
+    #: What its devices differ in from others of their make is drawn from it.
+    varied: str = ""
     #: What the report says beside the findings: what could not be judged.
     notes: list[str] = field(default_factory=list)
 
-    def drawn(self, rng: random.Random) -> Mapping[str, Any]:
-        """Return options at random with which the driver can be declared; {} if there are none."""
+    def drawn(self, rng: random.Random, end: int | None = None) -> Mapping[str, Any]:
+        """Return options at random with which the driver can be declared; {} if there are none.
+
+        The first that are tried are at an ``end`` of their ranges, if it is given.
+        """
         if isinstance(self.options, DriverConfig):
             return {}
-        for _ in range(DRAWS):
-            options = drawn_options(self.driver_class.Config, self.options, rng)
+        for turn in range(DRAWS):
+            at = None if turn else end
+            options = drawn_options(self.driver_class.Config, self.options, rng, at)
             with contextlib.suppress(ValueError):  # they contradict each other
                 replace(self, more=options).declare()
                 return options
@@ -83,6 +89,8 @@ class Subject:
         if self.peer is None:
             raise RuntimeError("no peer was given")
         with self.peer() as peer:
+            if peer.vary is not None:
+                peer.vary(random.Random(f"{self.seed} {self.varied}"))
             yield peer
 
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from rigd.sdk.check import declared, leaks
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
+from rigd.sdk.check.opening import RULES as OPENING_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
 from rigd.sdk.check.report import NonConforming, Report, examine
 from rigd.sdk.check.slow import RULES as SLOW_RULES
@@ -19,9 +20,9 @@ from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDr
 
 #: The rules of each kind of driver that need a device.
 RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
-    Driver: CYCLE_RULES,
-    BlockDriver: BLOCK_RULES,
-    SlowDriver: SLOW_RULES,
+    Driver: (*CYCLE_RULES, *OPENING_RULES),
+    BlockDriver: (*BLOCK_RULES, *OPENING_RULES),
+    SlowDriver: (*SLOW_RULES, *OPENING_RULES),
 }
 #: Rules that end the examination when they are broken.
 GATES: Final = frozenset(

@@ -57,18 +57,6 @@ class Watcher:
         """Return all that the device did since a time, beginning with what it did then."""
         return [look for _, look in self.seen[self._index(began_s) :]]
 
-    def at(self, time_s: float) -> Observed:
-        """Return what the device did at a time."""
-        return self.seen[self._index(time_s)][1]
-
-    def since_reading(self, began_s: float) -> Sequence[Observed]:
-        """Return all that the device did since it sent the newest reading of a time, or before."""
-        first = self._index(began_s)
-        sent = self.seen[first][1].sent
-        while sent is not None and first > 0 and self.seen[first - 1][1].sent == sent:
-            first -= 1
-        return [look for _, look in self.seen[first:]]
-
     def when(self, holds: Callable[[Observed], bool]) -> float:
         """Return the first time since when something holds up to now."""
         at_s = time.monotonic()

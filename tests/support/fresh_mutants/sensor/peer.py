@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import random
 import socket
 import struct
 import threading
 import time
 import zlib
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 
-from rigd.sdk.check import FAULTS, Observed, Peer
+from rigd.sdk.check import Peer, Reading
 
-COUNTS = -152_400
-RAW = -32_768  # at the end of its range
+FAULTS = ("dead", "silent", "late", "garbled", "frozen", "flooding")
 
 
 class Simulated:
@@ -23,8 +23,11 @@ class Simulated:
 
     def __init__(self) -> None:
         self.fault = ""
-        self.sent = 0
+        self.readings: list[Reading] = []
         self.port = 0
+        self.resolution_um = 1
+        self.counts, self.raw = -152_400, -32_768  # at the end of its range
+        self.at_rail, self.referenced = True, True
         self._last = b""
         self._start()
 
@@ -42,6 +45,23 @@ class Simulated:
         self._ends.set()
         self._thread.join()
         self._socket.close()
+
+    def measure(self, values: Mapping[str, float]) -> None:
+        """Measure these from now on, rounded to counts."""
+        self.counts = round(values["position"] / (self.resolution_um * 1e-6))
+        self.raw = max(-32_768, min(32_767, round(values["force"] / 1.25e-3)))
+        self.at_rail, self.referenced = bool(values["force_at_rail"]), bool(values["referenced"])
+
+    def _reading(self) -> Reading:
+        return Reading(
+            time.monotonic(),
+            {
+                "position": self.counts * self.resolution_um * 1e-6,
+                "force": self.raw * 1.25e-3,
+                "force_at_rail": self.at_rail,
+                "referenced": self.referenced,
+            },
+        )
 
     def fail(self, fault: str) -> None:
         """Simulate ``fault`` from now on; "" is none."""
@@ -64,38 +84,40 @@ class Simulated:
                 continue
             if len(frame) != 2 or frame[:1] != b"Q" or self.fault == "silent":
                 continue
-            body = b"P" + struct.pack("<BBih", frame[1], 3, COUNTS, RAW)
+            status = self.at_rail + 2 * self.referenced
+            self.readings.append(self._reading())
+            body = b"P" + struct.pack("<BBih", frame[1], status, self.counts, self.raw)
             answer = body + struct.pack("<I", zlib.crc32(body))
             if self.fault == "frozen":
                 answer = self._last or answer
             self._last = answer
-            self.sent += 1
             if self.fault == "garbled":
                 answer = bytes([answer[0], answer[1] ^ 1, *answer[2:]])
             if self.fault == "late":
                 late.append((now_s + 1.0, answer, client))
-            else:
+                continue
+            for _ in range(200 if self.fault == "flooding" else 1):
                 self._socket.sendto(answer, client)
-
-
-def observed(device: Simulated) -> Observed:
-    """Return what an observer at the bench sees."""
-    return Observed(
-        measured={"position": COUNTS * 1e-6, "force": RAW * 1.25e-3, "status": 3},
-        sent=device.sent,
-    )
 
 
 @contextmanager
 def simulated() -> Iterator[Peer]:
     """Yield the sensor and how it fails."""
     device = Simulated()
+    options = {"port": device.port, "resolution": "1 um"}
+
+    def vary(rng: random.Random) -> None:
+        device.resolution_um = rng.choice((1, 2, 5))
+        options["resolution"] = f"{device.resolution_um} um"
+
     try:
         yield Peer(
-            options={"port": device.port, "resolution": "1 um"},
+            options=options,
             faults={name: partial(device.fail, name) for name in FAULTS},
             mend=partial(device.fail, ""),
-            observed=partial(observed, device),
+            readings=device.readings,
+            measure=device.measure,
+            vary=vary,
         )
     finally:
         device.stop()

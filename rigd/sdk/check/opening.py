@@ -1,0 +1,179 @@
+"""Checks how drivers of any kind open a device that has a fault, and again once it has none."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, Final
+
+from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.leaks import nothing_left, opens
+from rigd.sdk.check.peer import Peer
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
+from rigd.sdk.driver import DriverConfig
+from rigd.sdk.link import Link
+
+#: Time limit of a call, in s: open() may wait for a device that does not answer.
+OPEN_S: Final = 30.0
+#: What opens successfully although it should not, for each fault with which that is a mistake.
+SUCCEEDS: Final = {
+    "dead": "open() succeeds although nothing is connected",
+    "another": "open() succeeds although another device answers",
+}
+#: Faults with which open() raises the same error each time.
+ALIKE: Final = frozenset({"dead", "silent"})
+
+
+class AnyBench:
+    """One driver of any kind, with its link; coroutines run on a loop of its own."""
+
+    def __init__(
+        self, subject: Subject, peer: Peer, caller: Caller, config: DriverConfig | None = None
+    ) -> None:
+        self.link: Any = peer.link()
+        self.driver: Any = subject.driver_class(config or subject.config(peer.options), self.link)
+        self._runner = asyncio.Runner()
+        self._caller = caller
+
+    def call(self, function: Callable[[], Any], within_s: float = OPEN_S) -> CallOutcome:
+        """Return how a call ended; see :meth:`Caller.call`."""
+
+        def whole() -> Any:
+            result = function()
+            return self._runner.run(result) if inspect.iscoroutine(result) else result
+
+        return self._caller.call(whole, within_s)
+
+    def open(self) -> CallOutcome:
+        """Open the link, if there is one, then the driver."""
+        if isinstance(self.link, Link):
+            opened = self.call(self.link.open)
+            if opened.error is not None:
+                return opened
+        return self.call(self.driver.open)
+
+    def opened(self) -> list[str]:
+        """Return what open() opens, whether it succeeds or not."""
+        seen: list[str] = []
+
+        def listened() -> None:
+            with opens() as found:
+                try:
+                    result = self.driver.open()
+                    if inspect.iscoroutine(result):
+                        self._runner.run(result)
+                finally:
+                    seen.extend(found)
+
+        self._caller.call(listened, OPEN_S)
+        return seen
+
+    def close(self) -> CallOutcome:
+        """Close the driver, then the link; return how the driver's ended."""
+        closed = self.call(self.driver.close)
+        if isinstance(self.link, Link):
+            self.call(self.link.close)
+        return closed
+
+    def tasks(self) -> list[str]:
+        """Return the names of the tasks that go on in the loop."""
+
+        async def others() -> list[str]:
+            left = asyncio.all_tasks() - {asyncio.current_task()}
+            return sorted(task.get_name() for task in left)
+
+        return list(self.call(others).value)
+
+    def end(self) -> None:
+        """Close everything."""
+        self.close()
+        self.call(self._runner.close)
+
+
+@contextmanager
+def any_bench(subject: Subject) -> Iterator[tuple[AnyBench, Peer, Caller]]:
+    """Put a new driver before a new device, not opened; close it after.
+
+    Raises:
+        StepFailed: the driver leaves something open.
+    """
+    with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
+        found = AnyBench(subject, peer, caller)
+        try:
+            yield found, peer, caller
+        finally:
+            found.end()
+
+
+def _at_open(fault: str, subject: Subject) -> Iterator[str]:
+    with any_bench(subject) as (found, peer, caller):
+        peer.faults[fault]()
+        error: BaseException | None = None
+        for turn in ("open()", "open() again"):
+            before, error = error, found.open().error
+            if error is None and fault in SUCCEEDS:
+                yield SUCCEEDS[fault]
+            elif error is not None and not isinstance(error, FAILURES):
+                yield f"{turn} raises {described(error)}"
+            elif fault == "dead" and error is not None and error.hint is None:
+                yield f"{turn} raises {error.message!r} without a hint"
+            if error is None:
+                break
+            if before is not None and fault in ALIKE and _words(error) != _words(before):
+                yield f"{turn} raises {described(error)}, not {before}"
+        if getattr(found.driver, "second_link", False) and fault in {"dead", "silent"}:
+            other = AnyBench(subject, peer, caller)
+            rescued = other.call(other.driver.rescue).error
+            if rescued is None:
+                yield f"rescue() returns, and nothing has answered: the device is {fault}"
+            elif not isinstance(rescued, FAILURES):
+                yield f"rescue() raises {described(rescued)}"
+            other.end()
+        if error is not None and peer.mend is not None and fault not in peer.lasts:
+            peer.mend()
+            if (error := found.open().error) is not None:
+                yield f"once the device is no longer {fault} open() raises {described(error)}"
+        for turn in ("close()", "close() again"):
+            if (failed := found.close().error) is not None:
+                yield f"{turn} after that raises {described(failed)}"
+        if left := found.tasks():
+            yield f"tasks go on after close(): {', '.join(left)}"
+
+
+def _words(error: BaseException) -> str:
+    return re.sub(r"\d", "", str(error))
+
+
+#: For drivers of any kind.
+RULES: Final = (
+    Rule(
+        "not there",
+        "open() without a device raises a LinkError with a hint: what to check; each time the "
+        "same, until there is one; rescue() raises as well",
+        partial(_at_open, "dead"),
+        "dead",
+    ),
+    Rule(
+        "silent at open",
+        "open() of a device that sends nothing ends within 30 s, and raises at most a LinkError; "
+        "rescue() raises, as nobody knows that it has made the device safe",
+        partial(_at_open, "silent"),
+        "silent",
+    ),
+    Rule(
+        "garbled at open",
+        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
+        partial(_at_open, "garbled"),
+        "garbled",
+    ),
+    Rule(
+        "another at open",
+        "open() asks the device what it is, and raises a ProtocolError if it is another",
+        partial(_at_open, "another"),
+        "another",
+    ),
+)
