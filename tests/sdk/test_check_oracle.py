@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-import random
 import socket
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 
 from rigd.sdk import Channel, Declaration, Row
-from rigd.sdk.check import Observed, Peer
+from rigd.sdk.check import Observed, Peer, Reading
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import lost, small_steps
 from rigd.sdk.check.leaks import connections
-from rigd.sdk.check.rows import Truth, untrue
+from rigd.sdk.check.rows import Matching
 from rigd.sdk.check.watching import Watcher
 
 STEP = 0.004
@@ -43,21 +45,12 @@ def test_small_setpoints_that_are_dropped_are_found(low: float) -> None:
     assert sum(found) > 90
 
 
-def test_row_of_the_reading_before_is_old() -> None:
-    looks = iter(
-        [
-            Observed(measured={"status": 1}, sent=1),
-            Observed(measured={"status": 0}, sent=2),
-            Observed(measured={"status": 0}, sent=2, energised=True),
-        ]
-    )
+def test_time_since_when_something_holds_is_known() -> None:
+    looks = iter([Observed(trips=1), Observed(trips=2), Observed(trips=2, energised=True)])
     watcher = Watcher(Peer(observed=partial(next, looks)))
     for _ in range(2):
         watcher.look()
-    now_s = watcher.seen[-1][0]
-    assert [look.sent for look in watcher.since_reading(now_s)] == [2, 2]
-    assert watcher.at(now_s - 1e3).sent == 1
-    assert watcher.when(lambda look: look.sent == 2) == watcher.seen[1][0]
+    assert watcher.when(lambda look: look.trips == 2) == watcher.seen[1][0]
 
 
 class KelvinRow(Row):
@@ -69,43 +62,66 @@ THERMOMETER = Declaration(
 )
 
 
-def test_offset_is_found_once_resolution_is_known() -> None:
-    shown = {"temperature": 293.15}
-
-    def show(values: object) -> None:
-        shown["temperature"] = round(dict(values)["temperature"] - 273.15, 2) + 273.15  # type: ignore[call-overload]
-
-    peer = Peer(measure=show, observed=lambda: Observed(measured=dict(shown)))
-    truth, rng = Truth(), random.Random(1)
-    off = KelvinRow.of(temperature=300.0)
-    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.15}], truth.rooms))
-    for _ in range(5):
-        truth.measure(peer, THERMOMETER, [rng.uniform(250.0, 350.0)])
-    (problem,) = untrue(THERMOMETER, off, [{"temperature": 300.15}], truth.rooms)
-    assert problem == "temperature is 300 K, and the device measures 300.15"
-    assert not list(untrue(THERMOMETER, off, [{"temperature": 300.0}], truth.rooms))
+def kelvin(value: float) -> Row:
+    return KelvinRow.of(temperature=value)
 
 
-@pytest.mark.parametrize("wrong", [lambda value: 1.01 * value, lambda value: value - 0.15])
-def test_same_error_each_time_is_found(wrong: Callable[[float], float]) -> None:
-    truth, rng = Truth(), random.Random(1)
-    found: list[str] = []
-    for _ in range(12):
-        value = rng.uniform(250.0, 350.0)
-        row = KelvinRow.of(temperature=wrong(value))
-        found += truth.problems(THERMOMETER, row, [{"temperature": value}])
-    assert "temperature is off by " in found[0]
+def matching(*values: float, ago_s: float = 0.0) -> Matching:
+    readings: list[Reading] = []
+    known = Matching(Peer(readings=readings), THERMOMETER)
+    readings += [Reading(time.monotonic() - ago_s, {"temperature": value}) for value in values]
+    return known
 
 
-@pytest.mark.parametrize("step", [0.0, 1e-4, 0.1, 1.0])
-def test_resolution_of_a_device_is_no_error(step: float) -> None:
-    for seed in range(20):
-        truth, rng = Truth(), random.Random(seed)
-        for _ in range(40):
-            value = rng.uniform(250.0, 350.0)
-            shown = step * math.floor(value / step) if step else value
-            row = KelvinRow.of(temperature=shown)
-            assert not list(truth.problems(THERMOMETER, row, [{"temperature": value}]))
+def test_row_in_single_precision_is_its_reading() -> None:
+    shown = float(np.float32(300.15))
+    assert not list(matching(300.15).newest_first(kelvin(shown), 1.0))
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [(300.0, "temperature is 300, and the device has sent 300.15"),
+     (299.0, "temperature is 299, and the device has sent 300.15")],
+)  # fmt: skip
+def test_row_that_was_not_sent_is_named(row: float, words: str) -> None:
+    known = matching(299.0, 300.15)
+    assert not list(known.newest_first(kelvin(300.15), 1.0))
+    known = matching(300.15)
+    assert list(known.newest_first(kelvin(row), 1.0)) == [words]
+
+
+def test_reading_gives_one_row_only() -> None:
+    known = matching(299.0, 300.0)
+    assert not list(known.newest_first(kelvin(300.0), 1.0))
+    (problem,) = known.newest_first(kelvin(300.0), 1.0)
+    assert problem == "a row comes, and the device has sent no reading since the 2 before"
+
+
+def test_reading_of_long_ago_is_old() -> None:
+    (problem,) = matching(300.0, ago_s=5.0).newest_first(kelvin(300.0), 1.0)
+    assert problem == "a row shows what the device measured 5 s before"
+
+
+def test_time_of_a_row_is_that_of_its_reading() -> None:
+    stamp_s = time.monotonic() - 0.2
+    (problem,) = matching(300.0).newest_first(kelvin(300.0), 1.0, stamp_s)
+    assert problem == "the time of a row is 0.2 s from that of its reading"
+
+
+def test_rows_in_turn_leave_no_reading_out() -> None:
+    known = matching(299.0, 300.0, 301.0)
+    problems = [problem for _, problem in known.in_turn([kelvin(299.0), kelvin(301.0)])]
+    assert problems == ["", "temperature is 301, and the device has sent 300"]
+    assert known.waiting == 1
+
+
+def test_status_bit_is_compared_by_name() -> None:
+    declared = replace(THERMOMETER, has_status=True, status_bits={"hot": 1, "open": 2})
+    for word, problems in ((2, []), (1, ["hot is 1, and the device has sent 0"])):
+        readings: list[Reading] = []
+        known = Matching(Peer(readings=readings), declared)
+        readings.append(Reading(time.monotonic(), {"hot": 0, "open": 1}))
+        assert list(known.newest_first((300.0, word), 1.0)) == problems
 
 
 def test_what_is_sent_and_received_is_heard() -> None:

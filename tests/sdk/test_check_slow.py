@@ -25,7 +25,7 @@ from rigd.sdk import (
     Row,
     SlowDriver,
 )
-from rigd.sdk.check import Observed, Peer, check_driver, examine_driver
+from rigd.sdk.check import Peer, Reading, check_driver, examine_driver
 from rigd.sdk.check.slow import RULES
 
 
@@ -94,15 +94,26 @@ def test_a_good_driver_passes_every_rule() -> None:
     assert report.skipped == {}  # the peer shows nothing
 
 
+class Later(list[Reading]):
+    """Readings that are there from the second look on."""
+
+    looks = 0
+
+    def __len__(self) -> int:
+        self.looks += 1
+        return super().__len__() if self.looks > 2 else 0
+
+
 def test_measured_value_of_no_channel_is_found() -> None:
     @contextmanager
     def misspelt() -> Iterator[Peer]:
         with thermometer() as peer:
-            yield replace(peer, observed=lambda: Observed(measured={"temprature": 293.15}))
+            readings = [Reading(time.monotonic(), {"temprature": 293.15})] * 1000
+            yield replace(peer, readings=Later(readings))
 
     report = examine_driver(Good, peer=misspelt, only=["any order of calls"])
     assert_found(
-        report, "any order of calls", "the peer measures 'temprature', which is no channel"
+        report, "any order of calls", "the peer sends temprature, none of which is a channel"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import threading
 import time
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from rigd.sdk.check import Observed, Peer
+from rigd.sdk.check import Observed, Peer, Reading
 from rigd_drivers.pose_tracker.link import PoseTracker, PoseTrackerConfig
 
 #: Where the body of the conformance tests stands.
@@ -36,13 +37,13 @@ class Sender:
     """Sends a frame in each ``period_s`` to ``port``, until it is stopped."""
 
     def __init__(self, port: int, period_s: float = 0.02) -> None:
-        self.sent = 0
+        self.readings: list[Reading] = []
         self.fault = ""
         self._to = "127.0.0.1", port
         self._period_s = period_s
         self._ended = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._queue: deque[tuple[float, bytes]] = deque()
+        self._queue: deque[tuple[float, Reading, bytes]] = deque()
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
 
@@ -58,18 +59,20 @@ class Sender:
         frame, last = 0, b""
         while not self._ended.wait(self._period_s):
             frame += 1
-            data = line(frame=frame, time=time.monotonic(), bodies={"cart": POSE, "other": None})
+            now_s, pose = time.monotonic(), {**POSE, "x": frame * 37 % 1000 / 500 - 1.0}
+            shown = {**pose, "x": math.nan} if self.fault == "garbled" else pose
+            data = line(frame=frame, time=now_s, bodies={"cart": shown, "other": None})
             if self.fault == "frozen":
                 data = last
             last = data
-            if self.fault == "garbled":
-                data = data.replace(b"0.25", b"NaN") if frame % 2 else data[:-20]
+            if self.fault == "garbled" and frame % 2:
+                data = data[:-20]
             late_s = 1.0 if self.fault == "late" else 0.0
-            self._queue.append((time.monotonic() + late_s, data))
+            self._queue.append((now_s + late_s, Reading(now_s, pose), data))
             while self._queue and self._queue[0][0] <= time.monotonic():
-                _, due = self._queue.popleft()
+                _, reading, due = self._queue.popleft()
                 if self.fault not in ("dead", "silent"):
-                    self.sent += 1
+                    self.readings.append(reading)
                     self._socket.sendto(due, self._to)
 
 
@@ -86,7 +89,9 @@ def sending() -> Iterator[Peer]:
                 name: partial(sender.show, name)
                 for name in ("dead", "silent", "late", "garbled", "frozen")
             },
-            observed=lambda: Observed(measured=POSE, sent=sender.sent),
+            observed=Observed,
+            mend=partial(sender.show, ""),
+            readings=sender.readings,
         )
     finally:
         sender.stop()

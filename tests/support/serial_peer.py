@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from rigd.sdk.check import Observed, Peer, background_loop
+from rigd.sdk.check import Observed, Peer, Reading, background_loop
 from rigd_sim.wire.serial_part import SerialPart
 
 
 def serial_peer(
     path: Path,
     make: Callable[[], SerialPart],
-    look: Callable[[Any], Observed] = lambda device: Observed(),
+    readings: Sequence[Reading] | None = None,
     **late: Any,
 ) -> Callable[[], AbstractContextManager[Peer]]:
     """Return what starts the device of ``make``, which serves ``path``, with its faults.
 
-    ``look`` returns what an observer sees of it; ``late`` are options of the fault of that name.
+    ``readings`` are those that it notes; ``late`` are options of the fault of that name.
     """
 
     @contextmanager
@@ -41,7 +41,8 @@ def serial_peer(
                         "late": lambda: run(inject("late", **late)),
                         "garbled": lambda: run(inject("garbage")),
                     },
-                    observed=lambda: look(device),
+                    observed=Observed,
+                    readings=readings,
                 )
             finally:
                 run(device.stop())

@@ -6,10 +6,12 @@ with PyMeasure, and stands on the supply of the template for drivers with SCPI.
 
 from __future__ import annotations
 
+import time
 from types import ModuleType
 from typing import Any
 
 from rigd.cli.new import rendered
+from rigd.sdk.check import Reading
 
 #: Faults that it shows, by the names of `rigd.sdk.check`.
 FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
@@ -40,6 +42,7 @@ class Supply2260B(_base()):  # type: ignore[misc]  # made of a template
             case "SOUR:VOLT":
                 return self._base_command(f"VOLT {value}")
             case "SOUR:VOLT?":
+                self.readings.append(Reading(time.monotonic(), {"voltage": self.volts}))
                 return f"{self.volts:.4f}"
         return self._base_command(command)
 

@@ -162,6 +162,7 @@ class Bench:
                 return begun
         self._read_s = (time.monotonic(), self._read_s[0])
         row = self._timed("read", lambda: driver.read(t_ns))
+        self.readings.mark()
         wanted = rest(driver) if setpoints is None else setpoints
         if row.error is None and wanted:
             written = self._timed("write", lambda: driver.write(wanted))

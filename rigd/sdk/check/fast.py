@@ -510,15 +510,19 @@ class _Played:
             fresh, sent = known.sent > sent, known.sent
             row = self._cycle(self._last).value
             lost += fresh and row is None and declared.every_cycle
-            if known.sent:
-                until(partial(known.sends_after, sent), ANSWERED_S)
-                time.sleep(COMES_S)
+            self._await_answer(sent)
             cycles += 1
         if lost:
             raise StepFailed(f"{lost} answers of {cycles} that have come give no row")
         if cycles > 50 and declared.channels and self._found.rows == rows:
             raise StepFailed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
         self._settle()
+
+    def _await_answer(self, sent: int) -> None:
+        """Wait until the device has sent more than so many readings, and the last has come."""
+        if self._found.readings.sent:
+            until(partial(self._found.readings.sends_after, sent), ANSWERED_S)
+            time.sleep(COMES_S)
 
     def _measure(self, values: Mapping[str, float]) -> None:
         if self._found.peer.measure is not None:
@@ -569,7 +573,9 @@ class _Played:
         found = self._found
         time.sleep((found.driver.watchdog_s or 0.0) + ROOM_S / 10)
         for _ in range(5):
+            sent = found.readings.sent
             outcome = found.cycle(rest(found.driver))
+            self._await_answer(sent)
             if outcome.error is None:
                 found.check_row(outcome.value)
                 continue

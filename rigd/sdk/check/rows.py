@@ -87,11 +87,16 @@ class Matching:
         if declared.has_status:
             self._columns[STATUS_FIELD] = len(declared.channels)
         self._names = [*self._columns, *self._bits]
+        self._marked: int | None = None
         self.begin()
 
     def begin(self) -> None:
         """Forget what the device has sent until now."""
-        self._next = self.sent
+        self._next, self._marked = self.sent, None
+
+    def mark(self) -> None:
+        """Note that rows which are compared next had come by now."""
+        self._marked = self.sent
 
     @property
     def sent(self) -> int:
@@ -101,14 +106,14 @@ class Matching:
     def newest_first(
         self, row: Sequence[float], age_s: float, stamp_s: float | None = None
     ) -> Iterator[str]:
-        """Yield the problem of a row that came just now: it is a reading of the last ``age_s``.
+        """Yield the problem of a row that has come: it is a reading of the last ``age_s``.
 
-        ``stamp_s`` is the time of CLOCK_MONOTONIC that the driver gives for it, if it gives one.
+        It is one of those that were sent when :meth:`mark` was called last, or now. ``stamp_s`` is the time of CLOCK_MONOTONIC that the driver gives for it, if it gives one.
         """
         readings = self._readings
         if readings is None:
             return
-        now_s, count = time.monotonic(), len(readings)
+        now_s, count = time.monotonic(), self.sent if self._marked is None else self._marked
         alike = [n for n in range(self._next, count) if not any(self._wrong(row, readings[n]))]
         if alike:
             self._next = alike[0] + 1
@@ -121,7 +126,7 @@ class Matching:
         elif self._next == count:
             yield f"a row comes, and the device has sent no reading since the {count} before"
         else:
-            yield from list(self._wrong(row, readings[-1]))[:1]
+            yield from list(self._wrong(row, readings[count - 1]))[:1]
 
     def sends_after(self, count: int) -> bool:
         """Return whether the device has sent more than so many."""

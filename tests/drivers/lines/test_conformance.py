@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 from support.serial_peer import serial_peer
 
-from rigd.sdk.check import Observed, check_driver
+from rigd.sdk.check import Reading, check_driver
 from rigd_drivers.lines.driver import Lines
 from rigd_sim.wire.lines import SimLines
 
@@ -21,15 +22,18 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
         **({"ask": r"?\r\n"} if asked else {}),
     }
 
+    readings: list[Reading] = []
+
+    def force() -> dict[str, float]:
+        readings.append(Reading(time.monotonic(), {"force": len(readings) * 37 % 1000 / 1000}))
+        return dict(readings[-1].values)
+
     def device() -> SimLines:
         return SimLines(
-            "gauge", tmp_path / "gauge", lambda: {"force": 1.5}, "{force:.3f} N",
+            "gauge", tmp_path / "gauge", force, "{force:.3f} N",
             ask="?" if asked else None, interval_s=0.05,
         )  # fmt: skip
 
-    def look(gauge: SimLines) -> Observed:
-        return Observed(measured={"force": 1.5}, sent=gauge.sent if asked else None)
-
-    peer = serial_peer(tmp_path / "gauge", device, look, delay_s=1.0)
+    peer = serial_peer(tmp_path / "gauge", device, readings, delay_s=1.0)
     report = check_driver(Lines, options, peer=peer)
     assert report.skipped == {}

@@ -76,13 +76,7 @@ def supply() -> Any:
 
 
 def observed(device: Any) -> Observed:
-    volts = device.driven
-    return Observed(
-        driven=(volts,),
-        energised=device.output,
-        measured={"voltage": volts, "current": volts / 10.0},
-        sent=device.sent,
-    )
+    return Observed(driven=(device.driven,), energised=device.output)
 
 
 @contextmanager
@@ -93,6 +87,8 @@ def simulated() -> Iterator[Peer]:
             options={"port": device.port},
             faults={name: partial(device.fail, name) for name in FAULTS},
             observed=partial(observed, device),
+            readings=device.readings,
+            vary=device.vary,
         )
     finally:
         device.stop()

@@ -384,11 +384,8 @@ def simulated() -> Iterator[Peer]:
         yield Peer(
             options={"address": supply.address},
             faults={name: partial(supply.fail, name) for name in FAULTS[:4]},
-            observed=lambda: Observed(
-                driven=(supply.driven,),
-                energised=supply.output,
-                measured={"voltage": supply.driven},
-            ),
+            observed=lambda: Observed(driven=(supply.driven,), energised=supply.output),
+            readings=supply.readings,
         )
     finally:
         supply.stop()

@@ -375,7 +375,9 @@ def simulated() -> Iterator[Peer]:
         yield Peer(
             options={"port": device.port},
             faults={name: partial(device.fail, name) for name in FAULTS},
-            observed=lambda: Observed(measured={"voltage": device.driven}),
+            observed=Observed,
+            readings=device.readings,
+            vary=device.vary,
         )
     finally:
         device.stop()
