@@ -16,14 +16,15 @@ from support.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Declaration, Driver, LinkError, Row
 from rigd.sdk.check import Peer, check_driver, examine_driver
-from rigd.sdk.check.cycled import RULES
+from rigd.sdk.check.suite import RULES
 
 
 def test_good_driver_passes_every_rule() -> None:
     report = check_driver(Good, {"speed_range": "1 m/s"}, peer=motor)
     assert report.findings == ()
     assert report.skipped.keys() == {
-        "safe while stuck", "ready is true", "watchdog that never acts", "refused"
+        "safe while stuck", "ready is true", "watchdog that never acts", "refused",
+        "another at open",
     }  # fmt: skip
     assert len(report.checked) > 20
 
@@ -319,8 +320,8 @@ def test_every_rule_has_a_driver_that_breaks_it() -> None:
     of_actuators = {
         "safe while stuck", "ready is true", "watchdog that never acts", "refused"
     }  # fmt: skip
-    assert {rule.name for rule in RULES} - of_actuators == {
-        "not there", *(rule for rule, _, _ in BAD)
+    assert {rule.name for rule in RULES[Driver]} - of_actuators == {
+        "not there", "as often as asked", "another at open", *(rule for rule, _, _ in BAD)
     }  # fmt: skip
 
 

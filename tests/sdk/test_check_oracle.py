@@ -6,7 +6,6 @@ import math
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -116,7 +115,12 @@ def test_rows_in_turn_leave_no_reading_out() -> None:
 
 
 def test_status_bit_is_compared_by_name() -> None:
-    declared = replace(THERMOMETER, has_status=True, status_bits={"hot": 1, "open": 2})
+    declared = Declaration(
+        channels=THERMOMETER.channels,
+        plain_rows=True,
+        has_status=True,
+        status_bits={"hot": 1, "open": 2},
+    )
     for word, problems in ((2, []), (1, ["hot is 1, and the device has sent 0"])):
         readings: list[Reading] = []
         known = Matching(Peer(readings=readings), declared)

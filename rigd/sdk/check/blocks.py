@@ -11,7 +11,7 @@ import itertools
 import random
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -23,17 +23,19 @@ from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, beyond_range, drawn_values
 from rigd.sdk.check.sequences import (
+    DrawnStep,
     DrawnTrial,
     KindOfStep,
     RandomWalk,
     SequenceDrawing,
     StepFailed,
+    check_identity,
     expect,
     first_failure,
     made,
     surely,
 )
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import Block, BlockDriver
 
@@ -78,68 +80,6 @@ STAMP_PERIODS: Final = 0.5
 STILL_PERIODS: Final = 0.25
 
 
-class BlockBench:
-    """One block driver, called as its helper process calls it."""
-
-    def __init__(self, driver: BlockDriver, caller: Caller, peer: Peer) -> None:
-        self.driver = driver
-        self.call = caller.call
-        #: Returns what the device does now.
-        self.look = peer.look
-
-    def must(self, what: str, function: Callable[[], Any]) -> Any:
-        """Return the value of a call that a rule presupposes."""
-        outcome = self.call(function, OPEN_S)
-        if outcome.error is not None:
-            raise UnfitSubject(f"{what} raises {described(outcome.error)}")
-        return outcome.value
-
-    def read(self) -> Any:
-        """Return how one read_block ended; it may take its time-out."""
-        return self.call(lambda: self.driver.read_block(TIMEOUT_S), OPEN_S)
-
-    def next(self) -> Any:
-        """Return the block of one read_block; None if it has no rows.
-
-        Raises:
-            UnfitSubject: it raises, or returns something else.
-        """
-        block = self.must("read_block", lambda: self.driver.read_block(TIMEOUT_S))
-        if block is None:
-            return None
-        shape = getattr(getattr(block, "values", None), "shape", ())
-        if len(shape) != 2:  # n rows, k columns
-            raise UnfitSubject(f"read_block returns {type(block).__name__} of {shape}")
-        return block if len(block.values) else None
-
-
-@contextmanager
-def bench(
-    subject: Subject, fault: str = "", *, started: bool = True
-) -> Iterator[tuple[BlockBench, Callable[[], object]]]:
-    """Put a new driver before a new device, started; also yield what begins ``fault``.
-
-    Raises:
-        StepFailed: the driver leaves something open.
-    """
-    with nothing_left(), subject.fresh_peer() as peer, Caller() as caller:
-        found = BlockBench(subject.make(peer, peer.link()), caller, peer)
-        try:
-            if started:
-                found.must("open", found.driver.open)
-                found.must("start", found.driver.start)
-            yield found, peer.faults.get(fault, lambda: None)
-        finally:
-            caller.call(found.driver.close, OPEN_S)
-
-
-def _opens(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (found, _):
-        rate = found.driver.rate_hz
-        if not (np.isfinite(rate) and rate > 0):
-            yield f"rate_hz is {rate} once it is open"
-
-
 def _rows_of(block: object) -> int | None:
     """Return the number of rows of a block; None if it is no block."""
     return len(block.times_ns) if isinstance(block, Block) else None
@@ -176,7 +116,9 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "read blocks": KindOfStep("started", 3),
     "measure": KindOfStep("started", 4),
     "pause": KindOfStep("started", 1.5),
+    "newest row": KindOfStep("started", 1.0),
     "fail": KindOfStep("started", 1.0, "started", 2),
+    "fail for long": KindOfStep("started", 0.0, "closed"),
     "close": KindOfStep("open started", 2.5, "closed"),
     "new driver": KindOfStep("closed", 0.2),
 }
@@ -186,27 +128,29 @@ def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
     faults = itertools.cycle(FAULTS_THAT_END)
 
-    def play(trial: DrawnTrial) -> None:
-        drawn = replace(subject, more=trial.options, varied=trial.seed)
-        other = replace(drawn, varied=f"{trial.seed} beside")
-        with (
-            nothing_left(),
-            drawn.fresh_peer() as peer,
-            other.fresh_peer() if trial.beside else nullcontext() as beside,
-            Caller() as caller,
-        ):
-            # What they leave open stays to be seen.
-            others = [] if beside is None else [_Played(other, beside, caller)]
-            played = _Played(drawn, peer, caller)
-            played.play(trial, others)
-
     def value(name: str, subject: Subject, rng: random.Random) -> Any:
         if name == "fail":
             return next(faults)
         return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
 
     drawing = SequenceDrawing(subject, lambda _: CALLS, value)
-    yield from first_failure(play, drawing.trials(TRIALS, STEPS), subject.notes)
+    trials = drawing.trials(TRIALS, STEPS)
+    yield from first_failure(partial(_play, subject), trials, subject.notes)
+
+
+def _play(subject: Subject, trial: DrawnTrial) -> None:
+    drawn = replace(subject, more=trial.options, varied=trial.seed)
+    other = replace(drawn, varied=f"{trial.seed} beside")
+    with (
+        nothing_left(),
+        drawn.fresh_peer() as peer,
+        other.fresh_peer() if trial.beside else nullcontext() as beside,
+        Caller() as caller,
+    ):
+        # What they leave open stays to be seen.
+        others = [] if beside is None else [_Played(other, beside, caller)]
+        played = _Played(drawn, peer, caller)
+        played.play(trial, others)
 
 
 class _Played:
@@ -264,11 +208,7 @@ class _Played:
 
     def _open(self) -> None:
         self._must("open", self._driver.open)
-        identity = self._peer.look().identity
-        if identity not in self._driver.identity:
-            raise StepFailed(
-                f"identity is {self._driver.identity!r}, and the device is {identity!r}"
-            )
+        check_identity(self._driver, self._peer.look())
 
     def _open_again(self) -> None:
         error = self._caller.call(self._driver.open, OPEN_S).error
@@ -281,6 +221,9 @@ class _Played:
         self._last_ns, self._steps, self._offsets, self._gap_s = 0, [], [], 0.0
         self._began_ns = time.monotonic_ns()
         self._must("start", self._driver.start)
+        rate = self._driver.rate_hz
+        if not (np.isfinite(rate) and rate > 0):
+            raise surely(f"rate_hz is {rate} once it is open")
 
     def _read_blocks(self) -> None:
         self.go_on(BLOCKS)
@@ -332,22 +275,69 @@ class _Played:
     def _pause(self, values: Mapping[str, float]) -> None:
         self._measure(values, PAUSE_S)
 
+    def _fail_for_long(self, fault: str) -> None:
+        self._failing(fault, TAIL_S + 2 * self._driver.declaration.silent_s)
+
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; opened again, the driver is as before."""
-        peer, found = self._peer, self._driver
+        peer = self._peer
         if fault not in peer.faults or peer.mend is None or fault in peer.lasts:
             return
-        peer.faults[fault]()
-        end, error = time.monotonic() + FAULT_S, None
-        while error is None and time.monotonic() < end:
-            error = self._caller.call(partial(found.read_block, TIMEOUT_S), OPEN_S).error
-        if error is not None and not isinstance(error, FAILURES):
-            raise StepFailed(f"while the device is {fault}, read_block raises {described(error)}")
+        self._failing(fault, FAULT_S)
         peer.mend()
-        self._must("close", found.close)
-        self._must("open once the fault is over", found.open)
+        self._must("open once the fault is over", self._driver.open)
         self._start()
         self._read_blocks()
+
+    def _failing(self, fault: str, for_s: float) -> None:
+        """Read from a device that fails, and close it."""
+        self._peer.faults[fault]()
+        times, began_s = [self._last_ns], time.monotonic()
+        error: BaseException | None = None
+        while error is None and (since_s := time.monotonic() - began_s) < for_s:
+            outcome = self._caller.call(partial(self._driver.read_block, TIMEOUT_S), OPEN_S)
+            error = outcome.error
+            if error is None and fault != "dead" and outcome.took_s > TIMEOUT_S + ROOM_S:
+                raise StepFailed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
+            if error is None and _rows_of(outcome.value):
+                times += outcome.value.times_ns.tolist()
+                if since_s > TAIL_S and fault != "lossy":
+                    raise StepFailed(
+                        f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
+                    )
+        if error is not None and not isinstance(error, FAILURES):
+            raise StepFailed(f"while the device is {fault}, read_block raises {described(error)}")
+        if error is None and fault == "dead" and for_s > TAIL_S:
+            raise surely(f"{for_s:.1f} s after it read_block has not raised")
+        if error is None and fault == "lossy":
+            gaps = np.diff(times)
+            if np.max(gaps) < LOST_PERIODS * np.median(gaps):
+                raise StepFailed("samples are lost, it raises nothing, and the times show no gap")
+        self._must("close", self._driver.close)
+        self._must("close again", self._driver.close)
+
+    def _newest_row(self) -> None:
+        self._read_blocks()
+        block, declared = self._block, self._driver.declaration
+        columns = len(declared.channels) + declared.has_status
+        shortest = Block(block.times_ns[-1:], block.values[-1:])
+        rising = _rising(block, len(declared.channels))
+        for given in (block, shortest, rising):
+            rows = len(given.times_ns)
+            outcome = self._caller.call(partial(self._driver.newest_row, given), OPEN_S)
+            expect(f"newest_row of a block of {rows}", outcome.error)
+            if np.shape(outcome.value) != (columns,):
+                raise StepFailed(
+                    f"newest_row gives {np.size(outcome.value)} values, expected {columns}"
+                )
+        for channel, value, column in zip(
+            declared.channels, outcome.value, rising.values.T, strict=False
+        ):
+            if value < column[rows // 2]:
+                late = (column[-1] - value) / (column[1] - column[0])
+                raise StepFailed(
+                    f"newest_row has {channel.name} of {late:.0f} rows before the last"
+                )
 
     def _close(self) -> None:
         for turn in ("close", "close again"):
@@ -387,6 +377,7 @@ class _Played:
                 and np.array_equal(before.values, as_it_came.values)
             ):
                 raise StepFailed("the block before changes when the next one is read")
+        self._block = block
         self._before = block, Block(block.times_ns.copy(), block.values.copy())
         times, period_ns = block.times_ns, 1e9 / self._driver.rate_hz
         if self._peer.readings is not None:
@@ -419,46 +410,6 @@ class _Played:
         self._ages.append(age_s)
 
 
-def _gathered(found: BlockBench, for_s: float) -> tuple[list[Block], list[int]]:
-    """Return the blocks of a while, and the CLOCK_MONOTONIC times at which they came, in ns.
-
-    Raises:
-        UnfitSubject: they do not come.
-
-    """
-    blocks: list[Block] = []
-    came_ns: list[int] = []
-    end = time.monotonic() + for_s
-    latest = time.monotonic() + BLOCKS_S
-    while time.monotonic() < (end if len(blocks) > 1 else latest):
-        block = found.next()
-        if block is not None:
-            blocks.append(block)
-            came_ns.append(time.monotonic_ns())
-    if len(blocks) < 2:  # an interval has two ends
-        raise UnfitSubject(f"{len(blocks)} blocks in {BLOCKS_S:g} s")
-    return blocks, came_ns
-
-
-def _lossy(subject: Subject) -> Iterator[str]:
-    with bench(subject, "lossy") as (found, begin):
-        blocks, _ = _gathered(found, 0.0)
-        begin()
-        end = time.monotonic() + TAIL_S + found.driver.declaration.silent_s
-        while time.monotonic() < end:
-            outcome = found.read()
-            if isinstance(outcome.error, FAILURES):
-                return
-            if outcome.error is not None:
-                yield f"read_block raises {described(outcome.error)}"
-                return
-            if outcome.value is not None:
-                blocks.append(outcome.value)
-        gaps = np.diff(np.concatenate([block.times_ns for block in blocks]))
-        if np.max(gaps) < LOST_PERIODS * np.median(gaps):
-            yield "samples were lost, read_block() raises nothing, and the times show no gap"
-
-
 def _rising(block: Block, channels: int) -> Block:
     """Return a block as long as ``block``, or longer, whose values rise from row to row."""
     rows = max(len(block.values), RISING_ROWS)
@@ -467,118 +418,37 @@ def _rising(block: Block, channels: int) -> Block:
     return Block(block.times_ns[-1] - np.arange(rows)[::-1], values)
 
 
-def _newest_row(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (found, _):
-        end = time.monotonic() + BLOCKS_S
-        block: Any = None
-        while block is None and time.monotonic() < end:
-            block = found.next()
-        if block is None:
-            raise UnfitSubject(f"no block in {BLOCKS_S:g} s")
-        declared = found.driver.declaration
-        columns = len(declared.channels) + declared.has_status
-        shortest = Block(block.times_ns[-1:], block.values[-1:])
-        rising = _rising(block, len(declared.channels))
-        for given in (block, shortest, rising):
-            outcome = found.call(partial(found.driver.newest_row, given), OPEN_S)
-            rows = len(given.times_ns)
-            if outcome.error is not None:
-                yield f"newest_row of a block of {rows} raises {described(outcome.error)}"
-            elif np.shape(outcome.value) != (columns,):
-                given_values = np.size(outcome.value)
-                yield f"newest_row gives {given_values} values, expected {columns}"
-            elif given is rising:
-                for channel, value, column in zip(
-                    declared.channels, outcome.value, rising.values.T, strict=False
-                ):
-                    if value < column[rows // 2]:
-                        late = (column[-1] - value) / (column[1] - column[0])
-                        yield f"newest_row has {channel.name} of {late:.0f} rows before the last"
-
-
-def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
-    def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, fault) as (found, begin):
-            found.read()
-            begin()
-            began = time.monotonic()
-            lost = False
-            end = began + TAIL_S + 2 * found.driver.declaration.silent_s
-            while time.monotonic() < end:
-                outcome = found.read()
-                if outcome.error is not None:
-                    if not isinstance(outcome.error, FAILURES):
-                        yield f"read_block raises {described(outcome.error)}"
-                    lost = True
-                    break
-                if fault != "dead" and outcome.took_s > TIMEOUT_S + ROOM_S:
-                    yield f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s"
-                    break
-                if _rows_of(outcome.value) and time.monotonic() > began + TAIL_S:
-                    yield f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
-                    break
-            if fault == "dead" and not lost:
-                yield f"{time.monotonic() - began:.1f} s after it read_block has not raised"
-            for turn in ("close", "close again"):
-                outcome = found.call(found.driver.close, OPEN_S)
-                if outcome.error is not None:
-                    yield f"{turn} raises {described(outcome.error)}"
-
-    return check
+def _fails(fault: str, subject: Subject) -> Iterator[str]:
+    """Play the sequence in which a device that samples begins to fail."""
+    steps = (("open",), ("start",), ("read blocks",), ("fail for long", fault))
+    trial = DrawnTrial(tuple(DrawnStep(*step) for step in steps), seed=fault)
+    yield from first_failure(partial(_play, subject), [trial], subject.notes)
 
 
 #: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
-        "opens and starts",
-        "open() and start() a healthy device; rate_hz is known from then on",
-        _opens,
-        "",
-    ),
-    Rule(
         "any order of calls",
         "a block has int64 times of CLOCK_MONOTONIC in ns at which its rows were taken, "
         "1 / rate_hz apart, and float64 values with a column per channel, the status last if it "
         "has one: what the device measured then, each row once; read_block() waits no longer than "
-        "its time-out; "
-        "close() may come twice and leaves nothing",
+        "its time-out; newest_row(block) returns a value per column, of the last rows, of one row "
+        "also; close() may come twice and leaves nothing",
         any_order,
         "",
     ),
-    Rule(
-        "newest row",
-        "newest_row(block) returns a value per column, of the last rows, of one row also",
-        _newest_row,
-        "",
-    ),
-    Rule(
-        "dead",
-        "with the device gone read_block() raises a LinkError or DeviceError within 2 silent_s",
-        _lost("dead"),
-        "dead",
-    ),
-    Rule(
-        "silent",
-        "with the device silent read_block() returns None at its time-out or raises a DeviceError",
-        _lost("silent"),
-        "silent",
-    ),
-    Rule(
-        "garbled",
-        "damaged packets are thrown away or raise a ProtocolError; they never become rows",
-        _lost("garbled"),
-        "garbled",
-    ),
-    Rule(
-        "frozen",
-        "a packet that was seen before gives no rows: compare the counter that it carries",
-        _lost("frozen"),
-        "frozen",
-    ),
-    Rule(
-        "lossy",
-        "raise a DeviceError if samples were lost, or leave a gap in the times",
-        _lossy,
-        "lossy",
+    *(
+        Rule(fault, demand, partial(_fails, fault), fault)
+        for fault, demand in {
+            "dead": "with the device gone read_block() raises a LinkError or DeviceError within 2 "
+            "silent_s",
+            "silent": "with the device silent read_block() returns None at its time-out or raises "
+            "a DeviceError",
+            "garbled": "damaged packets are thrown away or raise a ProtocolError; they never "
+            "become rows",
+            "frozen": "a packet that was seen before gives no rows: compare the counter that it "
+            "carries",
+            "lossy": "raise a DeviceError if samples were lost, or leave a gap in the times",
+        }.items()
     ),
 )

@@ -344,38 +344,20 @@ RULES: Final = (
         _intervals,
         "",
     ),
-    Rule(
-        "dead",
-        "with the link dead read() or write() raises a LinkError or DeviceError; make_safe() or "
-        "confirm_safe() raises, unless the device is safe; close() ends",
-        _fault("dead"),
-        "dead",
-    ),
-    Rule(
-        "silent",
-        "with the device silent read() returns None or raises a DeviceError: no row is made up; "
-        "make_safe() or confirm_safe() raises, unless the device is safe; rescue() makes it safe "
-        "before it asks anything: it may obey and not answer",
-        _fault("silent"),
-        "silent",
-    ),
-    Rule(
-        "late",
-        "an answer that is late costs rows, not time: read() never waits for it",
-        _fault("late", rows=True),
-        "late",
-    ),
-    Rule(
-        "garbled",
-        "damaged answers are thrown away or raise a ProtocolError; they never become rows",
-        _fault("garbled"),
-        "garbled",
-    ),
-    Rule(
-        "frozen",
-        "a frame that was seen before is no new row: compare the counter that it carries",
-        _fault("frozen"),
-        "frozen",
+    *(
+        Rule(fault, demand, _fault(fault, rows=fault == "late"), fault)
+        for fault, demand in {
+            "dead": "with the link dead read() or write() raises a LinkError or DeviceError; "
+            "make_safe() or confirm_safe() raises, unless the device is safe; close() ends",
+            "silent": "with the device silent read() returns None or raises a DeviceError: no row "
+            "is made up; make_safe() or confirm_safe() raises, unless the device is safe; rescue() "
+            "makes it safe before it asks anything: it may obey and not answer",
+            "late": "an answer that is late costs rows, not time: read() never waits for it",
+            "garbled": "damaged answers are thrown away or raise a ProtocolError; they never "
+            "become rows",
+            "frozen": "a frame that was seen before is no new row: compare the counter that it "
+            "carries",
+        }.items()
     ),
     Rule(
         "safe while stuck",

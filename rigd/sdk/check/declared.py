@@ -7,11 +7,11 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cache, partial
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 
@@ -34,8 +34,8 @@ HERE: Final = "127.0.0.1"
 THERE: Final = "127.0.0.2"
 
 
-def _title(subject: Subject) -> Iterator[str]:
-    title = subject.driver_class.title
+def title_problems(title: str) -> Iterator[str]:
+    """Yield what is wrong with the title of a driver or a plant."""
     if not title.strip() or "\n" in title:
         yield f"title is {title!r}"
 
@@ -53,25 +53,29 @@ def _safe_is_said(subject: Subject) -> Iterator[str]:
         yield f"{cls.__name__} takes setpoints, and no docstring states what safe means"
 
 
-def _options_documented(subject: Subject) -> Iterator[str]:
-    for option in options_of(subject.driver_class.Config):
+def undocumented(model: type[BaseModel], what: str = "option ") -> Iterator[str]:
+    """Yield the options of ``model`` without a documentation."""
+    for option in options_of(model):
         if not option.doc:
-            yield f"option {option.name} has no documentation"
+            yield f"{what}{option.name} has no documentation"
 
 
-def _options_have_units(subject: Subject) -> Iterator[str]:
-    for option in options_of(subject.driver_class.Config):
+def bare(model: type[BaseModel], what: str = "option ") -> Iterator[str]:
+    """Yield the options of ``model`` that are numbers without a unit."""
+    for option in options_of(model):
         if option.bare:
-            yield f"option {option.name} is a bare float"
+            yield f"{what}{option.name} is a bare float"
 
 
-def _options_strict(subject: Subject) -> Iterator[str]:
-    config_class = subject.driver_class.Config
-    if not issubclass(config_class, DriverConfig):
+def lenient(
+    config_class: type[BaseModel], base: type[BaseModel], options: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield that a Config is none, or accepts options that it does not have."""
+    if not issubclass(config_class, base):
         yield f"Config is {config_class!r}"
         return
     try:
-        config_class.model_validate({**dict(subject.options), "no_such_option_": 1})
+        config_class.model_validate({**options, "no_such_option_": 1})
     except ValidationError as error:
         if any(item["type"] == "extra_forbidden" for item in error.errors()):
             return
@@ -329,7 +333,11 @@ def _own_classes(cls: type[AnyDriver]) -> list[type]:
 
 #: Rules for the class alone.
 CLASS_RULES: Final = (
-    Rule("title", "give the class a `title` of one line: what the device is", _title),
+    Rule(
+        "title",
+        "give the class a `title` of one line: what the device is",
+        lambda subject: title_problems(subject.driver_class.title),
+    ),
     Rule(
         "safe is described",
         "state in the docstring of make_safe what it does, and of the class what safe means",
@@ -338,17 +346,17 @@ CLASS_RULES: Final = (
     Rule(
         "options strict",
         "derive Config from DriverConfig, and leave its model_config as it is",
-        _options_strict,
+        lambda subject: lenient(subject.driver_class.Config, DriverConfig, dict(subject.options)),
     ),
     Rule(
         "options documented",
         "put a docstring beneath every field of Config: `rigd drivers` and `rigd check` show it",
-        _options_documented,
+        lambda subject: undocumented(subject.driver_class.Config),
     ),
     Rule(
         "options have units",
         'declare quantities as Annotated[float, In("A")], pure numbers with In("1")',
-        _options_have_units,
+        lambda subject: bare(subject.driver_class.Config),
     ),
     Rule(
         "options are read",

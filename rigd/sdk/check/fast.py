@@ -32,6 +32,7 @@ from rigd.sdk.check.sequences import (
     RandomWalk,
     SequenceDrawing,
     StepFailed,
+    check_identity,
     expect,
     first_failure,
     made,
@@ -336,8 +337,7 @@ class _Played:
         elif not isinstance(outcome.error, FAILURES):
             raise StepFailed(f"a driver beside it raises {described(outcome.error)}")
         look = beside.look()
-        if look.identity not in beside.driver.identity:
-            raise StepFailed(f"the identity of a driver beside it is {beside.driver.identity!r}")
+        check_identity(beside.driver, look)
         if look.energised:
             raise StepFailed("the device of a driver beside it is energised")
 
@@ -345,11 +345,7 @@ class _Played:
 
     def _open(self) -> None:
         self._must("open", self._found.open())
-        if self._found.look().identity not in self._found.driver.identity:
-            raise StepFailed(
-                f"identity is {self._found.driver.identity!r}, and the device is "
-                f"{self._found.look().identity!r}"
-            )
+        check_identity(self._found.driver, self._found.look())
         self._safe_now("after open()")
         outcome = self._found.call_slowly(self._found.driver.preflight)
         self._must("preflight", outcome)
@@ -527,8 +523,11 @@ class _Played:
     def _measure(self, values: Mapping[str, float]) -> None:
         if self._found.peer.measure is not None:
             self._found.peer.measure(values)
+        armed = self._walk.state == "armed"
+        if armed:
+            self._wanted = self._clipped(self._last)
         for _ in range(5):
-            self._cycle(self._last if self._walk.state == "armed" else ())
+            self._cycle(self._last if armed else ())
 
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then it is as before, with the same driver."""
@@ -537,6 +536,7 @@ class _Played:
             self._make_safe()
             return
         setpoints = self._last if self._walk.state == "armed" else ()
+        self._passed.append(self._clipped(setpoints) if setpoints else self._safe)
         self._wanted = self._safe
         sent = [found.readings.sent]
         for _ in range(FAULT_CYCLES):

@@ -14,9 +14,11 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rigd.sdk.check.sequences import StepFailed
+
+T = TypeVar("T")
 
 #: What is left gets this time to end, in s: threads end in their next turn, processes on a busy
 #: machine later.
@@ -93,29 +95,27 @@ def opens() -> Iterator[list[str]]:
 
     A connection with the address to which it leads.
     """
-    _hook()
-    seen = _opened[threading.get_ident()] = []
-    try:
+    with _listed(_opened) as seen:
         yield seen
-    finally:
-        del _opened[threading.get_ident()]
 
 
 @contextlib.contextmanager
 def connections() -> Iterator[list[socket.socket]]:
     """Yield the list of the sockets that this thread connects meanwhile."""
-    _hook()
-    seen = _connected[threading.get_ident()] = []
-    try:
+    with _listed(_connected) as seen:
         yield seen
-    finally:
-        del _connected[threading.get_ident()]
 
 
-def _hook() -> None:
+@contextlib.contextmanager
+def _listed(by_thread: dict[int, list[T]]) -> Iterator[list[T]]:
     if not _hooked.is_set():
         _hooked.set()
         sys.addaudithook(_hear)
+    seen = by_thread[threading.get_ident()] = []
+    try:
+        yield seen
+    finally:
+        del by_thread[threading.get_ident()]
 
 
 def _hear(event: str, args: tuple[Any, ...]) -> None:

@@ -149,31 +149,27 @@ def _words(error: BaseException) -> str:
 
 
 #: For drivers of any kind.
-RULES: Final = (
-    Rule(
-        "not there",
-        "open() without a device raises a LinkError with a hint: what to check; each time the "
-        "same, until there is one; rescue() raises as well",
-        partial(_at_open, "dead"),
-        "dead",
-    ),
-    Rule(
-        "silent at open",
-        "open() of a device that sends nothing ends within 30 s, and raises at most a LinkError; "
-        "rescue() raises, as nobody knows that it has made the device safe",
-        partial(_at_open, "silent"),
-        "silent",
-    ),
-    Rule(
-        "garbled at open",
-        "open() of a device that sends damaged answers raises at most a ProtocolError or LinkError",
-        partial(_at_open, "garbled"),
-        "garbled",
-    ),
-    Rule(
-        "another at open",
-        "open() asks the device what it is, and raises a ProtocolError if it is another",
-        partial(_at_open, "another"),
-        "another",
-    ),
-)
+RULES: Final = tuple(
+    Rule(name, demand, partial(_at_open, fault), fault)
+    for name, fault, demand in (
+        (
+            "not there", "dead",
+            "open() without a device raises a LinkError with a hint: what to check; each time the "
+            "same, until there is one; rescue() raises as well",
+        ),
+        (
+            "silent at open", "silent",
+            "open() of a device that sends nothing ends within 30 s, and raises at most a "
+            "LinkError; rescue() raises: nobody knows that it has made the device safe",
+        ),
+        (
+            "garbled at open", "garbled",
+            "open() of a device that sends damaged answers raises at most a ProtocolError or "
+            "LinkError",
+        ),
+        (
+            "another at open", "another",
+            "open() asks the device what it is, and raises a ProtocolError if it is another",
+        ),
+    )
+)  # fmt: skip

@@ -96,6 +96,7 @@ class Peer:
     readings: Sequence[Reading] | None = None
     #: Draws, before a driver opens it, in what this device differs from others of its make: serial
     #: number, rate, time of its watchdog, size of frames, texts of errors. It may alter `options`.
+    #: Such devices must be able to stand beside each other: a driver is also tried beside another.
     vary: Callable[[random.Random], object] | None = None
     #: Has the device measure other values, by channel in its unit, and status bits by name, as far
     #: as it can; None if it cannot.

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.units import parse_quantity, parse_unit
+from rigd.sdk.check.declared import bare, lenient, title_problems, undocumented
 from rigd.sdk.check.plant_bench import (
     CYCLES,
     Commands,
@@ -25,7 +26,6 @@ from rigd.sdk.check.plant_bench import (
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
 from rigd.sdk.document import parse_document
 from rigd.sdk.driver import Driver
-from rigd.sdk.options import options_of
 from rigd.sdk.parameters import ParametersConfig
 from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.setting import Setting
@@ -68,28 +68,11 @@ def needs_truth(subject: PlantSubject) -> str:
     return "" if subject.truth in subject.devices else "no truth was named"
 
 
-def _title(subject: PlantSubject) -> Iterator[str]:
-    title = subject.plant_class.title
-    if not title.strip() or "\n" in title:
-        yield f"title is {title!r}"
-
-
 def _options(subject: PlantSubject) -> Iterator[str]:
     config_class = subject.plant_class.Config
-    if not issubclass(config_class, PlantConfig):
-        yield f"Config is {config_class!r}"
-        return
-    for option in options_of(config_class):
-        if not option.doc:
-            yield f"option {option.name} has no documentation"
-        if option.bare:
-            yield f"option {option.name} is a bare float"
-    try:
-        config_class.model_validate({**subject.options, "no_such_option_": 1})
-    except ValidationError as error:
-        if any(problem["type"] == "extra_forbidden" for problem in error.errors()):
-            return
-    yield "an unknown option is accepted"
+    yield from undocumented(config_class)
+    yield from bare(config_class)
+    yield from lenient(config_class, PlantConfig, subject.options)
 
 
 def _made(subject: PlantSubject) -> Iterator[str]:
@@ -105,11 +88,8 @@ def _parameters(subject: PlantSubject) -> Iterator[str]:
     if not isinstance(config, ParametersConfig):
         return
     model = config.parameter_model()
-    for option in options_of(model):
-        if option.bare:
-            yield f"{option.name} is a bare float"
-        if not option.doc:
-            yield f"{option.name} has no documentation"
+    yield from bare(model, "")
+    yield from undocumented(model, "")
     tree = _plain(config)
     for path, unit in _leaves(tree, ()):
         taken = [sign for sign in ("", "-") if _takes(model, tree, path, sign, unit)]
@@ -337,7 +317,11 @@ def _factor(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float | 
 
 
 CLASS_RULES: Final = (
-    PlantRule("title", "give the class a `title` of one line: which rig this is", _title),
+    PlantRule(
+        "title",
+        "give the class a `title` of one line: which rig this is",
+        lambda subject: title_problems(subject.plant_class.title),
+    ),
     PlantRule(
         "options",
         "derive Config from PlantConfig; document every field, declare quantities as "

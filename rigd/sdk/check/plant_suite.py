@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import partial
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -26,6 +27,7 @@ def check_plant(
     accuracy: float = 0.01,
     only: Collection[str] = (),
     seed: int = 1,
+    raises: bool = True,
 ) -> Report:
     """Put a plant to the test; return what was checked.
 
@@ -40,31 +42,13 @@ def check_plant(
             its range by which half the step may change the truth.
         only: names of the rules to apply, while one is being worked on; by default all.
         seed: the sequences that are drawn at random are drawn from it; the report states it.
+        raises: whether a broken rule is an error; :func:`examine_plant` only reports it.
 
     Raises:
         NonConforming: the plant breaks rules; the message names all, with what to do.
         ValueError: the options are not valid, or there is no such rule or device.
 
     """
-    report = examine_plant(
-        plant_class, options, devices=devices, truth=truth, accuracy=accuracy, only=only, seed=seed
-    )
-    if report.findings:
-        raise NonConforming(report)
-    return report
-
-
-def examine_plant(
-    plant_class: type[Plant],
-    options: Mapping[str, Any] | None = None,
-    *,
-    devices: Mapping[str, Device] | None = None,
-    truth: str = "",
-    accuracy: float = 0.01,
-    only: Collection[str] = (),
-    seed: int = 1,
-) -> Report:
-    """Return the report of :func:`check_plant`, without raising."""
     subject = PlantSubject(plant_class, options or {}, devices or {}, truth, accuracy, seed)
     if truth and truth not in subject.devices:
         raise ValueError(f"no device {truth!r}; there are {', '.join(subject.devices)}")
@@ -73,7 +57,7 @@ def examine_plant(
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     # A plant that cannot be made has nothing else to show.
-    return examine(
+    report = examine(
         plant_class.__name__,
         _STAGES,
         lambda rule: rule.check(subject),
@@ -82,3 +66,10 @@ def examine_plant(
         only=only,
         seed=seed,
     )
+    if report.findings and raises:
+        raise NonConforming(report)
+    return report
+
+
+#: Returns the report of :func:`check_plant`, without raising.
+examine_plant: Final = partial(check_plant, raises=False)

@@ -108,7 +108,8 @@ class Matching:
     ) -> Iterator[str]:
         """Yield the problem of a row that has come: it is a reading of the last ``age_s``.
 
-        It is one of those that were sent when :meth:`mark` was called last, or now. ``stamp_s`` is the time of CLOCK_MONOTONIC that the driver gives for it, if it gives one.
+        It is one of those that were sent when :meth:`mark` was called last, or now. ``stamp_s`` is
+        the time of CLOCK_MONOTONIC that the driver gives for it, if it gives one.
         """
         readings = self._readings
         if readings is None:

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from rigd.model.errors import DeviceError, ProtocolError
 from rigd.sdk.check.caller import Hung
+from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 
 #: How long a failing sequence is shortened, in s.
@@ -111,7 +112,8 @@ class SequenceDrawing:
             options = self.subject.drawn(rng, ends.get(number)) if number else {}
             subject = replace(self.subject, more=options)
             drawn = tuple(self._steps(subject, steps, rng))
-            yield DrawnTrial(drawn, options, str(number), beside=number % 2 == 1)
+            beside = self.subject.varies and number % 2 == 1
+            yield DrawnTrial(drawn, options, str(number), beside=beside)
 
     def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[DrawnStep]:
         calls = self.calls(subject)
@@ -148,6 +150,12 @@ def expect(what: str, error: BaseException | None) -> None:
         failed = StepFailed(f"{what} raises {described(error)}")
         failed.error = error if what == "open" else None
         raise failed
+
+
+def check_identity(driver: Any, look: Observed) -> None:
+    """Raise StepFailed if a driver says that its device is another."""
+    if look.identity not in driver.identity:
+        raise StepFailed(f"identity is {driver.identity!r}, and the device is {look.identity!r}")
 
 
 class Unjudged(Exception):

@@ -16,6 +16,7 @@ import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Hung
@@ -25,17 +26,19 @@ from rigd.sdk.check.leaks import connections, nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
+    DrawnStep,
     DrawnTrial,
     KindOfStep,
     RandomWalk,
     SequenceDrawing,
     StepFailed,
     Unjudged,
+    check_identity,
     expect,
     first_failure,
     made,
+    surely,
 )
-from rigd.sdk.check.stalls import Stalls
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import SlowDriver
@@ -48,14 +51,18 @@ SCENE_ENDS_S: Final = 1.0
 OPEN_S: Final = 30.0
 #: A driver that is cancelled must end within this time, in s.
 CANCEL_S: Final = 3.0
-#: Rows of the measurements, and of the one for which the loop is watched.
-ROWS: Final = 3
-MORE_ROWS: Final = 8
+#: So often two rows are awaited while the loop is watched.
+WATCHED: Final = 4
 #: More than the declared silence until the rows of a measurement are there, in s.
 ROOM_S: Final = 0.25
 #: So often, or so long in s, the loop alone stands still before it counts.
 STALLS: Final = 3
 STANDS_S: Final = 0.5
+#: Time between two ticks of the loop, in s; one that does not tick for so long stands still, if the
+#: thread beside it never waited for more than this part of the time.
+TICK_S: Final = 0.005
+STUCK_S: Final = 0.03
+WITNESS_PART: Final = 0.5
 #: Most rows per second of a slow device; a driver that ignores its interval gives many more.
 MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
@@ -86,9 +93,6 @@ ARRIVES_S: Final = 0.06
 ENDS_S: Final = 0.15
 #: A machine that stands still for so long says nothing about the times of rows, in s.
 STALL_S: Final = 0.025
-
-Problems = set[str]
-Scene = Callable[[SlowDriver, Peer, Problems], Awaitable[None]]
 
 
 def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]]) -> None:
@@ -123,92 +127,8 @@ async def _whole(main: Coroutine[Any, Any, None]) -> None:
             await asyncio.sleep(0.01)
 
 
-def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[str]]:
-    """Return a check that plays a scene on a loop of its own, the driver open and closed after."""
-
-    def check(subject: Subject) -> Iterator[str]:
-        problems: Problems = set()
-        kept: list[SlowDriver] = []  # what it leaves open stays to be seen
-
-        async def main(peer: Peer) -> None:
-            driver: SlowDriver = subject.make(peer, peer.link())
-            kept.append(driver)
-            try:
-                if opened:
-                    await _opened(driver)
-                await play(driver, peer, problems)
-            finally:
-                await driver.close()
-
-        try:
-            _played(subject, main)
-        except (UnfitSubject, StepFailed) as unfit:
-            problems.add(str(unfit))
-        except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
-            problems.add(described(error))
-        yield from sorted(problems)
-
-    return check
-
-
-async def _opened(driver: SlowDriver) -> None:
-    try:
-        await driver.open()
-    except FAILURES as error:
-        raise UnfitSubject(f"open raises {described(error)}") from error
-
-
-class _Rows:
-    """Receives the rows of a driver and stores the time of the last row."""
-
-    def __init__(self, wanted: int = ROWS) -> None:
-        self._wanted = wanted
-        self.rows: list[Sequence[float]] = []
-        self.last_s = time.monotonic()
-        self._enough = asyncio.Event()
-
-    def __call__(self, row: Sequence[float]) -> None:
-        self.rows.append(row)
-        self.last_s = time.monotonic()
-        if len(self.rows) >= self._wanted:
-            self._enough.set()
-
-    async def enough(self, driver: SlowDriver, task: asyncio.Task[None]) -> None:
-        """Wait for some rows.
-
-        Raises:
-            UnfitSubject: they do not come.
-
-        """
-        waiting = asyncio.ensure_future(self._enough.wait())
-        try:
-            await asyncio.wait(
-                {waiting, task}, timeout=self._wanted * driver.declaration.silent_s + ROOM_S,
-                return_when=asyncio.FIRST_COMPLETED,
-            )  # fmt: skip
-        finally:
-            waiting.cancel()
-        if task.done():
-            error = task.exception()
-            raise UnfitSubject(
-                "run() returned" if error is None else f"run raises {described(error)}"
-            )
-        if not self._enough.is_set():
-            raise UnfitSubject(f"{len(self.rows)} rows in {self._wanted} times silent_s")
-
-
-async def _stop(task: asyncio.Task[None], problems: Problems) -> None:
-    """Cancel ``run`` and check that this ends it."""
-    task.cancel()
-    done, _ = await asyncio.wait({task}, timeout=CANCEL_S)
-    if not done:
-        problems.add(f"run() goes on {CANCEL_S:g} s after it was cancelled")
-    elif not task.cancelled():
-        error = task.exception()
-        how = "returns" if error is None else f"raises {described(error)}"
-        problems.add(f"run() {how} when it is cancelled")
-
-
+#: What comes before a fault.
+RUNS: Final = (("open",), ("run",))
 #: States: closed, open, running, armed (and running).
 CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 3, "open"),
@@ -227,6 +147,12 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "write": KindOfStep("armed", 8),
     "make safe": KindOfStep("running armed", 2, "running"),
     "kill and rescue": KindOfStep("armed", 0.5, "closed", 1),
+    # Those that are not drawn.
+    "watch the loop": KindOfStep("closed", 0.0),
+    "count rows": KindOfStep("running", 0.0),
+    "fail for long": KindOfStep("running", 0.0, "open"),
+    "be silent and cancel": KindOfStep("running", 0.0, "open"),
+    "refuse": KindOfStep("running", 0.0),
 }
 OF_SETPOINTS: Final = {"arm", "write", "make safe", "kill and rescue"}
 
@@ -266,27 +192,28 @@ def any_order(subject: Subject) -> Iterator[str]:
             return rng.choice([*declared.actions, "no_such_action"])
         return rng.choice(CANCEL_STEPS) if "cancel" in name else None
 
-    def play(trial: DrawnTrial) -> None:
-        drawn = replace(subject, more=trial.options, varied=trial.seed)
-        kept: list[_Session] = []  # what its drivers leave open stays to be seen
-
-        async def main(peer: Peer) -> None:
-            kept.append(_Session(drawn, peer))
-            other = replace(drawn, varied=f"{trial.seed} beside")
-            with other.fresh_peer() if trial.beside else nullcontext() as beside:
-                if beside is not None:
-                    kept.append(_Session(other, beside))
-                await kept[0].play(trial, *kept[1:])
-
-        try:
-            _played(drawn, main)
-        except (StepFailed, Unjudged, UnfitSubject, Hung):
-            raise
-        except Exception as error:
-            raise StepFailed(described(error)) from error
-
     trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
-    yield from first_failure(play, trials, subject.notes)
+    yield from first_failure(partial(_play, subject), trials, subject.notes)
+
+
+def _play(subject: Subject, trial: DrawnTrial) -> None:
+    drawn = replace(subject, more={**subject.more, **trial.options}, varied=trial.seed)
+    kept: list[_Session] = []  # what its drivers leave open stays to be seen
+
+    async def main(peer: Peer) -> None:
+        kept.append(_Session(drawn, peer))
+        other = replace(drawn, varied=f"{trial.seed} beside")
+        with other.fresh_peer() if trial.beside else nullcontext() as beside:
+            if beside is not None:
+                kept.append(_Session(other, beside))
+            await kept[0].play(trial, *kept[1:])
+
+    try:
+        _played(drawn, main)
+    except (StepFailed, Unjudged, UnfitSubject, Hung):
+        raise
+    except Exception as error:
+        raise StepFailed(described(error)) from error
 
 
 class _Session:
@@ -303,6 +230,7 @@ class _Session:
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened
         self._opened = False
+        self._emitted_s = 0.0  # when the last row came
         self._wrong: list[StepFailed] = []  # what emit() saw
         self._came = asyncio.Event()
         self._safe = self._wanted = self._watcher.look().driven
@@ -360,11 +288,7 @@ class _Session:
         self._readings.begin()
         await self._must("open", self._driver.open())
         self._opened = True
-        identity = self._watcher.look().identity
-        if identity not in self._driver.identity:
-            raise StepFailed(
-                f"identity is {self._driver.identity!r}, and the device is {identity!r}"
-            )
+        check_identity(self._driver, self._watcher.look())
         await self._still("after open()")
         if reasons := list(self._driver.preflight()):
             raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
@@ -397,17 +321,15 @@ class _Session:
             await self._wait_for_rows()
 
     async def _wait_for_rows(self) -> None:
-        assert self._task is not None  # noqa: S101
+        task = self._running()
         for _ in range(2):
             self._came.clear()
             came = asyncio.ensure_future(self._came.wait())
             within_s = self._driver.declaration.silent_s + ROOM_S
-            await asyncio.wait(
-                {came, self._task}, timeout=within_s, return_when=asyncio.FIRST_COMPLETED
-            )
+            await asyncio.wait({came, task}, timeout=within_s, return_when=asyncio.FIRST_COMPLETED)
             came.cancel()
-            if self._task.done():
-                error = self._task.exception()
+            if task.done():
+                error = task.exception()
                 how = "returns" if error is None else f"raises {described(error)}"
                 raise StepFailed(f"run() {how}")
             if not self._came.is_set():
@@ -441,14 +363,13 @@ class _Session:
         begin, mend = self._peer.faults.get(fault), self._peer.mend
         if begin is None or mend is None or fault in self._peer.lasts:
             return
-        assert self._task is not None  # noqa: S101
-        self._fails = True
+        task, self._fails = self._running(), True
         for change in (begin, mend):
             await asyncio.to_thread(change)
-            await asyncio.wait({self._task}, timeout=LATE_S)
+            await asyncio.wait({task}, timeout=LATE_S)
         self._fails, self._watcher.gap_s = False, 0.0
-        if self._task.done():
-            error, self._task = self._task.exception(), None
+        if task.done():
+            error, self._task = task.exception(), None
             if not isinstance(error, FAILURES):
                 raise StepFailed(f"run() ends with {error!r}")
             await self._must("close", self._driver.close())
@@ -459,16 +380,100 @@ class _Session:
             for _ in range(AGAIN):
                 await self._measure(drawn_values(self._driver.declaration, rng))
 
+    async def _fail_for_long(self, fault: str) -> None:
+        """Have the device fail, and no row come of it, nor an action be done."""
+        task, declared = self._running(), self._driver.declaration
+        self._fails = True
+        self._peer.faults[fault]()
+        began_s = time.monotonic()
+        for action in [*declared.actions][:1] if fault in UNANSWERED else ():
+            with contextlib.suppress(*FAILURES):
+                reply = await asyncio.wait_for(self._driver.act(action), OPEN_S)
+                raise StepFailed(f"the device is {fault}, and act({action!r}) returns {reply!r}")
+        within_s = TAIL_S + 2 * declared.silent_s
+        await asyncio.wait({task}, timeout=began_s + within_s - time.monotonic())
+        if self._wrong:
+            raise self._wrong[0]
+        if fault != "late" and self._emitted_s > began_s + TAIL_S:
+            raise StepFailed(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
+        if not task.done():
+            if fault == "dead":
+                raise StepFailed(f"{within_s:g} s after the device is dead run() has not raised")
+            await self._cancel()
+            return
+        if (error := task.exception()) is None:
+            raise StepFailed("run() returns; it runs until it is cancelled")
+        if not isinstance(error, FAILURES):
+            raise StepFailed(f"run() raises {described(error)}")
+
+    async def _be_silent_and_cancel(self) -> None:
+        self._peer.faults["silent"]()
+        await asyncio.wait({self._running()}, timeout=WAITS_S)  # it has asked
+        if not self._running().done():
+            await self._cancel()
+
+    async def _refuse(self) -> None:
+        self._peer.faults["refusing"]()
+        for action in self._driver.declaration.actions:
+            before = self._watcher.look().acted
+            try:
+                reply = await asyncio.wait_for(self._driver.act(action), OPEN_S)
+            except FAILURES:
+                continue
+            if self._watcher.look().acted == before:
+                raise StepFailed(f"the device refuses {action!r}, and act() returns {reply!r}")
+
+    async def _count_rows(self, apart_s: float) -> None:
+        """Count rows, which are to come ``apart_s`` from each other; 0: not too often."""
+        before, began_s = self._rows, time.monotonic()
+        await asyncio.wait({self._running()}, timeout=INTERVALS * apart_s or RATE_S)
+        came, for_s = self._rows - before, time.monotonic() - began_s
+        if apart_s:
+            for problem in too_often(came, for_s, apart_s):
+                raise StepFailed(problem)
+        elif came > MOST_HZ * (1 + ROOM_S) * for_s:
+            raise StepFailed(
+                f"run() gives {came / for_s:.0f} rows per second, at most {MOST_HZ:g} are meant"
+            )
+
+    async def _watch_the_loop(self) -> None:
+        stalls: list[float] = []
+
+        async def tick() -> None:
+            while True:
+                began_s, self._watcher.gap_s = time.monotonic(), 0.0
+                await asyncio.sleep(TICK_S)
+                took_s = time.monotonic() - began_s
+                if took_s > STUCK_S and self._watcher.gap_s < WITNESS_PART * took_s:
+                    stalls.append(took_s)  # else this machine stood still
+
+        ticking = asyncio.create_task(tick())
+        try:
+            await self._open()
+            await self._run()
+            for _ in range(WATCHED):
+                await self._wait_for_rows()
+        finally:
+            ticking.cancel()
+            await asyncio.wait({ticking})
+            if len(stalls) >= STALLS or sum(stalls) >= STANDS_S:
+                raise surely(
+                    f"the event loop stood still {len(stalls)} times, {max(stalls):.2f} s at most, "
+                    "while a thread beside it went on"
+                )
+        await self._cancel()
+        await self._close()
+
     async def _cancel(self, steps: int = 1) -> None:
         for _ in range(steps):
             await asyncio.sleep(0.002)
-        assert self._task is not None  # noqa: S101
-        self._task.cancel()
-        await asyncio.wait({self._task}, timeout=CANCEL_S)
-        if not self._task.done():
+        task = self._running()
+        task.cancel()
+        await asyncio.wait({task}, timeout=CANCEL_S)
+        if not task.done():
             raise StepFailed(f"run() goes on {CANCEL_S:g} s after it was cancelled")
-        if not self._task.cancelled():
-            error = self._task.exception()
+        if not task.cancelled():
+            error = task.exception()
             how = "returns" if error is None else f"raises {described(error)}"
             raise StepFailed(f"run() {how} when it is cancelled")
         self._task = None
@@ -539,13 +544,17 @@ class _Session:
         self._driver: SlowDriver = self._subject.make(self._peer, self._peer.link())
         self._all.append(self._driver)
 
+    def _running(self) -> asyncio.Task[None]:
+        assert self._task is not None  # noqa: S101
+        return self._task
+
     def _emit(self, row: Sequence[float]) -> None:
         self._rows += 1
+        self._emitted_s = time.monotonic()
         self._came.set()
-        if self._fails:
-            return
-        problems = list(row_problems(self._driver.declaration, row))
-        problems += () if problems else self._readings.newest_first(row, AGE_S)
+        problems = list(row_problems(self._driver.declaration, row, in_range=not self._fails))
+        if not problems and not self._fails:
+            problems += self._readings.newest_first(row, AGE_S)
         self._wrong += map(StepFailed, problems)
 
     async def _must(self, what: str, call: Awaitable[Any]) -> Any:
@@ -585,134 +594,20 @@ class _Session:
         )
 
 
-async def _never_blocks(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    await driver.close()
-    with Stalls() as stalls:
-        await _opened(driver)
-        rows = _Rows(MORE_ROWS)
-        task = asyncio.create_task(driver.run(rows))
-        try:
-            await rows.enough(driver, task)
-        except UnfitSubject:
-            if not _stands(stalls):  # else that is why they are too few
-                raise
-        if not task.done():
-            await _stop(task, problems)
-        await stalls.stop()
-    if _stands(stalls):
-        problems.add(
-            f"the event loop stood still {len(stalls.found)} times, {max(stalls.found):.2f} s at "
-            "most, while a thread beside it went on"
-        )
+def _in_turn(*trials: tuple[tuple[Any, ...], ...]) -> Callable[[Subject], Iterator[str]]:
+    """Return the check that plays sequences which are not drawn, each of steps with its value."""
 
+    def check(subject: Subject) -> Iterator[str]:
+        drawn = [DrawnTrial(tuple(DrawnStep(*step) for step in steps)) for steps in trials]
+        yield from first_failure(partial(_play, subject), drawn, subject.notes)
 
-def _stands(stalls: Stalls) -> bool:
-    return len(stalls.found) >= STALLS or sum(stalls.found) >= STANDS_S
-
-
-async def _cancelled_waiting(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    peer.faults["silent"]()
-    while not task.done() and time.monotonic() < rows.last_s + driver.declaration.silent_s:
-        await asyncio.sleep(0.02)
-        if time.monotonic() > rows.last_s + WAITS_S:  # it has asked, and waits for the answer
-            break
-    if not task.done():
-        await _stop(task, problems)
+    return check
 
 
 def _often(subject: Subject) -> Iterator[str]:
     """Count the rows of a while, with each interval and with that of the author."""
-    yield from _scene(_rate)(subject)
-    for other, apart_s in intervals(subject):
-        yield from _scene(_every(apart_s))(other)
-
-
-def _every(apart_s: float) -> Scene:
-    async def counted(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        rows = _Rows(1)
-        task = asyncio.create_task(driver.run(rows))
-        await rows.enough(driver, task)
-        before, began_s = len(rows.rows), time.monotonic()
-        await asyncio.wait({task}, timeout=INTERVALS * apart_s)
-        came = len(rows.rows) - before
-        problems.update(too_often(came, time.monotonic() - began_s, apart_s))
-        await _stop(task, problems)
-
-    return counted
-
-
-async def _rate(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    before, began = len(rows.rows), time.monotonic()
-    await asyncio.wait({task}, timeout=RATE_S)
-    hz = (len(rows.rows) - before) / (time.monotonic() - began)
-    if hz > MOST_HZ * (1 + ROOM_S):
-        problems.add(f"run() gives {hz:.0f} rows per second, at most {MOST_HZ:g} are meant")
-    await _stop(task, problems)
-
-
-def _fault(fault: str) -> Scene:
-    """Return the scene of a fault in mid-run, also of an action meanwhile."""
-
-    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-        rows, declared = _Rows(), driver.declaration
-        task = asyncio.create_task(driver.run(rows))
-        await rows.enough(driver, task)
-        peer.faults[fault]()
-        began = time.monotonic()
-        for action in [*declared.actions][:1] if fault in UNANSWERED else ():
-            with contextlib.suppress(*FAILURES):  # the scene reports any other error
-                reply = await asyncio.wait_for(driver.act(action), OPEN_S)
-                problems.add(f"the device is {fault}, and act({action!r}) returns {reply!r}")
-        within_s = TAIL_S + 2 * declared.silent_s
-        await asyncio.wait({task}, timeout=began + within_s - time.monotonic())
-        if fault != "late" and rows.last_s > began + TAIL_S:
-            problems.add(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
-        if fault == "dead" and not task.done():
-            problems.add(f"{within_s:g} s after the device is dead run() has not raised")
-        for row in rows.rows:
-            problems.update(row_problems(declared, row, in_range=False))
-        await _ended(task, problems)
-
-    return play
-
-
-def _silent(subject: Subject) -> Iterator[str]:
-    yield from _scene(_fault("silent"))(subject)
-    yield from _scene(_cancelled_waiting)(subject)
-
-
-async def _refused(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
-    rows = _Rows()
-    task = asyncio.create_task(driver.run(rows))
-    await rows.enough(driver, task)
-    peer.faults["refusing"]()
-    for action in driver.declaration.actions:
-        before = peer.look().acted
-        try:
-            reply = await asyncio.wait_for(driver.act(action), OPEN_S)
-        except FAILURES:  # the scene reports any other error
-            continue
-        if peer.look().acted == before:
-            problems.add(f"the device refuses {action!r}, and act() returns {reply!r}")
-    await _stop(task, problems)
-
-
-async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
-    """Check that a run that has ended raised an error with a message; cancel a run that goes on."""
-    if not task.done():
-        await _stop(task, problems)
-        return
-    error = task.exception()
-    if error is None:
-        problems.add("run() returns; it runs until it is cancelled")
-    elif not isinstance(error, FAILURES):
-        problems.add(f"run() raises {described(error)}")
+    for other, apart_s in ((subject, 0.0), *intervals(subject)):
+        yield from _in_turn((("open",), ("run",), ("count rows", apart_s)))(other)
 
 
 #: If the first rule is broken, the others are not checked.
@@ -729,7 +624,7 @@ RULES: Final = (
     Rule(
         "never blocks",
         "await whatever waits: one blocking call stops every other device of the daemon",
-        _scene(_never_blocks),
+        _in_turn((("watch the loop",),)),
         "",
     ),
     Rule(
@@ -742,7 +637,7 @@ RULES: Final = (
     Rule(
         "dead",
         "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
-        _scene(_fault("dead")),
+        _in_turn((*RUNS, ("fail for long", "dead"))),
         "dead",
     ),
     Rule(
@@ -750,27 +645,27 @@ RULES: Final = (
         "with the device silent run() raises a DeviceError, or emits nothing: no row is made up; "
         "it lets CancelledError pass while it waits for an answer; act() raises a DeviceError if "
         "none comes within a bound",
-        _silent,
+        _in_turn((*RUNS, ("fail for long", "silent")), (*RUNS, ("be silent and cancel",))),
         "silent",
     ),
     Rule(
         "late",
         "an answer that is late is waited for within a bound, or raises a DeviceError",
-        _scene(_fault("late")),
+        _in_turn((*RUNS, ("fail for long", "late"))),
         "late",
     ),
     Rule(
         "garbled",
         "damaged answers are thrown away or raise a ProtocolError; they never become rows, and "
         "act() returns only what the device answers if it did it",
-        _scene(_fault("garbled")),
+        _in_turn((*RUNS, ("fail for long", "garbled"))),
         "garbled",
     ),
     Rule(
         "action refused",
         "act() returns if the device says that it has done the action; else it raises a "
         "DeviceError, whatever the words of the refusal are",
-        _scene(_refused),
+        _in_turn((*RUNS, ("refuse",))),
         "refusing",
     ),
 )

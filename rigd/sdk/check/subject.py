@@ -37,6 +37,8 @@ class Subject:
     peer: Callable[[], AbstractContextManager[Peer]] | None
     #: Whether the peer shows what the device does.
     observes: bool = False
+    #: Whether the peer makes devices that differ, and may be there several times.
+    varies: bool = False
     #: What is drawn at random is drawn from it.
     seed: int = 1
     #: Options that were drawn, beside those of the author.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -41,6 +42,7 @@ def check_driver(
     peer: Callable[[], AbstractContextManager[Peer]] | None = None,
     only: Collection[str] = (),
     seed: int = 1,
+    raises: bool = True,
 ) -> Report:
     """Put a driver to the test; return what was checked.
 
@@ -52,6 +54,7 @@ def check_driver(
         only: names of the rules to apply, while one is being worked on; by default all.
         seed: the calls and the options that are drawn at random are drawn from it. The report
             states it, so that what was found can be played again.
+        raises: whether a broken rule is an error; :func:`examine_driver` only reports it.
 
     Raises:
         NonConforming: the driver breaks rules; the message names all, with what to do.
@@ -59,21 +62,6 @@ def check_driver(
             is no such rule.
 
     """
-    report = examine_driver(driver_class, options, peer=peer, only=only, seed=seed)
-    if report.findings:
-        raise NonConforming(report)
-    return report
-
-
-def examine_driver(
-    driver_class: type[AnyDriver],
-    options: Mapping[str, Any] | DriverConfig | None = None,
-    *,
-    peer: Callable[[], AbstractContextManager[Peer]] | None = None,
-    only: Collection[str] = (),
-    seed: int = 1,
-) -> Report:
-    """Return the report of :func:`check_driver`, without raising."""
     kind = _kind(driver_class)
     stages = (
         declared.CLASS_RULES, declared.DECLARES, declared.DECLARED_RULES,
@@ -93,7 +81,13 @@ def examine_driver(
     )
     if report.findings:
         leaks.let_go()
+        if raises:
+            raise NonConforming(report)
     return report
+
+
+#: Returns the report of :func:`check_driver`, without raising.
+examine_driver: Final = partial(check_driver, raises=False)
 
 
 def _missing(rule: Rule, faults: frozenset[str] | None, *, observes: bool) -> str:
@@ -115,13 +109,13 @@ def _subject(
     """Return the examined driver and the faults of its peer, None without a peer."""
     subject = Subject(driver_class, options, peer)
     faults = None
-    observes = False
+    observes = varies = False
     more: Mapping[str, Any] = {}
     if peer is not None:
         with peer() as first:
             more = first.options
             faults = frozenset(first.faults)
-            observes = first.observed is not None
+            observes, varies = first.observed is not None, first.vary is not None
         if unknown := faults - FAULTS.keys():
             raise ValueError(
                 f"the peer has the fault {', '.join(sorted(unknown))}; "
@@ -133,7 +127,7 @@ def _subject(
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     if not isinstance(options, DriverConfig):  # the rules without a peer need all options
         options = {**options, **more}
-    return Subject(driver_class, options, peer, observes=observes, seed=seed), faults
+    return Subject(driver_class, options, peer, observes=observes, varies=varies, seed=seed), faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:

@@ -73,4 +73,4 @@ def test_can_drivers_work_as_drivers_do(
 ) -> None:
     report = check_driver(driver, options, peer=partial(can_peer, kind))
     # A CiA 402 drive counts no frames, and takes setpoints without an answer.
-    assert report.skipped.keys() <= {"frozen", "refused"}
+    assert report.skipped.keys() <= {"frozen", "refused", "another at open"}

@@ -16,4 +16,5 @@ def test_it_keeps_what_a_fast_driver_promises() -> None:
         "ready is true",
         "watchdog that never acts",
         "refused",
+        "another at open",
     }

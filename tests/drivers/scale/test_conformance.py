@@ -20,4 +20,4 @@ def test_it_keeps_what_a_slow_driver_promises(dialect: Any, tmp_path: Path) -> N
 
     path = tmp_path / "scale"
     report = check_driver(SerialScale, {"dialect": dialect}, peer=serial_peer(path, scale))
-    assert report.skipped == {}
+    assert report.skipped.keys() == {"action refused", "another at open"}

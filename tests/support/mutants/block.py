@@ -65,7 +65,7 @@ MUTANTS = (
     Mutant("flat array", "any order of calls", _BLOCK, "        return Block(times_ns, volts)\n"),
     Mutant(
         "newest row without values",
-        "newest row",
+        "any order of calls",
         "    def _opened(self)",
         "    def newest_row(self, block: Block) -> list[float]:\n        return []\n\n"
         "    def _opened(self)",
@@ -199,7 +199,7 @@ MUTANTS = (
         _BLOCK,
         "        return Block(times_ns[::-1], volts[:, np.newaxis])\n",
     ),
-    Mutant("socket dropped", "opens and starts", _CLOSE, "            pass\n"),
+    Mutant("socket dropped", "any order of calls", _CLOSE, "            pass\n"),
     Mutant(
         "socket left after a wrong greeting",
         "garbled at open",
