@@ -98,8 +98,12 @@ class NiCard:
             LinkError: NI-DAQmx or its server is not there.
         """
         self._nidaqmx = _import_nidaqmx()
-        with self.doing("open"):
-            self._connect()
+        try:
+            with self.doing("open"):
+                self._connect()
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Release the connection; its tasks are closed before. Closing twice is silent."""

@@ -6,9 +6,9 @@ with PyMeasure, and stands on the supply of the template for drivers with SCPI.
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 from types import ModuleType
-from typing import Any
+from typing import Any, overload
 
 from rigd.cli.new import rendered
 from rigd.sdk.check import Reading
@@ -21,6 +21,26 @@ def _base() -> Any:
     module = ModuleType("supply")
     exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
     return module.__dict__["Simulated"]
+
+
+class Voltages(Sequence[Reading]):
+    """The voltage of each reading alone: who asks for the current asks later."""
+
+    def __init__(self, readings: Sequence[Reading]) -> None:
+        self._readings = readings
+
+    def __len__(self) -> int:
+        return len(self._readings)
+
+    @overload
+    def __getitem__(self, index: int) -> Reading: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Reading]: ...
+    def __getitem__(self, index: int | slice) -> Reading | Sequence[Reading]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(*index.indices(len(self)))]
+        taken_s, values = self._readings[index]
+        return Reading(taken_s, {"voltage": values["voltage"]})
 
 
 class Supply2260B(_base()):  # type: ignore[misc]  # made of a template
@@ -42,7 +62,6 @@ class Supply2260B(_base()):  # type: ignore[misc]  # made of a template
             case "SOUR:VOLT":
                 return self._base_command(f"VOLT {value}")
             case "SOUR:VOLT?":
-                self.readings.append(Reading(time.monotonic(), {"voltage": self.volts}))
                 return f"{self.volts:.4f}"
         return self._base_command(command)
 

@@ -55,9 +55,13 @@ class Daqmx:
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card cannot do what the rig file asks.
         """
-        identity = self._card.open()
-        with self._card.doing("open"):
-            self._make_task()
+        try:
+            identity = self._card.open()
+            with self._card.doing("open"):
+                self._make_task()
+        except BaseException:
+            self.close()
+            raise
         return identity
 
     def _make_task(self) -> None:

@@ -55,7 +55,16 @@ class RelayLines:
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card does not have these lines.
         """
-        identity = self._card.open()
+        try:
+            identity = self._card.open()
+            self._take_lines()
+            self.put(closed=False, trigger=False)
+        except BaseException:
+            self.close()
+            raise
+        return identity
+
+    def _take_lines(self) -> None:
         with self._card.doing("take lines of"):
             self._clear_left_over()
             output = self._new_task(self._output_name)
@@ -67,8 +76,6 @@ class RelayLines:
                 inputs.di_channels.add_di_chan(self._feedback)
                 inputs.start()
                 self._read_from(inputs)
-        self.put(closed=False, trigger=False)
-        return identity
 
     def put(self, *, closed: bool, trigger: bool) -> None:
         """Put out both lines at once: whether the relay closes, and the level of the trigger.

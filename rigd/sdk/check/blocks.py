@@ -298,21 +298,21 @@ class _Played:
             outcome = self._caller.call(partial(self._driver.read_block, TIMEOUT_S), OPEN_S)
             error = outcome.error
             if error is None and fault != "dead" and outcome.took_s > TIMEOUT_S + ROOM_S:
-                raise StepFailed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
+                raise surely(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
             if error is None and _rows_of(outcome.value):
                 times += outcome.value.times_ns.tolist()
                 if since_s > TAIL_S and fault != "lossy":
-                    raise StepFailed(
+                    raise surely(
                         f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
                     )
         if error is not None and not isinstance(error, FAILURES):
-            raise StepFailed(f"while the device is {fault}, read_block raises {described(error)}")
+            raise surely(f"while the device is {fault}, read_block raises {described(error)}")
         if error is None and fault == "dead" and for_s > TAIL_S:
             raise surely(f"{for_s:.1f} s after it read_block has not raised")
         if error is None and fault == "lossy":
             gaps = np.diff(times)
             if np.max(gaps) < LOST_PERIODS * np.median(gaps):
-                raise StepFailed("samples are lost, it raises nothing, and the times show no gap")
+                raise surely("samples are lost, it raises nothing, and the times show no gap")
         self._must("close", self._driver.close)
         self._must("close again", self._driver.close)
 

@@ -285,9 +285,9 @@ class _Played:
         found, self._walk = self._found, RandomWalk(trial, CALLS)
         with found.watcher:
             try:
-                if self._beside is not None:
-                    self._must("open another driver", self._beside.open())
                 with self._walk.judged(lambda: self._stalled or self._stands()):
+                    if self._beside is not None:
+                        self._must("open", self._beside.open())
                     for step in self._walk:
                         self._step(step)
             finally:
@@ -546,8 +546,12 @@ class _Played:
             sent.append(found.readings.sent)
             change()
             end, cycles = time.monotonic() + (LATE_S if fault == "late" else 0.0), 0
-            while error is None and (cycles < FAULT_CYCLES or time.monotonic() < end):
-                error, cycles = found.cycle(setpoints).error, cycles + 1
+            while (error is None and cycles < FAULT_CYCLES) or time.monotonic() < end:
+                cycles += 1
+                if error is None:
+                    error = found.cycle(setpoints).error
+                else:
+                    time.sleep(COMES_S)  # what is late comes meanwhile
         before, meanwhile = sent[1] - sent[0], sent[2] - sent[1]
         asks = found.driver.declaration.every_cycle and before > ASKED_PART * FAULT_CYCLES
         if error is None and fault == "garbled" and asks and meanwhile < ASKED_PART * before:

@@ -119,7 +119,7 @@ class Matching:
         if alike:
             self._next = alike[0] + 1
             old_s = now_s - readings[alike[-1]].taken_s
-            if old_s > age_s:
+            if stamp_s is None and old_s > age_s:
                 yield f"a row shows what the device measured {old_s:.2g} s before"
             apart_s = [abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike]
             if min(apart_s) > STAMP_S:

@@ -389,22 +389,22 @@ class _Session:
         for action in [*declared.actions][:1] if fault in UNANSWERED else ():
             with contextlib.suppress(*FAILURES):
                 reply = await asyncio.wait_for(self._driver.act(action), OPEN_S)
-                raise StepFailed(f"the device is {fault}, and act({action!r}) returns {reply!r}")
+                raise surely(f"the device is {fault}, and act({action!r}) returns {reply!r}")
         within_s = TAIL_S + 2 * declared.silent_s
         await asyncio.wait({task}, timeout=began_s + within_s - time.monotonic())
         if self._wrong:
             raise self._wrong[0]
         if fault != "late" and self._emitted_s > began_s + TAIL_S:
-            raise StepFailed(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
+            raise surely(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
         if not task.done():
             if fault == "dead":
-                raise StepFailed(f"{within_s:g} s after the device is dead run() has not raised")
+                raise surely(f"{within_s:g} s after the device is dead run() has not raised")
             await self._cancel()
             return
         if (error := task.exception()) is None:
-            raise StepFailed("run() returns; it runs until it is cancelled")
+            raise surely("run() returns; it runs until it is cancelled")
         if not isinstance(error, FAILURES):
-            raise StepFailed(f"run() raises {described(error)}")
+            raise surely(f"run() raises {described(error)}")
 
     async def _be_silent_and_cancel(self) -> None:
         self._peer.faults["silent"]()

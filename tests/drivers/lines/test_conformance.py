@@ -19,7 +19,7 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
         "pattern": r"(?P<force>-?\d+\.\d{3}) N",
         "channels": {"force": "N"},
         "silence": "1 s",
-        **({"ask": r"?\r\n"} if asked else {}),
+        **({"ask": r"?\r\n"} if asked else {"period": "0.1 s"}),
     }
 
     readings: list[Reading] = []
@@ -34,6 +34,6 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
             ask="?" if asked else None, interval_s=0.05,
         )  # fmt: skip
 
-    peer = serial_peer(tmp_path / "gauge", device, readings, delay_s=1.0)
+    peer = serial_peer(tmp_path / "gauge", device, readings if asked else None, delay_s=1.0)
     report = check_driver(Lines, options, peer=peer)
     assert report.skipped.keys() == {"action refused", "another at open"}

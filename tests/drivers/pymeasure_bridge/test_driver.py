@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.supply_2260b import FAULTS, Supply2260B
+from support.supply_2260b import FAULTS, Supply2260B, Voltages
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
@@ -385,7 +385,7 @@ def simulated() -> Iterator[Peer]:
             options={"address": supply.address},
             faults={name: partial(supply.fail, name) for name in FAULTS[:4]},
             observed=lambda: Observed(driven=(supply.driven,), energised=supply.output),
-            readings=supply.readings,
+            readings=Voltages(supply.readings),
         )
     finally:
         supply.stop()

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from support.supply_2260b import Voltages
 from support.visa_bridge import Bridge
 
 from rigd.cli.new import rendered
@@ -376,7 +377,7 @@ def simulated() -> Iterator[Peer]:
             options={"port": device.port},
             faults={name: partial(device.fail, name) for name in FAULTS},
             observed=Observed,
-            readings=device.readings,
+            readings=Voltages(device.readings),
             vary=device.vary,
         )
     finally:
