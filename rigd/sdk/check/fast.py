@@ -274,6 +274,7 @@ class _Played:
         self._enables: bool | None = None  # whether an armed device at rest is energised
         self._called_s = 0.0  # when the last command was sent
         self._stalled = False
+        self._before_s = 0.0  # the longest gap of the step before
 
     def play(self, trial: DrawnTrial) -> None:
         """Make the calls.
