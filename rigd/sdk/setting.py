@@ -16,6 +16,7 @@ class Setting:
     """A thing that the operator can set at the bench: words, listed numbers, or a range.
 
     ``choices``, ``low`` and ``high`` are in ``unit``; "" as the unit makes the choices words.
+    ``moves`` if to set it puts bodies elsewhere, as when a robot is laid back to its marks.
     """
 
     doc: str
@@ -23,6 +24,7 @@ class Setting:
     unit: str = ""
     low: float = -math.inf
     high: float = math.inf
+    moves: bool = False
 
     def __str__(self) -> str:
         """Return the values that it takes: ``stone, pvc``, ``0.5 kg to 20 kg``."""

@@ -98,7 +98,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "prove watchdog": KindOfStep("open", 0.3, "open", 1),
     "arm": KindOfStep("open", 4, "armed"),
     "arm and at once make safe": KindOfStep("open", 0.5, "open", 1),
-    "write": KindOfStep("armed", 10),
+    "write": KindOfStep("armed", 16),
     "creep": KindOfStep("armed", 1, "", 1),
     "write unarmed": KindOfStep("open", 1.5, "", 2),
     "write without a read": KindOfStep("armed", 1),

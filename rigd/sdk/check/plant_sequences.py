@@ -50,6 +50,8 @@ AFTER: Final = 300
 #: Seeds that show how far plants scatter, and by how much more one of them may differ.
 SCATTERED: Final = 3
 SCATTER: Final = 4.0
+#: Units of channels that show where a body is.
+PLACES: Final = frozenset({"m", "rad"})
 
 
 @dataclass(frozen=True)
@@ -213,21 +215,25 @@ def _from_the_start(subject: PlantSubject) -> Iterator[str]:
                 break
 
 
-def _set_again(subject: PlantSubject) -> Iterator[str]:
-    """Compare a plant of which a setting is set to the value that it has with one left alone."""
-    for change in changes_of(subject.config().settings()):
-        seen = []
-        for again in (False, True):
-            bench = PlantBench(subject, subject.make())
-            bench.play(AFTER // 2, gentle)
-            with contextlib.suppress(ValueError):  # not allowed with the other options, or now
-                bench.plant.change(*change)
-                bench.play(AFTER // 2, gentle)
-                if again:
-                    bench.plant.change(*change)
-                seen.append(bench.play(AFTER // 2, gentle).bytes())
-        if len(set(seen)) > 1:
-            yield f"{change[0]}, set to {change[1]} again, changes what devices show"
+def _moves_nothing(subject: PlantSubject) -> Iterator[str]:
+    """Read the sensors of places and angles before and after a setting is changed, at one time."""
+    settings = subject.config().settings()
+    for change in changes_of({name: item for name, item in settings.items() if not item.moves}):
+        bench = PlantBench(subject, subject.make())
+        bench.play(AFTER, gentle)
+        bench.look()
+        with contextlib.suppress(ValueError):  # not allowed with the other options, or now
+            bench.plant.change(*change)
+        bench.look()
+        for name, driver in bench.devices.items():
+            rows = bench.seen.rows[name][-2:]
+            for number, channel in enumerate(driver.declaration.channels if len(rows) > 1 else ()):
+                before, after = rows[0][number], rows[1][number]
+                if name != subject.truth and channel.unit in PLACES and before != after:
+                    yield (
+                        f"{name}.{channel.name} jumps from {before:g} to {after:g} {channel.unit} "
+                        f"as {change[0]} is set to {change[1]}"
+                    )
 
 
 def _apart(subject: PlantSubject, first: Played, other: Played) -> str:
@@ -290,9 +296,9 @@ RULES: Final = (
         needs_truth,
     ),
     PlantRule(
-        "settings set again",
-        "change() to the value that a setting has changes nothing, and to another only the setting",
-        _set_again,
+        "settings move nothing",
+        "change() alters a setting at once, and bodies stay where they are, unless its Setting says that it `moves` them",
+        _moves_nothing,
         needs_devices,
     ),
     PlantRule(

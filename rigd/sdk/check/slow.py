@@ -393,7 +393,7 @@ class _Session:
         within_s = TAIL_S + 2 * declared.silent_s
         await asyncio.wait({task}, timeout=began_s + within_s - time.monotonic())
         if self._wrong:
-            raise self._wrong[0]
+            raise surely(str(self._wrong[0]))
         if fault != "late" and self._emitted_s > began_s + TAIL_S:
             raise surely(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
         if not task.done():

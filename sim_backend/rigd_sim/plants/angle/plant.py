@@ -32,8 +32,12 @@ SETTINGS: Final = {
     "wheel": Setting("the wheel on the shaft", layout.WHEELS),
     "load": Setting("load that the bolts set", (), "kg", LIGHTEST_KG, HEAVIEST_KG),
     "voltage": Setting("voltage of the motor's regulator", (), "V", 0.0, HIGHEST_V),
-    "platform": Setting("the platform, pushed to where runs start or stop", ("start", "end")),
-    "platform_at": Setting("travel that the platform is pushed to", (), "m", 0.0, FARTHEST_M),
+    "platform": Setting(
+        "the platform, pushed to where runs start or stop", ("start", "end"), moves=True
+    ),
+    "platform_at": Setting(
+        "travel that the platform is pushed to", (), "m", 0.0, FARTHEST_M, moves=True
+    ),
     "push": Setting("speed that a hand gives to the platform", (), "m/s", -2.0, 2.0),
     "wheel_lift": Setting("the wheel, off the platform or on it", ("lifted", "down")),
     "shaft": Setting("the shaft, for a calibration of torque", ("free", "clamped")),

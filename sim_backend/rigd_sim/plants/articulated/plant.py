@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not
 
 #: What people can change at the bench.
 SETTINGS: Final = {
-    "robot": Setting("the robot, put back to its marks: stretched along x", ("start",)),
+    "robot": Setting("the robot, put back to its marks: stretched along x", ("start",), moves=True),
 }
 #: Added to the seed of a plant: the draws of placing, beside those of the drives' noise.
 PLACING_SEED: Final = 1 << 41
