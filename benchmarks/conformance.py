@@ -2,7 +2,7 @@
 
 Each mutant is a driver, plant or analysis as written, with one replacement of text
 (`tests/support/mutants`). It is caught if check_driver, check_plant or check_analysis finds it by
-the rule that it names. The package as written must pass them all.
+the rule that it names, or by the sequences, which are played before and end the examination. The package as written must pass them all.
 
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
@@ -31,6 +31,10 @@ from support.fresh_mutants import Fresh
 from support.fresh_mutants.kinds import AUTHORS
 from support.mutants import Mistake, made
 from support.mutants.kinds import KINDS
+
+
+#: The rule that plays sequences of calls.
+SEQUENCES = "any order of calls"
 
 
 def rules_of(kind: str, mutant: Mistake | None, only: tuple[str, ...] = ()) -> list[str]:
@@ -64,7 +68,7 @@ def main() -> int:
         mutants = [each for each in KINDS[kind] if not args.name or each.name in args.name]
         for mutant in mutants:
             broken = rules_of(kind, mutant, (mutant.rule,) if args.own_rule else ())
-            found = mutant.rule in broken
+            found = not {mutant.rule, SEQUENCES}.isdisjoint(broken)
             caught += found
             others = ", ".join(rule for rule in broken if rule != mutant.rule)
             verdict = mutant.rule if found else f"NOT by {mutant.rule}"

@@ -297,8 +297,8 @@ RULES: Final = (
     ),
     PlantRule(
         "settings move nothing",
-        "change() alters a setting at once, and bodies stay where they are, unless its Setting says "
-        "that it `moves` them",
+        "change() alters a setting at once, and bodies stay where they are, unless its Setting "
+        "says that it `moves` them",
         _moves_nothing,
         needs_devices,
     ),
