@@ -2,7 +2,8 @@
 
 Each mutant is a driver, plant or analysis as written, with one replacement of text
 (`tests/support/mutants`). It is caught if check_driver, check_plant or check_analysis finds it by
-the rule that it names, or by the sequences, which are played before and end the examination. The package as written must pass them all.
+the rule that it names, or by the sequences, which come before and end the examination. The package
+as written must pass them all.
 
     python benchmarks/conformance.py                 all mutants of all kinds
     python benchmarks/conformance.py fast "trip swallowed"
@@ -31,7 +32,6 @@ from support.fresh_mutants import Fresh
 from support.fresh_mutants.kinds import AUTHORS
 from support.mutants import Mistake, made
 from support.mutants.kinds import KINDS
-
 
 #: The rule that plays sequences of calls.
 SEQUENCES = "any order of calls"
