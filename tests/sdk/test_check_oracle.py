@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rigd.sdk import Channel, Declaration, Row
-from rigd.sdk.check import Observed, Peer, Reading
+from rigd.sdk.check import Observed, Peer, SentReading
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import lost, small_steps
 from rigd.sdk.check.leaks import connections
@@ -66,9 +66,9 @@ def kelvin(value: float) -> Row:
 
 
 def matching(*values: float, ago_s: float = 0.0) -> Matching:
-    readings: list[Reading] = []
+    readings: list[SentReading] = []
     known = Matching(Peer(readings=readings), THERMOMETER)
-    readings += [Reading(time.monotonic() - ago_s, {"temperature": value}) for value in values]
+    readings += [SentReading(time.monotonic() - ago_s, {"temperature": value}) for value in values]
     return known
 
 
@@ -101,7 +101,7 @@ def test_reading_of_long_ago_is_old() -> None:
     assert problem == "a row shows what the device measured 5 s before"
 
 
-def test_time_of_a_row_is_that_of_its_reading() -> None:
+def test_time_of_row_is_that_of_its_reading() -> None:
     stamp_s = time.monotonic() - 0.2
     (problem,) = matching(300.0).newest_first(kelvin(300.0), 1.0, stamp_s)
     assert problem == "the time of a row is 0.2 s from that of its reading"
@@ -122,9 +122,9 @@ def test_status_bit_is_compared_by_name() -> None:
         status_bits={"hot": 1, "open": 2},
     )
     for word, problems in ((2, []), (1, ["hot is 1, and the device has sent 0"])):
-        readings: list[Reading] = []
+        readings: list[SentReading] = []
         known = Matching(Peer(readings=readings), declared)
-        readings.append(Reading(time.monotonic(), {"hot": 0, "open": 1}))
+        readings.append(SentReading(time.monotonic(), {"hot": 0, "open": 1}))
         assert list(known.newest_first((300.0, word), 1.0)) == problems
 
 

@@ -25,7 +25,7 @@ from rigd.sdk import (
     Row,
     SlowDriver,
 )
-from rigd.sdk.check import Peer, Reading, check_driver, examine_driver
+from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver
 from rigd.sdk.check.suite import RULES
 
 
@@ -94,7 +94,7 @@ def test_a_good_driver_passes_every_rule() -> None:
     assert report.skipped.keys() == {"action refused", "another at open"}
 
 
-class Later(list[Reading]):
+class Later(list[SentReading]):
     """Readings that are there from the second look on."""
 
     looks = 0
@@ -108,7 +108,7 @@ def test_measured_value_of_no_channel_is_found() -> None:
     @contextmanager
     def misspelt() -> Iterator[Peer]:
         with thermometer() as peer:
-            readings = [Reading(time.monotonic(), {"temprature": 293.15})] * 1000
+            readings = [SentReading(time.monotonic(), {"temprature": 293.15})] * 1000
             yield replace(peer, readings=Later(readings))
 
     report = examine_driver(Good, peer=misspelt, only=["any order of calls"])

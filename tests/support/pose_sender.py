@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from rigd.sdk.check import Observed, Peer, Reading
+from rigd.sdk.check import Observed, Peer, SentReading
 from rigd_drivers.pose_tracker.link import PoseTracker, PoseTrackerConfig
 
 #: Where the body of the conformance tests stands.
@@ -37,13 +37,13 @@ class Sender:
     """Sends a frame in each ``period_s`` to ``port``, until it is stopped."""
 
     def __init__(self, port: int, period_s: float = 0.02) -> None:
-        self.readings: list[Reading] = []
+        self.readings: list[SentReading] = []
         self.fault = ""
         self._to = "127.0.0.1", port
         self._period_s = period_s
         self._ended = threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._queue: deque[tuple[float, Reading, bytes]] = deque()
+        self._queue: deque[tuple[float, SentReading, bytes]] = deque()
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
 
@@ -68,7 +68,7 @@ class Sender:
             if self.fault == "garbled" and frame % 2:
                 data = data[:-20]
             late_s = 1.0 if self.fault == "late" else 0.0
-            self._queue.append((now_s + late_s, Reading(now_s, pose), data))
+            self._queue.append((now_s + late_s, SentReading(now_s, pose), data))
             while self._queue and self._queue[0][0] <= time.monotonic():
                 _, reading, due = self._queue.popleft()
                 if self.fault not in ("dead", "silent"):

@@ -7,14 +7,14 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from rigd.sdk.check import Observed, Peer, Reading, background_loop
+from rigd.sdk.check import Observed, Peer, SentReading, background_loop
 from rigd_sim.wire.serial_part import SerialPart
 
 
 def serial_peer(
     path: Path,
     make: Callable[[], SerialPart],
-    readings: Sequence[Reading] | None = None,
+    readings: Sequence[SentReading] | None = None,
     **late: Any,
 ) -> Callable[[], AbstractContextManager[Peer]]:
     """Return what starts the device of ``make``, which serves ``path``, with its faults.

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any, overload
 
 from rigd.cli.new import rendered
-from rigd.sdk.check import Reading
+from rigd.sdk.check import SentReading
 
 #: Faults that it shows, by the names of `rigd.sdk.check`.
 FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
@@ -23,24 +23,24 @@ def _base() -> Any:
     return module.__dict__["Simulated"]
 
 
-class Voltages(Sequence[Reading]):
+class Voltages(Sequence[SentReading]):
     """The voltage of each reading alone: who asks for the current asks later."""
 
-    def __init__(self, readings: Sequence[Reading]) -> None:
+    def __init__(self, readings: Sequence[SentReading]) -> None:
         self._readings = readings
 
     def __len__(self) -> int:
         return len(self._readings)
 
     @overload
-    def __getitem__(self, index: int) -> Reading: ...
+    def __getitem__(self, index: int) -> SentReading: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Reading]: ...
-    def __getitem__(self, index: int | slice) -> Reading | Sequence[Reading]:
+    def __getitem__(self, index: slice) -> Sequence[SentReading]: ...
+    def __getitem__(self, index: int | slice) -> SentReading | Sequence[SentReading]:
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
         taken_s, values = self._readings[index]
-        return Reading(taken_s, {"voltage": values["voltage"]})
+        return SentReading(taken_s, {"voltage": values["voltage"]})
 
 
 class Supply2260B(_base()):  # type: ignore[misc]  # made of a template

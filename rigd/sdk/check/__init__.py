@@ -14,7 +14,7 @@ see :class:`Peer`. The author of a plant does the same::
                     truth="truth")
 """
 
-from rigd.sdk.check.peer import FAULTS, Observed, Peer, Reading, background_loop
+from rigd.sdk.check.peer import FAULTS, Observed, Peer, SentReading, background_loop
 from rigd.sdk.check.plant_suite import check_plant, examine_plant
 from rigd.sdk.check.report import Finding, NonConforming, Report
 from rigd.sdk.check.suite import check_driver, examine_driver
@@ -25,8 +25,8 @@ __all__ = [
     "NonConforming",
     "Observed",
     "Peer",
-    "Reading",
     "Report",
+    "SentReading",
     "background_loop",
     "check_driver",
     "check_plant",

@@ -30,7 +30,7 @@ FAULTS: Final[Mapping[str, str]] = {
 }
 
 
-class Reading(NamedTuple):
+class SentReading(NamedTuple):
     """A reading that a device has sent, as its frame has it."""
 
     #: When it was measured, on CLOCK_MONOTONIC in s.
@@ -93,7 +93,7 @@ class Peer:
     #: Functions that begin each of :data:`FAULTS`, without those that it cannot show.
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
     #: All that the device has sent, in turn, each added before it is sent; None: not kept.
-    readings: Sequence[Reading] | None = None
+    readings: Sequence[SentReading] | None = None
     #: Draws, before a driver opens it, in what this device differs from others of its make: serial
     #: number, rate, time of its watchdog, size of frames, texts of errors. It may alter `options`.
     #: Such devices must be able to stand beside each other: a driver is also tried beside another.

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
-from rigd.sdk.check.peer import Peer, Reading
+from rigd.sdk.check.peer import Peer, SentReading
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
@@ -145,7 +145,7 @@ class Matching:
             self._next += 1
             yield reading.taken_s, next(self._wrong(row, reading), "")
 
-    def _wrong(self, row: Sequence[float], reading: Reading) -> Iterator[str]:
+    def _wrong(self, row: Sequence[float], reading: SentReading) -> Iterator[str]:
         """Yield where a row differs from a reading."""
         if not any(name in self._names for name in reading.values):
             yield f"the peer sends {', '.join(reading.values)}, none of which is a channel"

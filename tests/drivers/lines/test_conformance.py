@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.serial_peer import serial_peer
 
-from rigd.sdk.check import Reading, check_driver
+from rigd.sdk.check import SentReading, check_driver
 from rigd_drivers.lines.driver import Lines
 from rigd_sim.wire.lines import SimLines
 
@@ -22,10 +22,10 @@ def test_it_keeps_what_a_slow_driver_promises(asked: bool, tmp_path: Path) -> No
         **({"ask": r"?\r\n"} if asked else {"period": "0.1 s"}),
     }
 
-    readings: list[Reading] = []
+    readings: list[SentReading] = []
 
     def force() -> dict[str, float]:
-        readings.append(Reading(time.monotonic(), {"force": len(readings) * 37 % 1000 / 1000}))
+        readings.append(SentReading(time.monotonic(), {"force": len(readings) * 37 % 1000 / 1000}))
         return dict(readings[-1].values)
 
     def device() -> SimLines:

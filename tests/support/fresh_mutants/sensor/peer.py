@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 
-from rigd.sdk.check import Peer, Reading
+from rigd.sdk.check import Peer, SentReading
 
 FAULTS = ("dead", "silent", "late", "garbled", "frozen", "flooding")
 
@@ -23,7 +23,7 @@ class Simulated:
 
     def __init__(self) -> None:
         self.fault = ""
-        self.readings: list[Reading] = []
+        self.readings: list[SentReading] = []
         self.port = 0
         self.resolution_um = 1
         self.counts, self.raw = -152_400, -32_768  # at the end of its range
@@ -52,8 +52,8 @@ class Simulated:
         self.raw = max(-32_768, min(32_767, round(values["force"] / 1.25e-3)))
         self.at_rail, self.referenced = bool(values["force_at_rail"]), bool(values["referenced"])
 
-    def _reading(self) -> Reading:
-        return Reading(
+    def _reading(self) -> SentReading:
+        return SentReading(
             time.monotonic(),
             {
                 "position": self.counts * self.resolution_um * 1e-6,
