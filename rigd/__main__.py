@@ -1,7 +1,21 @@
-"""``python -m rigd`` is the command ``rigd``."""
+"""Runs the command ``rigd``, also as ``python -m rigd``."""
 
 import sys
 
-from rigd.cli.main import main
+#: :attr:`rigd.model.errors.Exit.STOPPED`; its module may not be there yet.
+_STOPPED = 5
 
-sys.exit(main())
+
+def main() -> int:
+    """Return the exit code of the command line; Ctrl-C may come while the command is imported."""
+    try:
+        from rigd.cli.main import main as command
+
+        return command()
+    except KeyboardInterrupt:
+        sys.stderr.write("rigd: interrupted\n")
+        return _STOPPED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

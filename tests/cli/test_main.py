@@ -188,3 +188,25 @@ def test_pattern_names_the_files_that_fit(tmp_path: Path) -> None:
     given = [tmp_path / "[ab].mcap", tmp_path / "a[1].mcap", tmp_path / "*.mat"]
     names = ["a.mcap", "b.mcap", "a[1].mcap", "*.mat"]
     assert [path.name for path in expanded(given)] == names
+
+
+#: Ctrl-C comes when the module that is given is imported.
+INTERRUPTED = """
+import os, signal, sys
+class CtrlC:
+    def find_spec(self, name, path=None, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, CtrlC())
+from rigd.__main__ import main
+sys.argv = ["rigd", "runs"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("module", ["rigd.cli.options", "rigd.model.errors", "rigd.cli.shown"])
+def test_ctrl_c_during_imports_gives_no_traceback(module: str, tmp_path: Path) -> None:
+    script = INTERRUPTED.replace("sys.argv[1]", repr(module))
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert (ended.returncode, ended.stderr) == (Exit.STOPPED, "rigd: interrupted\n")
