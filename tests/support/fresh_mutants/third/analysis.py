@@ -6,12 +6,6 @@ from support.fresh_mutants import Fresh
 
 MUTANTS = (
     Fresh(
-        "blocks count almost to the rest",
-        "the block in which the body stops counts as sliding: friction is found too small",
-        (("SLIDING_M_S = 0.1\n", "SLIDING_M_S = 0.01\n"),),
-        file="evaluation",
-    ),
-    Fresh(
         "samples that are missing count as speed zero",
         "a gap in the recording is a stop and a start: the friction of the trial is nonsense",
         (

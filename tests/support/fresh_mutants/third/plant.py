@@ -57,12 +57,6 @@ MUTANTS = (
         file="devices",
     ),
     Fresh(
-        "a step of one millisecond",
-        "friction turns over within 0.7 ms: where the sled stops depends on the step",
-        (("step_ns: ClassVar[int] = 50_000", "step_ns: ClassVar[int] = 1_000_000"),),
-        file="plant",
-    ),
-    Fresh(
         "the energy is that of the shipped mass",
         "with another mass in the file the balance is off, and the plant is blamed for friction",
         (
