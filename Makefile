@@ -36,7 +36,7 @@ precompile: setup ## compile what tests import once: each of the processes of `m
 
 #: What computes or waits for answers, side by side; then rigs in real time, two at once.
 define play
-	scripts/need node npm chromium libatomic.so.1
+	scripts/need cc node npm chromium libatomic.so.1
 	$(BIN)/pytest -m "side_by_side$(1)" -n $$((3 * $$(nproc))) --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m "not side_by_side$(1)" -n 2 --dist loadfile --no-loadscope-reorder
 endef

@@ -6,7 +6,7 @@ import re
 import time
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 from support.browser import Watched
 from support.page import given, in_control, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
@@ -274,6 +274,35 @@ def test_runs_are_searched_by_a_condition(panel: ServedPanel, watched: Watched) 
     expect(wrong).to_be_hidden()
     field.fill("")
     field.press("Enter")
+    expect(lines).to_have_count(len(panel.rig.runs))
+
+
+def test_search_on_its_way_outlasts_a_run(panel: ServedPanel, watched: Watched) -> None:
+    """The list is asked for again when a run begins: not for what was searched before."""
+    page = watched.enter(panel.links["observer"])
+    turn_to(page, "Runs")
+    lines = page.locator(".run-list tbody tr")
+    field = page.get_by_label("Find")
+    field.fill("state == nowhere")
+    press(page, "Search")
+    expect(lines).to_have_text(["No recordings match."])
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        if not held:
+            held.append(route)
+        else:
+            route.continue_()
+
+    watched.context.route("**/api/ask/runs", hold)
+    field.fill("")
+    with page.expect_request("**/api/ask/runs"):
+        press(page, "Search")
+    panel.rig.become("running")
+    state(page, "Running")
+    panel.rig.end("stopped", "")
+    expect(lines).to_have_count(len(panel.rig.runs))
+    held[0].continue_()
     expect(lines).to_have_count(len(panel.rig.runs))
 
 

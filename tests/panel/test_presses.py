@@ -292,7 +292,9 @@ def test_button_uncovered_by_dialog_takes_no_press_yet(
 def test_every_button_but_the_stops_waits_at_first(panel: ServedPanel, watched: Watched) -> None:
     page = tripped(panel, watched)
     ready = page.locator("button:not([aria-disabled]):visible")
-    harmless = ".traces *, .trace-toggle, .picker *, .row-button, .user *, .sound, .stops *"
+    harmless = (
+        ".traces *, .trace-toggle, .picker *, .row-button, .run-search *, .user *, .sound, .stops *"
+    )
     for name in ("Live", "Procedures", "Runs", "Events"):
         turn_to(page, name)
         assert page.locator("button[aria-disabled]:visible").count() >= 3

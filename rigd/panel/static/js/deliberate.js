@@ -12,7 +12,7 @@ const TOLD_MS = 2000;
 const CONTROL = "button";
 /** Exempt: the stops, and buttons that only change this page. */
 const EXEMPT = [
-  "#stops *", ".login *", ".traces *", ".trace-toggle", ".picker *", ".row-button", ".user *", ".sound",
+  "#stops *", ".login *", ".traces *", ".trace-toggle", ".picker *", ".row-button", ".run-search *", ".user *", ".sound",
 ].join();
 
 /** How long a scroll goes on by itself after the user's wheel, finger or key. */

@@ -42,14 +42,14 @@ export function mountRuns(root) {
           body)),
       more),
     el("section", { class: "panel wide", "aria-label": "The run" }, sheet));
-  let where = "";
+  let where = ""; // the condition of the list
+  let wants = ""; // that of the last question, which may be on its way
   let oldest = /** @type {string | null} */ (null);
   let open = /** @type {string | null} */ (null);
   let asking = 0;
   let lastRun = /** @type {string | null | undefined} */ (undefined);
 
   /**
-   * Without a condition, that of the list counts: a new run must not ask for one that is half typed.
    * @param {boolean} fresh
    */
   async function load(fresh, asked = where) {
@@ -73,13 +73,16 @@ export function mountRuns(root) {
 
   count();
 
-  async function refresh(asked = where) {
+  /** Without a condition, that of the last question counts: a new run must not ask for one that is half typed. */
+  async function refresh(asked = wants) {
+    wants = asked;
     try {
       await load(true, asked);
     } catch (error) {
       const refused = asRefused(error);
       if (refused.code !== "bad_request") complain(refused);
       else {
+        if (wants === asked) wants = where;
         setText(wrong, withHint(refused));
         wrong.hidden = false;
       }
