@@ -190,6 +190,8 @@ def test_calibration_is_written_once_confirmed(panel: ServedPanel, watched: Watc
     expect(dialog).to_contain_text("load_scale")
     for text in ("0.99862 ± 0.00070", "0.99901 ± 0.00070", "−0.4 u", "measured before", "(panel)"):
         expect(dialog).to_contain_text(text)
+    look = "name => getComputedStyle(name, '::first-letter').textTransform"
+    assert dialog.locator("dt").first.evaluate(look) == "none"  # load_scale, not Load_scale
     page.get_by_label("Valid for, in days").fill("0")
     press(page, "Write it")
     expect(dialog).to_be_visible()

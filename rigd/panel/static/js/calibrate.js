@@ -50,5 +50,5 @@ function confirm(run, found) {
 /** @param {Api.RenewedValue} value */
 function line({ name, unit, new: now, old, deviation }) {
   const was = old ? `before: ${old}${deviation === null ? "" : `, ${deviation.toFixed(1).replace("-", "−")} u away`}` : "new";
-  return [el("dt", {}, name), el("dd", {}, el("strong", {}, now), unit === "1" ? "" : ` ${unit}`, el("br"), el("span", { class: "quiet" }, was))];
+  return [el("dt", {}, el("code", {}, name)), el("dd", {}, el("strong", {}, now), unit === "1" ? "" : ` ${unit}`, el("br"), el("span", { class: "quiet" }, was))];
 }
