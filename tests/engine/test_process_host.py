@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import socket
@@ -307,16 +308,34 @@ def test_simulated_rig_is_recorded_after_made_safe(tmp_path: Path) -> None:
     assert not after["current_setpoint"].any()
 
 
-def test_rows_end_once_the_rig_rests(tmp_path: Path) -> None:
+def rig_with_rest() -> RigConfig:
+    """Return a simulated rig that rests once its carriage moves by less than 10 mm/s."""
     rig = load_rig(ROOT / "configs" / "sim_lugre.yaml")
     bound = RestBound("carriage.position", 0.01, "m/s", is_rate=True)
-    still = replace(rig, supervision=replace(rig.supervision, at_rest=(bound,)))
-    with host_of(still) as (host, _, _):
+    return replace(rig, supervision=replace(rig.supervision, at_rest=(bound,)))
+
+
+def test_rows_end_once_the_rig_rests() -> None:
+    with host_of(rig_with_rest()) as (host, _, _):
         ready(host)
         assert host.make_safe() == ()
         safe_ns = host.t_ns
         assert host.read_on(60.0, asking=True) == {}
         assert host.t_ns - safe_ns < 30_000_000_000
+
+
+def test_cycle_killed_before_rest_leaves_rest_unknown() -> None:
+    with host_of(rig_with_rest()) as (host, folder, _):
+        ready(host)
+        assert host.make_safe() == ()
+
+        def kill() -> None:
+            host.on_drain = lambda: None
+            os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
+
+        host.on_drain = kill
+        (value,) = host.read_on(60.0, asking=True).values()
+        assert math.isnan(value)
 
 
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
