@@ -244,6 +244,37 @@ def test_constantly_late_answers_are_never_used(far: Far, late_s: float) -> None
     asyncio.run(main())
 
 
+def stall_until_answer(far: Far, answer: bytes, stall_s: float) -> None:
+    """Hold the loop up, as a busy computer does: the answer and the timeout come together."""
+    far.send(answer)
+    time.sleep(stall_s)
+
+
+def test_answer_that_came_during_stall_is_taken(far: Far) -> None:
+    async def main() -> None:
+        async with opened(far) as port:
+            asyncio.get_running_loop().call_later(0.01, stall_until_answer, far, b"7\r\n", 0.2)
+            assert await port.ask(b"?\n", lambda line: line, timeout_s=0.1) == b"7"
+
+    asyncio.run(main())
+
+
+def test_late_answer_before_next_question_is_counted(far: Far) -> None:
+    """It comes with the end of the wait for it."""
+
+    async def main() -> None:
+        async with opened(far, late_s=0.1) as port:
+            assert await port.ask(b"?\n", lambda line: line, timeout_s=0.02) is None
+            far.receive()
+            asyncio.get_running_loop().call_later(0.01, stall_until_answer, far, b"7\r\n", 0.2)
+            device = asyncio.create_task(answers(far, 0.0, 0.0))
+            assert await port.ask(b"?\n", lambda line: line, timeout_s=20.0) == b"0"
+            assert port.late == 1
+            device.cancel()
+
+    asyncio.run(main())
+
+
 def test_question_after_late_answer_gets_its_own(far: Far) -> None:
     async def main() -> None:
         async with opened(far) as port:

@@ -144,8 +144,9 @@ class LinePort:
         loop = asyncio.get_running_loop()
         await asyncio.sleep(max(0.0, self._not_before - loop.time()))
         while (left := self._questions.left(loop.time())) > 0:
-            if await self.line(left) is not None:
-                self._questions.passed(loop.time())
+            await self._has_line(left)
+            self._pass_lines(loop.time())
+        self._pass_lines(loop.time())
         self.flush()
         self._asked_at = self.received
         self.send(question)
@@ -216,10 +217,15 @@ class LinePort:
             try:
                 async with asyncio.timeout(timeout_s):  # wait_for() may swallow a cancel
                     await self._arrived.wait()
-            except TimeoutError:
-                return False
+            except TimeoutError:  # a line may have come at the same time, as a stall ended
+                return bool(self._lines)
             self._bytes.fileno()
         return True
+
+    def _pass_lines(self, now_s: float) -> None:
+        while self._lines:
+            self._lines.popleft()
+            self._questions.passed(now_s)
 
     def _on_bytes(self) -> None:
         try:
