@@ -21,15 +21,24 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from blind.judge import GOOD, Row, all_worlds, named, run, verdict, worst
-from blind.worlds import kinds, lateral_kinds
+from blind.judge import GOOD, LATERAL, LUGRE, Row, Study, all_worlds, named, run, verdict, worst
+from blind.kind import Kind
 
 
 def main() -> None:
+    options = arguments(__doc__)
+    options.add_argument("--lateral", action="store_true", help="play lateral sweeps")
+    chosen = options.parse_args()
+    study(chosen, LATERAL if chosen.lateral else LUGRE)
+
+
+def arguments(doc: str | None) -> argparse.ArgumentParser:
+    """Return the arguments that every blind study has."""
     options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument(
         "--keep", type=Path, required=True, help="table of the rows, one JSON object a line"
@@ -43,16 +52,21 @@ def main() -> None:
     options.add_argument(
         "--part", default="0/1", help="K/N: play only every N-th world, from the K-th on"
     )
-    options.add_argument("--lateral", action="store_true", help="play lateral sweeps")
     options.add_argument("--summary", action="store_true", help="print the table that is there")
-    chosen = options.parse_args()
+    return options
+
+
+def study(chosen: argparse.Namespace, of: Study) -> None:
+    """Play the worlds of a family, and print its table."""
     if not chosen.summary:
-        play(chosen)
-    print(summary([json.loads(line) for line in chosen.keep.read_text("utf-8").splitlines()]))
+        play(chosen, of)
+    rows = [json.loads(line) for line in chosen.keep.read_text("utf-8").splitlines()]
+    print(summary(rows, of.kinds()))
 
 
-def play(chosen: argparse.Namespace) -> None:
-    known = lateral_kinds() if chosen.lateral else kinds()
+def play(chosen: argparse.Namespace, of: Study) -> None:
+    """Play the worlds that the table has not yet."""
+    known = of.kinds()
     order = all_worlds(known, chosen.seeds)
     np.random.default_rng(48).shuffle(order)
     if chosen.only:
@@ -70,25 +84,26 @@ def play(chosen: argparse.Namespace) -> None:
             rows = [json.loads(line) for line in _lines(chosen.keep)]
             if any((row["kind"], row["size"], row["seed"]) == (name, size, seed) for row in rows):
                 continue
-            row = run(name, size, seed, Path(folder), chosen.lateral) | {"commit": head}
+            row = run(name, size, seed, Path(folder), of) | {"commit": head}
             with chosen.keep.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
-            print(line_of(row), flush=True)
+            print(line_of(row, known), flush=True)
 
 
-def line_of(row: Row) -> str:
+def line_of(row: Row, known: dict[str, Kind[Any]]) -> str:
     """Return one row in words."""
-    size = ("just visible", "clear")[row["size"]] if row["kind"] != "right" else row["floor"]
+    size = (
+        ("just visible", "clear")[row["size"]] if row["kind"] != "right" else row.get("floor", "")
+    )
     told = named(row) or row["sentence"][:160]
     return (
-        f"{verdict(row, kinds() | lateral_kinds()):28} {row['kind']} ({size}, {row['seed']}): "
+        f"{verdict(row, known):28} {row['kind']} ({size}, {row['seed']}): "
         f"worst {worst(row):.2f} half widths, {row['cpu']:.0f} s. {told[:240]}"
     )
 
 
-def summary(rows: list[Row]) -> str:
+def summary(rows: list[Row], known: dict[str, Kind[Any]]) -> str:
     """Return the rates, with the number of worlds beside each, and every row that must not be."""
-    known = kinds() | lateral_kinds()
     right = [row for row in rows if row["kind"] == "right"]
     wrong = [row for row in rows if row["kind"] != "right"]
     lines = []
@@ -113,7 +128,7 @@ def summary(rows: list[Row]) -> str:
         lines += [f"  {count:4} {words}" for words, count in verdicts.most_common()]
     cpu = [row["cpu"] for row in rows]
     lines.append(f"median {np.median(cpu):.1f} s of CPU, at most {max(cpu):.0f} s")
-    lines += [line_of(row) for row in rows if verdict(row, known).split(",")[0].isupper()]
+    lines += [line_of(row, known) for row in rows if verdict(row, known).split(",")[0].isupper()]
     return "\n".join(lines)
 
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 import re
 import signal
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
 import numpy as np
+from blind.kind import Kind
 from blind.rig import Rig, draw, draw_lateral, write
-from blind.worlds import Kind, lateral_world, world
+from blind.robot import Robot
+from blind.robot import draw as draw_robot
+from blind.robot import write as write_robot
+from blind.robot_worlds import robot_kinds, robot_world
+from blind.worlds import kinds, lateral_kinds, lateral_world, world
 
 import rigd
 from rigd.model.errors import RigdError
@@ -31,22 +38,27 @@ OTHER_LAW: Final = (
 GOOD: Final = ("right", "rightly named", "refused, rightly named", "refused without a name")
 
 
-def run(name: str, size: int, seed: int, folder: Path, lateral: bool = False) -> Row:
+@dataclass(frozen=True)
+class Study:
+    """A family of rigs: its right and wrong worlds, their recordings, and what is missed."""
+
+    kinds: Callable[[], dict[str, Kind[Any]]]
+    draw: Callable[[int], Any]
+    world: Callable[[str, int, int], Any]
+    write: Callable[[Any, Path], None]
+    misses: Callable[[Any, str, dict[str, Any]], dict[str, float]]
+
+
+def run(name: str, size: int, seed: int, folder: Path, study: Study) -> Row:
     """Simulate one world, identify it, and return all that was said; ``right`` is a right rig."""
-    drawn, wrong = (draw_lateral, lateral_world) if lateral else (draw, world)
-    rig = drawn(seed) if name == "right" else wrong(name, size, seed)
+    rig = study.draw(seed) if name == "right" else study.world(name, size, seed)
     path = folder / "world.mcap"
     path.unlink(missing_ok=True)
-    row: Row = {
-        "kind": name,
-        "size": size,
-        "seed": seed,
-        "floor": rig.floor,
-        "rate": rig.rate,
-        "trials": len(rig.trials),
-    }
+    row: Row = {"kind": name, "size": size, "seed": seed, "trials": len(rig.trials)}
+    if isinstance(rig, Rig):
+        row |= {"floor": rig.floor, "rate": rig.rate}
     begin = time.process_time()
-    write(rig, path)
+    study.write(rig, path)
     row["cpu_simulated"] = round(time.process_time() - begin, 2)
     begin = time.process_time()
     signal.signal(signal.SIGPROF, _too_long)
@@ -64,7 +76,7 @@ def run(name: str, size: int, seed: int, folder: Path, lateral: bool = False) ->
                 for text in result["warnings"]
                 if text not in (gate.get("sentence"), *gate.get("findings", []))
             ],
-            "misses": _misses(rig, name, result),
+            "misses": study.misses(rig, name, result),
         }
     except RigdError as error:
         row |= {
@@ -104,7 +116,7 @@ def named(row: Row) -> str:
     return trend[0] if trend else ""
 
 
-def verdict(row: Row, known: dict[str, Kind]) -> str:
+def verdict(row: Row, known: dict[str, Kind[Any]]) -> str:
     """Return the verdict in words; capitals are what must not be."""
     cause, refused = named(row), row["outcome"] in ("does not fit", "refused", "too long")
     wrong = worst(row) > WRONG
@@ -240,7 +252,7 @@ def _miss(low: float, high: float, least: float, most: float) -> float:
     )
 
 
-def all_worlds(known: dict[str, Kind], seeds: int = 2) -> list[tuple[str, int, int]]:
+def all_worlds(known: dict[str, Kind[Any]], seeds: int = 2) -> list[tuple[str, int, int]]:
     """Return every kind in every size with ``seeds`` seeds."""
     return [
         (kind.name, size, seed)
@@ -248,3 +260,20 @@ def all_worlds(known: dict[str, Kind], seeds: int = 2) -> list[tuple[str, int, i
         for size in range(len(kind.sizes))
         for seed in range(seeds)
     ]
+
+
+def _robot_misses(robot: Robot, _kind: str, result: dict[str, Any]) -> dict[str, float]:
+    gate = result.get("gate") or {}
+    if gate.get("outcome") == "does not fit":
+        return {}
+    found = {}
+    for name, (least, most) in robot.truth().items():
+        item = result["parameters"].get(name)
+        if item and item["identifiable"] and item["low"] is not None and item["high"] is not None:
+            found[name] = round(_miss(item["low"], item["high"], least, most), 3)
+    return found
+
+
+LUGRE: Final = Study(kinds, draw, world, write, _misses)
+LATERAL: Final = Study(lateral_kinds, draw_lateral, lateral_world, write, _misses)
+ROBOT: Final = Study(robot_kinds, draw_robot, robot_world, write_robot, _robot_misses)

@@ -10,16 +10,16 @@ import ctypes
 import json
 import os
 import re
-import struct
 import subprocess
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from mcap.writer import Writer
+from blind.recording import Recording
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -34,21 +34,34 @@ TICK: Final = 2 * np.pi / 20.25  # rad of the wheel in a turn of the motor
 
 
 @cache
-def _names() -> tuple[str, ...]:
-    text = re.sub(r"/\*.*?\*/", "", SOURCE.read_text("utf-8"), flags=re.S)
-    listed = re.search(r"enum \{(.*?)CONSTANTS", text, re.S)
+def names(source: Path = SOURCE, enum: str = "CONSTANTS") -> tuple[str, ...]:
+    """Return the names of the list in a C source that ends with the name ``enum``."""
+    text = re.sub(r"/\*.*?\*/", "", source.read_text("utf-8"), flags=re.S)
+    listed = re.search(rf"enum \{{([^}}]*?)\b{enum}\s*\}}", text, re.S)
     assert listed is not None
     return tuple(name.strip().lower() for name in listed[1].split(",") if name.strip())
 
 
-@cache
-def _play() -> Any:
+def compiled(source: Path, *more: str) -> Any:
+    """Return the function ``play`` of a C source."""
     with tempfile.TemporaryDirectory(prefix="blind-") as folder:
         library = Path(folder, "rig.so")
-        subprocess.run(
-            [os.environ.get("CC", "cc"), *FLAGS, "-o", library, SOURCE, "-lm"], check=True
-        )
-        function = ctypes.CDLL(str(library)).play
+        command = [
+            os.environ.get("CC", "cc"),
+            *FLAGS,
+            *more,
+            "-o",
+            str(library),
+            str(source),
+            "-lm",
+        ]
+        subprocess.run(command, check=True)
+        return ctypes.CDLL(str(library)).play
+
+
+@cache
+def _play() -> Any:
+    function = compiled(SOURCE)
     pointer = ctypes.POINTER(ctypes.c_double)
     function.restype = ctypes.c_long
     function.argtypes = [
@@ -216,7 +229,7 @@ def draw(seed: int) -> Rig:
     """Return a right rig: realistic, and its constants within their stated uncertainties."""
     random = np.random.default_rng([48, seed])
     floor = ("stone", "pvc", "paperboard")[int(random.integers(3))]
-    true = {name: 0.0 for name in _names()} | BASE | FLOORS[floor]
+    true = {name: 0.0 for name in names()} | BASE | FLOORS[floor]
     level = random.uniform(0.75, 1.6)
     true["mu_c"] *= level
     true["mu_s"] *= level
@@ -321,7 +334,7 @@ def drive(rig: Rig, number: int, substeps: int | None = None) -> Array:
     k = rig.true | trial.constants
     for name in ("mu_c", "mu_s", "sigma_2"):
         k[name] = k[name] * trial.level
-    constants = np.array([k[name] for name in _names()])
+    constants = np.array([k[name] for name in names()])
     random = np.random.default_rng([rig.seed, 7, number])
     y = np.zeros(STATES)
     y[2] = -0.8 * k["mu_c"] / k["sigma_0"]
@@ -446,46 +459,10 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
 def write(rig: Rig, path: Path) -> None:
     """Write the recording as another program would: all channels in one stream, and the events."""
     channels = CHANNELS | ({"lateral": "m/s"} if rig.model == "lugre-lateral" else {})
-    doc = {
-        "name": "card",
-        "doc": "samples of one card",
-        "source": "a logger",
-        "has_status": False,
-        "channels": [
-            {"name": n, "unit": u, "doc": "", "low": None, "high": None, "raw_of": None}
-            for n, u in channels.items()
-        ],
-    }
     begin = 1_700_000_000_000_000_000 + rig.seed % 10_000 * 86_400_000_000_000
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="ros2", library="a logger")
-        event = writer.register_schema(
-            "rigd/msg/Event", "ros2msg", b"string kind\nint32 trial\nfloat64 time\nstring data\n"
-        )
-        events = writer.register_channel("/events", "cdr", event)
-        card = writer.register_schema(
-            "logger/msg/Card", "ros2msg", "".join(f"float64 {name}\n" for name in channels).encode()
-        )
-        channel = writer.register_channel("/card", "cdr", card, {"rigd.stream": json.dumps(doc)})
-        numbers = {events: 0, channel: 0}
-
-        def add(which: int, when: int, data: bytes) -> None:
-            writer.add_message(which, when, data, when, numbers[which])
-            numbers[which] += 1
-
-        def tell(kind: str, trial: int, when: int, data: dict[str, Any]) -> None:
-            text = bytearray(b"\x00\x01\x00\x00")
-            _text(text, kind)
-            text += b"\x00" * (-len(text) % 4)
-            text += struct.pack("<i", trial)
-            text += b"\x00" * (-(len(text) - 4) % 8)
-            text += struct.pack("<d", (when - begin) * 1e-9)
-            _text(text, json.dumps(data))
-            add(events, when, bytes(text))
-
+    with Recording(path, begin, {"card": channels}) as file:
         now = begin
-        tell("run_start", -1, now, {"procedure": "currents", "resumed": False})
+        file.tell("run_start", -1, now, {"procedure": "currents", "resumed": False})
         rolling = rig.stated["rolling_resistance"][0]
         for number, trial in enumerate(rig.trials, 1):
             samples = measure(rig, number - 1, drive(rig, number - 1))
@@ -500,46 +477,16 @@ def write(rig: Rig, path: Path) -> None:
                 parameters["lateral_speed"] = abs(trial.lateral)
                 parameters["direction"] = "positive" if trial.lateral > 0 else "negative"
                 units["lateral_speed"] = "m/s"
-            tell(
+            file.tell(
                 "trial_start",
                 number,
                 int(times[0]),
                 {"number": number, "repeat": 1, "parameters": parameters, "units": units},
             )
-            table = np.column_stack([samples[name] for name in channels])
-            for when, row in zip(times.tolist(), table.tolist(), strict=True):
-                add(channel, when, b"\x00\x01\x00\x00" + struct.pack(f"<{len(row)}d", *row))
+            file.rows({"card": (times, np.column_stack([samples[name] for name in channels]))})
             now = int(times[-1]) + 1_000_000
-            tell("trial_end", number, now, {"complete": True, "reason": "all steps played"})
+            file.tell("trial_end", number, now, {"complete": True, "reason": "all steps played"})
             now += 20_000_000_000
-        count = len(rig.trials)
-        tell(
-            "run_end",
-            -1,
-            now,
-            {
-                "state": "complete",
-                "reason": "",
-                "trials_done": count,
-                "trials_total": count,
-                "missed_cycles": 0,
-                "overruns": 0,
-            },
-        )
-        writer.add_metadata("rigd", {"start_ns": str(begin), "version": "0.1.0"})
-        writer.add_metadata(
-            "run",
-            {
-                "procedure": "currents",
-                "rig": f"blind-{rig.seed}",
-                "mode": "real",
-                "trials": str(count),
-            },
-        )
-        writer.add_metadata("parameters", {"floor": rig.floor})
-        uncertainties = {
-            name: {"is_share": False, "size": u} for name, (_, u) in rig.stated.items()
-        }
         signals = {
             "wheel_angle": "card.angle",
             "carriage_position": "card.position",
@@ -549,29 +496,40 @@ def write(rig: Rig, path: Path) -> None:
         }
         if "lateral" in channels:
             signals["lateral_speed"] = "card.lateral"
-        writer.add_metadata(
-            "identify",
-            {
-                "model": rig.model,
-                "signals": json.dumps(signals),
-                "group_by": json.dumps(["floor"]),
-                "units": json.dumps({name: unit_of(name) for name in rig.stated}),
-                "constants": json.dumps({name: value for name, (value, _) in rig.stated.items()}),
-                "uncertainties": json.dumps(uncertainties),
-            },
+        about = about_rig(
+            rig.model, f"blind-{rig.seed}", len(rig.trials), signals, rig.stated, unit_of
         )
-        writer.finish()  # type: ignore[no-untyped-call]
+        about["parameters"] = {"floor": rig.floor}
+        about["identify"]["group_by"] = json.dumps(["floor"])
+        file.end(now, len(rig.trials), about)
+
+
+def about_rig(
+    model: str,
+    rig: str,
+    trials: int,
+    signals: dict[str, str],
+    stated: dict[str, tuple[float, float]],
+    unit: Callable[[str], str],
+) -> dict[str, dict[str, str]]:
+    """Return the metadata of a recording; each constant of ``stated`` has a value and u."""
+    uncertainties = {name: {"is_share": False, "size": u} for name, (_, u) in stated.items()}
+    return {
+        "run": {"procedure": "currents", "rig": rig, "mode": "real", "trials": str(trials)},
+        "identify": {
+            "model": model,
+            "signals": json.dumps(signals),
+            "group_by": "[]",
+            "units": json.dumps({name: unit(name) for name in stated}),
+            "constants": json.dumps({name: value for name, (value, _) in stated.items()}),
+            "uncertainties": json.dumps(uncertainties),
+        },
+    }
 
 
 def unit_of(name: str) -> str:
     """Return the unit of a constant of the rig."""
     return UNITS[name] if name in UNITS else LATERAL[name][1]
-
-
-def _text(text: bytearray, value: str) -> None:
-    text += b"\x00" * (-(len(text) - 4) % 4)
-    data = value.encode() + b"\x00"
-    text += struct.pack("<I", len(data)) + data
 
 
 def _round(values: Array, step: float) -> Array:

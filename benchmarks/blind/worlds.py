@@ -9,12 +9,11 @@ the current, forces on the carriage that do not change, a delay and a slow filte
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from blind.kind import Kind
 from blind.rig import FLOORS, G, Rig, Trial, draw, draw_lateral
 
 Apply = Callable[[Rig, float, np.random.Generator], None]
@@ -28,25 +27,7 @@ WHEEL_TURN: Final = r"wheel angle|eccentric|runout|out of round|turn|roller|revo
 LATE: Final = r"delay|late|filter|lag|slow|clock"
 
 
-@dataclass(frozen=True)
-class Kind:
-    """One thing that is wrong: how, its two sizes (just visible, clearly visible), its words."""
-
-    name: str
-    family: str
-    sizes: tuple[float, ...]
-    words: str
-    apply: Apply
-    documented: bool = False  # docs/identification.md says that no data of the rig show it
-
-    def accepts(self, sentence: str) -> bool:
-        """Return whether a sentence has one of the words."""
-        if self.family == "friction" and sentence.lower().startswith("an error of the"):
-            return False  # a sensor
-        return re.search(self.words, sentence.lower()) is not None
-
-
-def kinds() -> dict[str, Kind]:
+def kinds() -> dict[str, Kind[Rig]]:
     """Return every kind by its name."""
     found = [*_constants(), *_mechanics(), *_friction(), *_electrics(), *_sensors(), *_procedure()]
     assert len({kind.name for kind in found}) == len(found)
@@ -62,7 +43,7 @@ def world(name: str, size: int, seed: int) -> Rig:
     return rig
 
 
-def lateral_kinds() -> dict[str, Kind]:
+def lateral_kinds() -> dict[str, Kind[Rig]]:
     """Return every kind of a lateral sweep by its name: of all that can go wrong, and its own."""
     shared = [
         "torque_constant low",
@@ -142,7 +123,7 @@ def _set(attribute: str) -> Apply:
     return apply
 
 
-def _constants() -> list[Kind]:
+def _constants() -> list[Kind[Rig]]:
     on_motor = r"no.load|bearing|friction of the motor|zero of the current|current.*zero|offset"
     radius = (
         r"radius|diameter|measuring wheel|counts|"
@@ -190,7 +171,7 @@ def _constants() -> list[Kind]:
     return found
 
 
-def _mechanics() -> list[Kind]:
+def _mechanics() -> list[Kind[Rig]]:
     loose = r"backlash|play|slack|coupling|shaft|wind|twist|elastic|complian|gear"
 
     def eccentric(which: str) -> Apply:
@@ -239,7 +220,7 @@ def _mechanics() -> list[Kind]:
     ]  # fmt: skip
 
 
-def _friction() -> list[Kind]:
+def _friction() -> list[Kind[Rig]]:
     def trend(sign: float) -> Apply:
         def apply(rig: Rig, size: float, _: np.random.Generator) -> None:
             for n, trial in enumerate(rig.trials):
@@ -298,7 +279,7 @@ def _friction() -> list[Kind]:
     ]  # fmt: skip
 
 
-def _electrics() -> list[Kind]:
+def _electrics() -> list[Kind[Rig]]:
     ripple = r"ripple|cogging|motor turn|turn|gear|teeth|wheel angle|torque"
     current = r"current|monitor"
 
@@ -352,7 +333,7 @@ def _electrics() -> list[Kind]:
     ]  # fmt: skip
 
 
-def _sensors() -> list[Kind]:
+def _sensors() -> list[Kind[Rig]]:
     accelerometer = r"accelerometer"
     carriage = r"carriage encoder|carriage position|position of the carriage|measuring wheel"
     wheel = r"wheel encoder|encoder of the wheel|wheel angle"
@@ -457,7 +438,7 @@ def _sensors() -> list[Kind]:
     ]  # fmt: skip
 
 
-def _procedure() -> list[Kind]:
+def _procedure() -> list[Kind[Rig]]:
     def added(rig: Rig, size: float, _: np.random.Generator) -> None:
         for trial in rig.trials[len(rig.trials) // 2 :]:
             trial.constants |= {
@@ -494,7 +475,7 @@ def _procedure() -> list[Kind]:
     ]  # fmt: skip
 
 
-def _lateral() -> list[Kind]:
+def _lateral() -> list[Kind[Rig]]:
     """What goes wrong with the lateral motion itself."""
     lengths = r"lever|height|half span|half distance|row|offset|length|guide"
 

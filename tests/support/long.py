@@ -587,6 +587,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_can_drivers_work_as_drivers_do[RotaryServo",
             "test_can_drivers_work_as_drivers_do[SpeedServo",
         ),
+        "analyses/articulated/test_blind_robots.py": ("test_right_robot_of_second_author_fits",),
         "analyses/lugre/test_blind_worlds.py": (
             "test_right_rig_of_second_author_fits",
             "test_wrong_torque_constant_is_rightly_named",

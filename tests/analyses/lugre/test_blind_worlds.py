@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from blind.judge import run, verdict
+from blind.judge import LUGRE, run, verdict
 from blind.rig import draw, drive
 from blind.worlds import kinds, world
 
@@ -62,10 +62,10 @@ def test_every_world_differs_from_its_rig() -> None:
 
 
 def test_right_rig_of_second_author_fits(tmp_path: Path) -> None:
-    found = run("right", 0, 4, tmp_path)
+    found = run("right", 0, 4, tmp_path, LUGRE)
     assert verdict(found, KINDS) == "right"
     assert len(found["misses"]) >= 5
 
 
 def test_wrong_torque_constant_is_rightly_named(tmp_path: Path) -> None:
-    assert verdict(run("torque_constant low", 1, 1, tmp_path), KINDS) == "rightly named"
+    assert verdict(run("torque_constant low", 1, 1, tmp_path, LUGRE), KINDS) == "rightly named"
