@@ -7,8 +7,10 @@ shipped ones at the wire (``tests/support/fault_rigs.py``).
     python benchmarks/fault_campaign.py --table faults.jsonl
                         continues the table: stop it and start it as you like
     python benchmarks/fault_campaign.py --only scale
-                        cases whose name holds the word; with --foreign 1000 other devices send so
-                        many frames per second on each CAN bus meanwhile
+                        cases whose name holds the word
+    python benchmarks/fault_campaign.py --foreign 1000
+                        other devices send so many frames per second on each CAN bus meanwhile; the
+                        rigs without a CAN bus are left out
 """
 
 from __future__ import annotations
@@ -57,8 +59,10 @@ def play(missing: list[Case], table: Path | None, foreign_hz: float) -> list[Row
             with (
                 tempfile.TemporaryDirectory() as folder,
                 rig.served(Path(folder)) as served,
-                foreign_traffic(sorted(served.folder.glob("*_bus")), foreign_hz),
+                foreign_traffic(buses := sorted(served.folder.glob("*_bus")), foreign_hz),
             ):
+                if foreign_hz and not buses:
+                    break
                 campaign = Campaign(
                     served, Path(folder), report, rig.movement, rig.set_up, rig.by_hand
                 )

@@ -1,5 +1,6 @@
 """Runs the command ``rigd``, also as ``python -m rigd``."""
 
+import signal
 import sys
 
 #: :attr:`rigd.model.errors.Exit.STOPPED`; its module may not be there yet.
@@ -15,6 +16,8 @@ def main() -> int:
     except KeyboardInterrupt:
         sys.stderr.write("rigd: interrupted\n")
         return _STOPPED
+    finally:  # all is said and written: while the interpreter ends, Ctrl-C would print a traceback
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

@@ -210,3 +210,26 @@ def test_ctrl_c_during_imports_gives_no_traceback(module: str, tmp_path: Path) -
     command = [sys.executable, "-c", script]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert (ended.returncode, ended.stderr) == (Exit.STOPPED, "rigd: interrupted\n")
+
+
+#: Ctrl-C once the result is shown: while the interpreter joins its threads, and as it ends.
+LATE = """
+import atexit, os, signal, sys, threading
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+atexit.register(press)
+threading._register_atexit(press)
+from rigd.__main__ import main
+sys.argv = ["rigd", *WORDS]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(("words", "code"), [(["schema", "procedure"], 0), (["schema", "x"], 2)])
+def test_ctrl_c_behind_the_result_changes_nothing(
+    words: list[str], code: int, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-c", LATE.replace("WORDS", repr(words))]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert ended.returncode == code, ended.stderr
+    assert "KeyboardInterrupt" not in ended.stderr
