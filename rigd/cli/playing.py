@@ -47,6 +47,12 @@ def play(
     except RigdError as error:  # how the run ended is shown all the same
         measured, verdict = None, error.exit_code
         print(f"rigd: the measures cannot be read: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        measured, verdict = None, Exit.STOPPED
+        print(
+            f"rigd: interrupted while the measures are read: rigd measure {recorded.path}",
+            file=sys.stderr,
+        )
     if measured is not None and measured.judgement is not None:
         _keep(recorded.path, measured.judgement.value)
     if junit is not None:
