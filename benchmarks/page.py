@@ -101,7 +101,7 @@ class Tab:
         with connect(page["webSocketDebuggerUrl"], max_size=None) as socket:
             for number, (method, params) in enumerate(calls):
                 socket.send(json.dumps({"id": number, "method": method, "params": params}))
-                while (told := json.loads(socket.recv(120))).get("id") != number:
+                while (told := json.loads(socket.recv(600))).get("id") != number:
                     pass
                 found.append(told.get("result", {}))
         return found

@@ -38,6 +38,8 @@ from rigd.remote.protocol import VERBS, Kind
 #: Requests under way at once: as many as one identity may have waiting.
 AT_ONCE = 8
 #: What only the daemon publishes on.
+#: A loaded machine takes its time to begin and to end, in s.
+PATIENCE_S = 300
 PUBLISHED = ("status", "event", "live/wheel", "alive")
 
 
@@ -169,15 +171,15 @@ def main() -> None:
     server = context.Process(target=serve_until_told, args=(endpoint, theirs))
     server.start()
     try:
-        if not pipe.poll(30):
+        if not pipe.poll(PATIENCE_S):
             raise RuntimeError("the server did not begin")
         with zenoh.open(client_config([endpoint])) as session:
             fuzz(session, pipe, args.payloads)
             flooded(session, endpoint, args.rounds)
-        if pipe.poll(30):
+        if pipe.poll(PATIENCE_S):
             pipe.recv()
         pipe.send("end")
-        server.join(30)
+        server.join(PATIENCE_S)
         at_most("remote: exit code of the server", abs(server.exitcode or 0), 0, "")
     finally:
         server.kill()

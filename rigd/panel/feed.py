@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Coroutine
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -61,7 +62,7 @@ class PageSocket:
                     _send(socket, outbox), _listen(socket, outbox), _until_over(session)
                 )
             if session.over.is_set() and socket.client_state is WebSocketState.CONNECTED:
-                await socket.close(NO_SESSION, "this session is over")
+                await say_goodbye(socket, NO_SESSION, "this session is over")
         finally:
             self.pages -= 1
             self.api.sessions.close_page(session)
@@ -96,7 +97,7 @@ class PageSocket:
         """
         if self.reasons.take():
             await socket.accept()
-        await socket.close(code, reason)
+        await say_goodbye(socket, code, reason)
 
 
 async def _until_first(*jobs: Coroutine[Any, Any, None]) -> None:
@@ -126,8 +127,14 @@ async def _send(socket: WebSocket, outbox: Outbox) -> None:
                     await socket.send_bytes(message)
                 else:
                     await socket.send_text(message)
-    except WebSocketDisconnect:
+    except (WebSocketDisconnect, RuntimeError):  # RuntimeError: the page has just said goodbye
         return
+
+
+async def say_goodbye(socket: WebSocket, code: int, reason: str) -> None:
+    """Close, unless the page has just done so."""
+    with suppress(WebSocketDisconnect, RuntimeError):
+        await socket.close(code, reason)
 
 
 async def _listen(socket: WebSocket, outbox: Outbox) -> None:
@@ -144,4 +151,4 @@ async def _listen(socket: WebSocket, outbox: Outbox) -> None:
     except (WebSocketDisconnect, KeyError, RuntimeError):
         # KeyError: a binary message; RuntimeError: the page has gone, as a write to it has shown.
         return
-    await socket.close(1008, "unknown message")
+    await say_goodbye(socket, 1008, "unknown message")

@@ -16,7 +16,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rigd.model.errors import RigdError
 from rigd.panel.answers import error_of
-from rigd.panel.feed import MOST_PAGES, MOST_PER_SESSION, NO_SESSION, TOO_MANY
+from rigd.panel.feed import MOST_PAGES, MOST_PER_SESSION, NO_SESSION, TOO_MANY, say_goodbye
 from rigd.panel.messages import StopRequest
 from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Session
@@ -37,11 +37,11 @@ class StopLine:
         """Serve one page until it disconnects, or its session ends."""
         session = self.api.find(socket.cookies)
         if session is None:
-            await socket.close(NO_SESSION, "this page is not logged in")
+            await say_goodbye(socket, NO_SESSION, "this page is not logged in")
             return
         lines = self.open.get(session, 0)
         if lines >= MOST_PER_SESSION or sum(self.open.values()) >= 2 * MOST_PAGES:
-            await socket.close(TOO_MANY, "too many pages are open")
+            await say_goodbye(socket, TOO_MANY, "too many pages are open")
             return
         self.open[session] = lines + 1
         try:
@@ -65,7 +65,7 @@ class StopLine:
         except (WebSocketDisconnect, KeyError, RuntimeError):  # binary, or closed by this side
             return
         except ValidationError:
-            await socket.close(1008, "unknown message")
+            await say_goodbye(socket, 1008, "unknown message")
 
     async def _carry_out(self, socket: WebSocket, session: Session, request: StopRequest) -> None:
         try:
@@ -81,4 +81,4 @@ class StopLine:
 async def _end(socket: WebSocket, session: Session) -> None:
     """Close the WebSocket when the session ends."""
     await session.over.wait()
-    await socket.close(NO_SESSION, "this session is over")
+    await say_goodbye(socket, NO_SESSION, "this session is over")

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from starlette.websockets import WebSocket
 from support.panel import ServedPanel
 from support.played_campaign import STREAMS
 from support.played_rig import EVENTS_OF_ANSWER, PlayedRig
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-from rigd.panel.feed import MOST_PER_SESSION
+from rigd.panel.feed import MOST_PER_SESSION, PageSocket
+from rigd.panel.messages import PageEvent
+from rigd.panel.outbox import Outbox
 from rigd.remote.protocol.frame import Frame, decode_frame
 from rigd.remote.protocol.status import Status
 
@@ -203,3 +208,42 @@ def test_past_is_sent_as_finely_as_it_came(panel: ServedPanel) -> None:
     assert visitor.get("/api/past?from_s=x")[0] == 400
     visitor.cookie = ""
     assert visitor.get(query)[0] == 401
+
+
+class LeavingPage:
+    """A page that says goodbye as it is written to, in the words of uvicorn 0.38 and later."""
+
+    def __init__(self, said: str) -> None:
+        self.said = [{"type": "websocket.receive", "text": said}] if said else []
+        self.said.insert(0, {"type": "websocket.connect"})
+
+    async def receive(self) -> Any:
+        if not self.said:
+            await asyncio.Event().wait()
+        return self.said.pop(0)
+
+    async def send(self, message: Any) -> None:
+        if message["type"] != "websocket.accept":
+            raise RuntimeError(f"Unexpected ASGI message {message['type']!r}, after sending")
+
+
+@pytest.mark.parametrize("said", ["", "nonsense"])
+def test_page_that_leaves_while_written_to_is_no_error(said: str) -> None:
+    @contextmanager
+    def join() -> Iterator[Outbox]:
+        outbox = Outbox()
+        if not said:
+            outbox.event(PageEvent(v=1, seq=1, t_ns=0, kind="note"))
+        yield outbox
+
+    async def serve() -> int:
+        page, closed = LeavingPage(said), []
+        session = SimpleNamespace(role="operator", pages=0, over=asyncio.Event())
+        sessions = SimpleNamespace(open_page=lambda _: None, close_page=closed.append)
+        api: Any = SimpleNamespace(find=lambda _: session, sessions=sessions)
+        hub: Any = SimpleNamespace(join=join)
+        socket = WebSocket({"type": "websocket", "headers": []}, page.receive, page.send)
+        await asyncio.wait_for(PageSocket(hub, api).serve(socket), 60)
+        return len(closed)
+
+    assert asyncio.run(serve()) == 1
