@@ -11,8 +11,10 @@ messages of a page has a part in what the page takes.
     python benchmarks/page.py --minutes 60
     python benchmarks/page.py --minutes 10 --every 30 --width 390 --height 844
 
-A tab is flat if its memory grows by no more than 10 MB in the hour that follows the first ten
-minutes; a shorter measurement gives the slope alone.
+A tab is flat if it keeps no more than 10 MB more in the hour that follows its first ten minutes.
+What it keeps is its memory behind a collection of garbage, which is asked for twice: after these
+minutes (at the begin, if less is measured) and at the end. Between, the browser collects when it
+likes: with memory to spare it lets its heap of page objects fill for an hour.
 """
 
 from __future__ import annotations
@@ -111,6 +113,13 @@ class Tab:
         (found,) = self.ask(("Runtime.evaluate", {"expression": expression}))
         return found.get("result", {}).get("value")
 
+    def kept_mb(self) -> float:
+        """Let the browser collect its garbage; return the memory of the tab then, in MB."""
+        for _ in range(2):  # what the first frees lets go of others
+            self.ask(("HeapProfiler.collectGarbage", {}))
+        time.sleep(3)
+        return sum(mapped_kb(self.process("renderer")).values()) / 1024
+
     def process(self, kind: str) -> int:
         """Return the process of the browser that has a kind: that with most work of several."""
         pids = descendants(self.browser)
@@ -159,7 +168,7 @@ def mapped_kb(pid: int) -> Counter[str]:
 
 
 def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
-    """Return a row for each interval."""
+    """Return a row for each interval; print what the tab keeps."""
     time.sleep(5)
     renderer = tab.process("renderer")
     pids = {
@@ -168,12 +177,16 @@ def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
     }  # fmt: skip
     tab.value(COUNT)
     rows: list[Row] = []
+    kept: list[tuple[float, float]] = []
+    filling_min = FILLING_MIN if seconds > 120 * FILLING_MIN else 0.0
     maps = mapped_kb(renderer)
     begun = before_s = time.monotonic()
     before = {name: cpu_s(pid) for name, pid in pids.items()}
     received = 0.0
     print(" ".join(f"{name:>9}" for name in Row._fields), flush=True)
     while time.monotonic() < begun + seconds:
+        if not kept and time.monotonic() >= begun + 60 * filling_min:
+            kept.append((time.monotonic(), tab.kept_mb()))
         time.sleep(every_s)
         now_s = time.monotonic()
         now = {name: cpu_s(pid) for name, pid in pids.items()}
@@ -198,6 +211,13 @@ def watch(tab: Tab, daemon: int, seconds: float, every_s: float) -> list[Row]:
     grown.subtract(maps)
     for name, size in grown.most_common(4):
         print(f"{size / 1024:9.1f} {name}")
+    kept.append((time.monotonic(), tab.kept_mb()))
+    (since_s, before_mb), (until_s, after_mb) = kept
+    noted("kept by the tab, first", before_mb, "MB")
+    noted("kept by the tab, last", after_mb, "MB")
+    if filling_min:
+        hourly = 3600 * (after_mb - before_mb) / (until_s - since_s)
+        at_most("growth of what the tab keeps, in an hour", hourly, MB_PER_HOUR, "MB")
     return rows
 
 
@@ -210,11 +230,6 @@ def report(rows: list[Row]) -> None:
     noted("the daemon's share of a core, one page", middle["daemon"], "%")
     at_most("sent to the page in an hour", middle["hourly"] / 1e3, GB_PER_HOUR, "GB")
     noted("memory of the tab at the end", rows[-1].memory, "MB")
-    late = [row for row in rows if row.minutes >= FILLING_MIN]
-    if len(late) > 3:
-        minutes, memory = [row.minutes for row in late], [row.memory for row in late]
-        slope = 60 * float(np.polyfit(minutes, memory, 1)[0])
-        at_most("growth of the tab's memory in an hour", slope, MB_PER_HOUR, "MB")
 
 
 def main() -> None:

@@ -228,7 +228,7 @@ class LeavingPage:
 
 
 @pytest.mark.parametrize("said", ["", "nonsense"])
-def test_page_that_leaves_while_written_to_is_no_error(said: str) -> None:
+def test_page_that_leaves_while_written_to_is_harmless(said: str) -> None:
     @contextmanager
     def join() -> Iterator[Outbox]:
         outbox = Outbox()
@@ -237,7 +237,8 @@ def test_page_that_leaves_while_written_to_is_no_error(said: str) -> None:
         yield outbox
 
     async def serve() -> int:
-        page, closed = LeavingPage(said), []
+        page = LeavingPage(said)
+        closed: list[object] = []
         session = SimpleNamespace(role="operator", pages=0, over=asyncio.Event())
         sessions = SimpleNamespace(open_page=lambda _: None, close_page=closed.append)
         api: Any = SimpleNamespace(find=lambda _: session, sessions=sessions)
