@@ -9,6 +9,8 @@ from rigd.analysis import Analysis, Evaluation, Needs, Options
 
 if TYPE_CHECKING:
     from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.validation.result import Validation
+    from rigd.analysis.validation.saved import SavedModel
 
 MOTORS = ("right_speed", "left_speed")
 TORQUES = ("right_torque", "left_torque")
@@ -45,3 +47,15 @@ class ArticulatedAnalysis(Analysis):
         from rigd_analyses.articulated.evaluation import evaluate
 
         return evaluate(sweeps, options, notify)
+
+    def validate(
+        self,
+        models: Sequence[SavedModel],
+        sweeps: Sequence[RecordedSweep],
+        group: str,
+        notify: Callable[[str], None],
+    ) -> Validation:
+        """Return how recordings agree with the contacts of a model."""
+        from rigd_analyses.articulated.validation import validate
+
+        return validate(models, sweeps, group, notify)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -30,16 +30,31 @@ def evaluate(
             data cannot answer.
     """
     trials = [trial for group in complete_groups(sweeps, options, notify) for trial in group.trials]
-    arrays = tuple(robot_trials(trials))
-    check_markers(arrays)
-    system = RobotSystem(arrays, constants_of(trials), _positive(trials, "gear_ratio"))
-    grip = _constant(trials, "certain_grip")
+    system, grip = robot_system(trials), certain_grip(trials)
+    check_markers(system.trials)
     check_hinge(system, grip)
     found = find(system, grip, notify)
     identified = result(found, judged(found))
     identified = replace(identified, warnings=(*identified.warnings, *unused(trials)))
     fitted = Fitted(Group(LABEL, trials), identified)
     return ParameterEvaluation.of(sweeps, [fitted], options)
+
+
+def robot_system(
+    trials: Trials, contacts: Mapping[str, tuple[float, float]] | None = None
+) -> RobotSystem:
+    """Return the system of ``trials``; ``contacts`` are known with relative uncertainties.
+
+    Raises:
+        DataError: constants differ between recordings, or a signal is missing or too short.
+    """
+    arrays, constants = tuple(robot_trials(trials)), constants_of(trials)
+    return RobotSystem(arrays, constants, _positive(trials, "gear_ratio"), known=contacts or {})
+
+
+def certain_grip(trials: Trials) -> float:
+    """Return the share of its load that a contact carries without sliding."""
+    return _constant(trials, "certain_grip")
 
 
 def unused(trials: Trials) -> list[str]:

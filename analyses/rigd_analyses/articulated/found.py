@@ -140,6 +140,29 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
     return RobotFound(system, ended_at, tuple(sliding), grip, sd)
 
 
+def sliding_trials(system: RobotSystem, grip: float) -> list[int]:
+    """Return the trials in which contacts that are known carry more than ``grip`` of their load."""
+    point = np.array([item.parameter.start for item in system.shared])
+    point[list(FRICTION)] = NO_SLIDING
+    return _sliding(system, point, grip)
+
+
+def tried(system: RobotSystem, sliding: Sequence[int]) -> OutputErrorFit:
+    """Return the fit of trials to a system whose contacts are known.
+
+    The instants at which contacts slide make steps in its cost: close values of mu_s are tried.
+    """
+    point = np.array([item.parameter.start for item in system.shared])
+    if not sliding:
+        point[list(FRICTION)] = np.where(
+            [SHARED[k] in system.known for k in FRICTION], point[list(FRICTION)], NO_SLIDING
+        )
+    branch = _fitted(system, _theta(system, point))
+    if sliding:
+        branch, _ = _scanned(system, sliding, branch)
+    return conclude(*branch, SCORES)
+
+
 def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
     """Return the fit from ``theta`` (p,). The noise is that of the sensors, the same everywhere."""
     return conclude(*_fitted(system, theta), SCORES)
@@ -310,8 +333,12 @@ def _first_stage(
             notify(f"{len(chosen)} of {len(shares)} trials without sliding are fitted first")
             part = replace(system, trials=tuple(system.trials[k].first(FIRST_S) for k in chosen))
             point = _rough(part, point)
+    return point, _sliding(system, point, grip)
+
+
+def _sliding(system: RobotSystem, point: FloatArray, grip: float) -> list[int]:
     shares = [system.share(k, point) for k in range(len(system.trials))]
-    return point, [k for k, share in enumerate(shares) if share > grip]
+    return [k for k, share in enumerate(shares) if share > grip]
 
 
 def _rough(system: RobotSystem, point: FloatArray) -> FloatArray:
@@ -356,6 +383,12 @@ def _rescanned(
     them: the smallest of many close values is the optimum, and the values that cost too little to
     be ruled out widen the interval.
     """
+    branch, allowed = _scanned(system, sliding, branch)
+    return *branch, max(allowed, _by_other_laws(system, sliding, branch)) / Z_95
+
+
+def _scanned(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> tuple[Branch, float]:
+    """Return the fit at the mu_s of least cost, and over how many e-folds others are as good."""
     place, gains = FRICTION[1], np.zeros(0)
     for _ in range(MOST_BETTER):
         whole, theta, count = branch[0], branch[1].theta, len(SHARED)
@@ -376,8 +409,7 @@ def _rescanned(
         moved[place] = max(theta[place] * AGAIN[best], 1.0)
         branch = _fitted(system, moved)
     allowed = np.abs(np.log(AGAIN))[gains < RULED_OUT]
-    by_law = _by_other_laws(system, sliding, branch)
-    return *branch, max(float(np.max(allowed, initial=0.0)), by_law) / Z_95
+    return branch, float(np.max(allowed, initial=0.0))
 
 
 def _by_other_laws(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -73,13 +73,15 @@ class RobotSystem:
     """The trials; a :class:`rigd.analysis.system.System`.
 
     ``constants`` are values with standard uncertainties, in SI, by name. With a ``width`` contacts
-    let go over (1 +- width) mu_s times their load, not at once: without derivatives.
+    let go over (1 +- width) mu_s times their load, not at once: without derivatives. Contacts that
+    are ``known`` have a value and a relative standard uncertainty, as constants do.
     """
 
     trials: tuple[RobotTrial, ...]
     constants: Mapping[str, tuple[float, float]]
     gear_ratio: float
     width: float = 0.0
+    known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def shared(self) -> tuple[Unknown, ...]:
@@ -221,8 +223,10 @@ class RobotSystem:
 
     def _unknown(self, name: str) -> Unknown:
         if name in FREE:
+            low, high, first = FREE[name]
+            first, u = self.known.get(name, (first, math.inf))
             scaling = Scaling.LINEAR if name in CAMERA else Scaling.LOG
-            return Unknown(FitParameter(name, UNITS[name], *FREE[name], scaling))
+            return Unknown(FitParameter(name, UNITS[name], low, high, first, scaling), u)
         value, u = self.constants[name]
         parameter = FitParameter(name, UNITS[name], value / FAR, value * FAR, value)
         return Unknown(parameter, max(u / value, LEAST_U), name.replace("_", " "))
