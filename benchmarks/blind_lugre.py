@@ -4,8 +4,8 @@
     python benchmarks/blind_lugre.py --keep blind.jsonl --summary
 
 The simulator (`blind/rig.c`), the worlds and the words that count as their right name
-(`blind/worlds.py`) are written from the paper and the docs alone. Right rigs come first, then all
-worlds in random order. A further call with the same file goes on.
+(`blind/worlds.py`) are written from the paper and the docs alone. Right rigs come first, then one
+world of each kind in random order, then another of each. A further call with the same file goes on.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from typing import Any
 import numpy as np
 from blind.judge import GOOD, LATERAL, LUGRE, Row, Study, all_worlds, named, run, verdict, worst
 from blind.kind import Kind
+
+World = tuple[str, int, int]  #: kind, size, seed
 
 
 def main() -> None:
@@ -69,6 +71,7 @@ def play(chosen: argparse.Namespace, of: Study) -> None:
     known = of.kinds()
     order = all_worlds(known, chosen.seeds)
     np.random.default_rng(48).shuffle(order)
+    order = _by_rounds(order)
     if chosen.only:
         order = [item for item in order if chosen.only in (item[0], known[item[0]].family)]
     order = [("right", 0, seed) for seed in range(chosen.right)] + order
@@ -88,6 +91,16 @@ def play(chosen: argparse.Namespace, of: Study) -> None:
             with chosen.keep.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
             print(line_of(row, known), flush=True)
+
+
+def _by_rounds(order: list[World]) -> list[World]:
+    """Return ``order`` with one world of each kind first, then another of each, and so on."""
+    seen: collections.Counter[str] = collections.Counter()
+    ranked = []
+    for item in order:
+        ranked.append((seen[item[0]], item))
+        seen[item[0]] += 1
+    return [item for _, item in sorted(ranked, key=lambda pair: pair[0])]
 
 
 def line_of(row: Row, known: dict[str, Kind[Any]]) -> str:
