@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from rigd.analysis.extended import Extended, own_parameters
+from rigd.analysis.extended import FAR, Extended, own_parameters
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.output_error import OutputErrorFit, estimate
 from rigd.analysis.result import Explanation, FloatArray, Meaning
@@ -39,7 +39,10 @@ from rigd.model.errors import DataError
 
 LEVEL = 0.005  #: chance of one false alarm in all tests together
 MOST = 3  #: things that are added
-WORTH = 20.0  #: gain in -2 ln L, less chance's, below which nothing is added
+WORTH = 20.0  #: gain in -2 ln L, less chance's, below which no constant is left to the data
+#: The same of what no file states. In 97 wrong worlds of a second author the three names below it
+#: were wrong: they are what wrong constants leave to second order. 34 of 41 above are right.
+LOUD = 100.0
 NAMED = 0.7  #: share of the best gain from which a thing with a name is preferred to a dependence
 AS_GOOD = 0.9  #: share from which another explanation is worth a word
 MOST_OTHERS = 2
@@ -47,9 +50,9 @@ TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation t
 DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
 HOPELESS = 1e4  #: mean square of an output beyond which nothing is fitted: its size would be chance
 NEAR = 1.5  #: mean square of all outputs up to which the optimum is taken for the right one
-LITTLE = 0.5  #: share of the misfit that something must take away, if it leaves more than ``NEAR``
+#: Share of a mean square above ``NEAR`` that a cause may leave: half of the misfit in its units.
+LITTLE = 0.25
 NO_SIZE = 2.0  #: standard errors below which what was fitted is none
-FAR = 1e3  #: standard errors that bound an added value
 
 #: Returns the candidates at parameters (p,) of the system.
 Suspects = Callable[[FloatArray], Iterable[Suspect]]
@@ -153,7 +156,7 @@ def diagnose(
         done = any(item.meaning is Meaning.LAW for item in chosen)
         most = max(len(chosen), len(vanished), len(unfitted)) >= MOST
         hopeless = max(state.levels) > HOPELESS
-        if not wrong or best.worth < WORTH or most or done or hopeless:
+        if not wrong or best is None or most or done or hopeless:
             break
         before, ends, rivals = _mean_square(found), [], _rivals(new, best)
         for first in rivals:
@@ -201,16 +204,13 @@ def diagnose(
 
 
 def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]:
-    """Return the step (p,) with the law of ``tests`` that explains most without being significant.
+    """Return the step (p,) with each law of ``tests`` that is not significant.
 
     It is less by the share that chance would gain: what the data just cannot show is in no
-    interval else.
+    interval else. The law that explains most need not be the one that moves a parameter most.
     """
     laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
-    best = max(laws, key=lambda item: item.worth, default=None)
-    if best is None or best.worth <= 0.0:
-        return []
-    return [best.score.shift * best.worth / best.score.gain]
+    return [x.score.shift * x.worth / x.score.gain for x in laws if x.worth > 0.0]
 
 
 def _deviance(found: OutputErrorFit) -> float:
@@ -303,9 +303,12 @@ def _significant(tests: Sequence[Tested]) -> list[Tested]:
     ]
 
 
-def _best(tests: Sequence[Tested]) -> Tested:
+def _best(tests: Sequence[Tested]) -> Tested | None:
     """Return what explains most; a thing with a name if it explains nearly as much."""
-    best = max(tests, key=lambda item: item.worth)
+    tests = [item for item in tests if item.worth >= (WORTH if item.candidate is None else LOUD)]
+    best = max(tests, key=lambda item: item.worth, default=None)
+    if best is None:
+        return None
     named = max((item for item in tests if item.special), key=lambda item: item.worth, default=best)
     return named if named.worth >= NAMED * best.worth else best
 
@@ -321,7 +324,8 @@ def _rivals(tests: Sequence[Tested], best: Tested) -> list[Tested]:
     """Return ``best``, and behind it the thing with a name that promises nearly as much.
 
     Neighbours of what has variants are none: these are compared already. What is easily taken for
-    ``best`` is a rival whatever it promises: far from the optimum that is no forecast.
+    ``best`` is a rival whatever it promises, and so is the best constant: far from the optimum that
+    is no forecast.
     """
     near = [
         item
@@ -330,7 +334,9 @@ def _rivals(tests: Sequence[Tested], best: Tested) -> list[Tested]:
     ]
     like = "" if best.candidate is None else best.candidate.like
     alike = [item for item in tests if item.candidate is not None and item.candidate.like == like]
-    rivals = [best, *near[:1], *(alike if like else [])]
+    constants = [item for item in tests if item.candidate is None and item.worth >= WORTH]
+    constants = sorted(constants, key=lambda item: -item.worth)[:1]
+    rivals = [best, *near[:1], *constants, *(alike if like else [])]
     return list({item.name: item for item in rivals}.values())
 
 

@@ -20,6 +20,8 @@ from rigd.analysis.score import Columns
 from rigd.analysis.system import Around, System, Unknown
 from rigd.analysis.whitened import OutputErrorModel
 
+FAR = 1e3  #: uncertainties or standard errors that bound what only the data determine
+
 
 @dataclass(frozen=True, eq=False)
 class Extended(Around):
@@ -42,7 +44,7 @@ class Extended(Around):
     def shared(self) -> tuple[Unknown, ...]:
         """Return the unknowns of the system, then those that are added."""
         kept = (
-            replace(item, u=math.inf) if index in self.released else item
+            _free(item) if index in self.released else item
             for index, item in enumerate(self.system.shared)
         )
         return (*kept, *self.added)
@@ -69,6 +71,16 @@ class Extended(Around):
     def theta_of_system(self, theta: FloatArray) -> FloatArray:
         """Return the parameters of the system itself, of all of this one's (p + c + l,)."""
         return np.delete(theta, np.arange(self.own, self.own + len(self.added)))
+
+
+def _free(stated: Unknown) -> Unknown:
+    """Return a constant of which nothing is stated."""
+    parameter, reach = stated.parameter, FAR * stated.u
+    if parameter.scaling is Scaling.LINEAR:
+        low = min(parameter.low, parameter.start - reach)
+        high = max(parameter.high, parameter.start + reach)
+        parameter = replace(parameter, low=low, high=high)
+    return Unknown(parameter, wording=stated.wording)
 
 
 def own_parameters(found: OutputErrorFit) -> FloatArray:

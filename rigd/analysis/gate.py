@@ -146,7 +146,7 @@ def _shape(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> str:
 def _left(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> list[str]:
     """Return a sentence on each thing that is significant still, but small."""
     outputs = diagnosis.fit.model.system.outputs
-    found = [f"there seems to be {item.name}." for item in diagnosis.left[:MOST]]
+    found = [f"what is left is small, and most like {x.name}." for x in diagnosis.left[:MOST]]
     band, jump = diagnosis.band, diagnosis.jump
     if diagnosis.coloured and band.p_value <= jump.p_value:
         found.append(

@@ -260,7 +260,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_V_s_of_slip_hardly_seen_is_refused",
             "test_constant_far_from_stated_is_named",
             "test_constant_is_named_not_a_law_without_size",
-            "test_error_that_follows_slip_gives_no_number",
+            "test_small_backlash_is_named_and_intervals_hold",
             "test_rig_with_correct_constants_fits",
             "test_scale_of_an_encoder_is_named_beside_radius",
         ),
@@ -600,6 +600,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_blind_worlds.py": (
             "test_right_rig_of_second_author_fits",
             "test_wrong_torque_constant_is_rightly_named",
+            "test_named_cause_explains_best_once_fitted",
         ),
         "analyses/lugre/test_coverage_study.py": (),
         "analyses/lugre/test_wrong_worlds.py": (),

@@ -69,3 +69,19 @@ def test_right_rig_of_second_author_fits(tmp_path: Path) -> None:
 
 def test_wrong_torque_constant_is_rightly_named(tmp_path: Path) -> None:
     assert verdict(run("torque_constant low", 1, 1, tmp_path, LUGRE), KINDS) == "rightly named"
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "seed", "name"),
+    [
+        ("friction waves along", 0, 1, "friction that repeats each"),
+        ("no_load_viscous low", 1, 1, "viscous no-load torque"),
+    ],
+)
+def test_named_cause_explains_best_once_fitted(
+    kind: str, size: int, seed: int, name: str, tmp_path: Path
+) -> None:
+    """By the score tests friction, or the current, depended on the speed."""
+    found = run(kind, size, seed, tmp_path, LUGRE)
+    assert found["explanations"][0]["name"].startswith(name)
+    assert verdict(found, KINDS) == "refused, rightly named"

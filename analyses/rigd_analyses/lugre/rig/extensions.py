@@ -30,6 +30,7 @@ WARMING_S = 0.3  #: time over which friction may change within a drive
 STICTION_M_S = 0.02  #: speed over which the guide's static friction falls
 ORDERS = tuple(n for n in range(1, 41))  #: per turn of the wheel, of a force
 SHORTEST_M = 0.03  #: of what may repeat along the guide
+SHORTEST_FLOOR_M = 0.1  #: and of what may repeat on the floor
 PERIODS = 4.0  #: that the longest travel shows, or it is not known to repeat
 RESOLVED = 0.5  #: of one wave more along the longest travel
 NEAR = 13  #: lengths between two neighbours that a winner is refined with
@@ -325,8 +326,10 @@ def _repeating(rig: Disturbed) -> Iterator[Suspect]:
         )  # fmt: skip
     travel = max(float(np.ptp(motion.position)) for motion in rig.motions)
     step = RESOLVED / travel
-    for waves_m in np.arange(PERIODS / travel, 1.0 / SHORTEST_M, step):
-        yield _repeated(rig, float(waves_m), step)
+    for repeated, shortest_m in ((_repeated_reading, SHORTEST_M), (_waves, SHORTEST_FLOOR_M)):
+        for waves_m in np.arange(PERIODS / travel, 1.0 / shortest_m, step):
+            item = repeated(rig, float(waves_m))
+            yield replace(item, near=partial(_near, repeated, rig, float(waves_m), step))
     for mains_hz in MAINS_HZ:
         hum = f"a hum of {mains_hz:.0f} Hz"
         yield Suspect(
@@ -339,19 +342,31 @@ def _repeating(rig: Disturbed) -> Iterator[Suspect]:
         )  # fmt: skip
 
 
-def _repeated(rig: Disturbed, waves_m: float, step: float) -> Suspect:
-    """Return an error that repeats ``waves_m`` times a metre, and its neighbours up to ``step``."""
+def _near(
+    repeated: Callable[[Disturbed, float], Suspect], rig: Disturbed, waves_m: float, step: float
+) -> Iterator[Suspect]:
+    """Yield what repeats ``waves_m`` times a metre, and its neighbours up to ``step``."""
+    for share in np.linspace(-0.9, 0.9, NEAR):
+        yield repeated(rig, waves_m + float(share) * step)
 
-    def near() -> Iterator[Suspect]:
-        for share in np.linspace(-0.9, 0.9, NEAR):
-            yield _repeated(rig, waves_m + float(share) * step, step / NEAR)
 
+def _repeated_reading(rig: Disturbed, waves_m: float) -> Suspect:
+    """Return an error of the carriage encoder that repeats ``waves_m`` times a metre."""
     most = OFF_CENTRE / (2.0 * np.pi * waves_m)
     return Suspect(
         f"an error of the carriage encoder each {1e3 / waves_m:.1f} mm", "m",
         partial(_along, rig, waves_m),
         "the runout of the measuring wheel (its turn is 2 pi times its radius)",
-        special=True, each_trial=True, near=near, possible=(-most, most),
+        special=True, each_trial=True, possible=(-most, most),
+    )  # fmt: skip
+
+
+def _waves(rig: Disturbed, waves_m: float) -> Suspect:
+    """Return friction that repeats ``waves_m`` times a metre."""
+    return Suspect(
+        f"{FRICTION} that repeats each {1e3 / waves_m:.1f} mm", "1",
+        partial(_rubbing, rig, waves_m), "tiles, joints and dirt of the floor", special=True,
+        meaning=Meaning.VARIES, possible=(-1.0, 1.0),
     )  # fmt: skip
 
 
@@ -364,6 +379,13 @@ def _shaking(rig: Disturbed, order: int) -> Columns:
 
 def _along(rig: Disturbed, waves_m: float) -> Columns:
     return [rig.readings(position=_circle(2.0 * np.pi * waves_m * m.position)) for m in rig.motions]
+
+
+def _rubbing(rig: Disturbed, waves_m: float) -> Columns:
+    return [
+        rig.rubbed(k, friction_share=_circle(2.0 * np.pi * waves_m * m.position))
+        for k, m in enumerate(rig.motions)
+    ]
 
 
 def _humming(rig: Disturbed, mains_hz: float) -> Columns:
