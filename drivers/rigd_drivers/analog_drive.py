@@ -113,6 +113,7 @@ class AnalogDrive(Driver[AnalogConfigT, Card]):
                 would be active at rest.
         """
         self.reserve()
+        self._armed = self._enabled = False  # also if it was closed while it was armed
         self._owns_outputs = True
         self.identity = self.link.identity
 

@@ -204,6 +204,7 @@ class NiRelay(Driver[NiRelayConfig, None]):
 
     def close(self) -> None:
         """Release the lines, which keep their levels; closing twice is silent."""
+        self._armed_ns = self._up_ns = 0  # the next open() arms nothing
         keeper, self._keeper = self._keeper, None
         if keeper is not None:
             keeper.end()

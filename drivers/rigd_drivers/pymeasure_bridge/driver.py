@@ -196,6 +196,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
 
     async def close(self) -> None:
         """End the process, which closes the instrument; closing twice is silent."""
+        self._armed = False  # the next open() arms nothing
         process, self._process = self._process, None
         if process is not None:
             await process.end()

@@ -187,7 +187,7 @@ class Scpi(SlowDriver[ScpiConfig, None]):
 
     async def close(self) -> None:
         """Close the port; closing twice is silent."""
-        self._is_open = False
+        self._is_open = self._armed = False  # the next open() arms nothing
         self._port.close()
 
     def _send_safe(self) -> None:

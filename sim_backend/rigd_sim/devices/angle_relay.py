@@ -65,3 +65,7 @@ class AngleRelay(Driver[DriverConfig, AnglePlant]):
         """Open the relay and take no more setpoints."""
         self._armed = False
         self.link.command(False)
+
+    def close(self) -> None:
+        """Leave it safe: there is nothing to close, and opened again it is not armed."""
+        self.make_safe()

@@ -97,3 +97,7 @@ class ArticulatedDrive(Driver[DriveConfig, ArticulatedPlant]):
         """Take the torque off; take no more setpoints."""
         self._enabled = False
         self.link.commands[self._spin] = 0.0
+
+    def close(self) -> None:
+        """Leave it safe: there is nothing to close, and opened again it is not armed."""
+        self.make_safe()

@@ -91,6 +91,10 @@ class LugreAmplifier(Driver[AmplifierConfig, LugrePlant]):
         """Switch the output off."""
         self._demand(0.0, enabled=False)
 
+    def close(self) -> None:
+        """Leave it safe: there is nothing to close, and opened again it is not armed."""
+        self.make_safe()
+
     def _demand(self, current: float, *, enabled: bool) -> None:
         self.link.commands[layout.WHEEL_CURRENT] = current
         self.link.commands[layout.WHEEL_ENABLED] = float(enabled)

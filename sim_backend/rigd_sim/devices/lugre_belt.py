@@ -102,6 +102,10 @@ class LugreBelt(Driver[BeltConfig, LugrePlant]):
         self._brake()
         self._enabled = False
 
+    def close(self) -> None:
+        """Leave it safe: there is nothing to close, and opened again it is not armed."""
+        self.make_safe()
+
     def _brake(self) -> None:
         self.link.commands[self._command] = 0.0
         self.link.commands[self._command + 1] = 1.0

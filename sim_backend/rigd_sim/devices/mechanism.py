@@ -241,6 +241,10 @@ class MechanismDevice(Driver[MechanismDeviceConfig, MechanismPlant]):
         """Switch the drives off."""
         self._give(self._resting(), enabled=False)
 
+    def close(self) -> None:
+        """Leave it safe: there is nothing to close, and opened again it is not armed."""
+        self.make_safe()
+
     def _resting(self) -> list[float]:
         return [self.link.resting(drive) for drive in self._drives]
 
