@@ -265,7 +265,7 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("any order of calls", Standing, "taken_ns of a row is not after that of the row before"),
     ("any order of calls", Mute, "gave no row"),
     ("bounded", Waiting, "read takes"),
-    ("arm never waits", Dawdling, "arm() takes 0."),
+    ("silent", Dawdling, "arm() takes 0."),
     ("bounded", Hanging, "did not return"),
     ("any order of calls", TakesNan, "nan"),
     ("any order of calls", Brittle, "KeyError"),

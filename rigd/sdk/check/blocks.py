@@ -7,8 +7,6 @@ its rows, each row once and none left out.
 
 from __future__ import annotations
 
-import itertools
-import random
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
@@ -21,7 +19,7 @@ import numpy as np
 from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
-from rigd.sdk.check.rows import Matching, beyond_range, drawn_values
+from rigd.sdk.check.rows import Matching, beyond_range
 from rigd.sdk.check.sequences import (
     DrawnStep,
     DrawnTrial,
@@ -34,6 +32,7 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
+    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.check.watching import Watcher
@@ -43,7 +42,12 @@ from rigd.sdk.driver import Block, BlockDriver
 OPEN_S: Final = 30.0
 #: The time-out given to read_block, and how much longer it may take, in s.
 TIMEOUT_S: Final = 0.2
-ROOM_S: Final = 1.0
+ROOM_S: Final = 0.6
+#: A time-out with which nothing comes so often in turn, though the device has sent rows before the
+#: first time, and for how long it is read so, in s.
+SHORT_S: Final = 0.005
+KEPT_CALLS: Final = 3
+OFTEN_S: Final = 0.4
 #: Blocks of the measurements, and how long they may take, in s.
 BLOCKS: Final = 5
 BLOCKS_S: Final = 3.0
@@ -116,6 +120,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "read blocks": KindOfStep("started", 3),
     "measure": KindOfStep("started", 4),
     "pause": KindOfStep("started", 1.5),
+    "read often": KindOfStep("started", 1.5),
     "newest row": KindOfStep("started", 1.0),
     "fail": KindOfStep("started", 1.0, "started", 2),
     "fail for long": KindOfStep("started", 0.0, "closed"),
@@ -126,15 +131,9 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    faults = itertools.cycle(FAULTS_THAT_END)
-
-    def value(name: str, subject: Subject, rng: random.Random) -> Any:
-        if name == "fail":
-            return next(faults)
-        return drawn_values(subject.declare(), rng) if name in ("measure", "pause") else None
-
-    drawing = SequenceDrawing(subject, lambda _: CALLS, value)
-    trials = drawing.trials(TRIALS, STEPS)
+    values = values_of(FAULTS_THAT_END)
+    values["pause"] = values["measure"]
+    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
 
@@ -257,6 +256,23 @@ class _Played:
                 f"the rows are {apart_s * 1e3:g} ms apart, and rate_hz is {rate_hz:g} Hz"
             )
 
+    def _read_often(self) -> None:
+        """Read with a short time-out: what the device has sent comes at once."""
+        end, since_s, calls = time.monotonic() + OFTEN_S, 0.0, 0
+        while time.monotonic() < end:
+            began_s, due = time.monotonic(), self._readings.waiting
+            block = self._must("read_block", partial(self._driver.read_block, SHORT_S))
+            if _rows_of(block) != 0 and block is not None:
+                self._check(block)
+                calls = 0
+            elif due:
+                since_s, calls = since_s if calls else began_s, calls + 1
+                kept_s = time.monotonic() - since_s
+                if calls >= KEPT_CALLS and kept_s > self._oldest_s + KEPT_S:
+                    raise StepFailed(
+                        f"rows that were sent do not come, for {kept_s:.2g} s and {calls} calls"
+                    )
+
     def _late(self) -> str:
         """Return why the last blocks come too late; "" if they do not."""
         if self._kept and min(self._kept) > self._driver.rate_hz * (self._oldest_s + KEPT_S):
@@ -297,8 +313,8 @@ class _Played:
         while error is None and (since_s := time.monotonic() - began_s) < for_s:
             outcome = self._caller.call(partial(self._driver.read_block, TIMEOUT_S), OPEN_S)
             error = outcome.error
-            if error is None and fault != "dead" and outcome.took_s > TIMEOUT_S + ROOM_S:
-                raise surely(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
+            if error is None and fault != "dead":
+                _in_time(outcome)
             if error is None and _rows_of(outcome.value):
                 times += outcome.value.times_ns.tolist()
                 if since_s > TAIL_S and fault != "lossy":
@@ -361,8 +377,8 @@ class _Played:
     def _must(self, what: str, function: Callable[[], Any]) -> Any:
         outcome: CallOutcome = self._caller.call(function, OPEN_S)
         expect(what, outcome.error)
-        if what == "read_block" and outcome.took_s > TIMEOUT_S + ROOM_S:
-            raise StepFailed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
+        if what == "read_block":
+            _in_time(outcome)
         return outcome.value
 
     def _check(self, block: Block) -> None:
@@ -408,6 +424,11 @@ class _Played:
         if times[0] < self._began_ns - AGE_S * 1e9:
             raise StepFailed("a row is of a time before start()")
         self._ages.append(age_s)
+
+
+def _in_time(outcome: CallOutcome) -> None:
+    if outcome.took_s > TIMEOUT_S + ROOM_S:
+        raise StepFailed(f"read_block({TIMEOUT_S:g}) takes {outcome.took_s:.1f} s")
 
 
 def _rising(block: Block, channels: int) -> Block:

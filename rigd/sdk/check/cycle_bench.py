@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final
 
+from rigd.model.channels import Channel
 from rigd.sdk.check.caller import SENDS, Caller, CallOutcome, hearing
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
@@ -147,10 +148,13 @@ class Bench:
             self.call(self.link.close)
         return closed
 
-    def cycle(self, setpoints: Sequence[float] | None = None) -> CallOutcome:
+    def cycle(
+        self, setpoints: Sequence[float] | None = None, pause_s: float = PERIOD_S
+    ) -> CallOutcome:
         """Go through one cycle and return how its read ended; the first error ends it.
 
-        The setpoints are at rest by default; with () there is no write.
+        The setpoints are at rest by default; with () there is no write. The next one may follow
+        after ``pause_s``.
         """
         t_ns = time.monotonic_ns()
         link, driver = self.link, self.driver
@@ -172,7 +176,7 @@ class Bench:
             ended = self.call(lambda: link.end(t_ns))
             if ended.error is not None:
                 return ended
-        time.sleep(PERIOD_S)
+        time.sleep(pause_s)
         return row
 
     def write(self, setpoints: Sequence[float]) -> CallOutcome:
@@ -251,10 +255,20 @@ def rest(driver: Driver) -> tuple[float, ...]:
     return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in setpoints)
 
 
+def is_switch(channel: Channel) -> bool:
+    """Return whether a setpoint is off or on, and nothing between."""
+    return channel.unit == "1" and (channel.low, channel.high) == (0.0, 1.0)
+
+
 def far(driver: Driver) -> tuple[float, ...]:
-    """Return setpoints in the middle between rest and the end of their ranges far from it."""
+    """Return setpoints in the middle between rest and the end of their ranges far from it.
+
+    A switch stays at rest.
+    """
     return tuple(
-        0.5 * (at + (channel.high if channel.high - at >= at - channel.low else channel.low))
+        at
+        if is_switch(channel)
+        else 0.5 * (at + (channel.high if channel.high - at >= at - channel.low else channel.low))
         for channel, at in zip(driver.declaration.setpoints, rest(driver), strict=True)
     )
 

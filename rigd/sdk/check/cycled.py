@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from rigd.sdk.check.caller import RECEIVES, hearing
 from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far
-from rigd.sdk.check.drawn import intervals, too_often
+from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import any_order, near
 from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.sequences import StepFailed
@@ -58,8 +58,6 @@ ORDER_S: Final = 0.15
 SAFE_ENDS_S: Final = {"make_safe": 0.58, "confirm_safe": 0.75}
 #: For so long a device that does not enable its actuator is asked whether it is ready, in s.
 LOCKED_S: Final = 0.5
-#: For so many times the interval of readings they are counted.
-INTERVALS: Final = 6
 #: So many devices refuse a setpoint.
 REFUSALS: Final = 3
 
@@ -85,7 +83,7 @@ def _intervals(subject: Subject) -> Iterator[str]:
                 return
             found.run()
             before, began_s = found.readings.sent, time.monotonic()
-            while time.monotonic() < began_s + INTERVALS * apart_s:
+            while time.monotonic() < began_s + counted_s(apart_s):
                 found.cycle(far(found.driver))
             sent, for_s = found.readings.sent - before, time.monotonic() - began_s
             yield from too_often(sent, for_s, apart_s)
@@ -163,6 +161,8 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                 if not at_once:
                     yield from _cycled(found, fault, rows=rows)
                 yield from _made_safe(found, trips, at_once=at_once)
+                if fault == "silent":
+                    yield from _armed_silent(found)
                 for turn in ("close", "close again"):
                     outcome = found.close()
                     if outcome.error is not None:
@@ -178,7 +178,8 @@ def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
     found.took.clear()
     found.waits.clear()
     began_s, number, raised = time.monotonic(), 0, False
-    while time.monotonic() < began_s + FAULT_S + 2 * found.driver.declaration.silent_s:
+    end = began_s + FAULT_S + 2 * found.driver.declaration.silent_s
+    while time.monotonic() < end or number <= TAIL_CYCLES:
         outcome = found.cycle(far(found.driver))
         number += 1
         raised |= outcome.error is not None
@@ -273,14 +274,20 @@ def _refused_by(subject: Subject) -> Iterator[str]:
 
 
 def _rescued(subject: Subject, fault: str) -> Iterator[str]:
-    """Yield that rescue() leaves a device driven which obeys in silence, or does not obey."""
-    for rescues in (False, True) if fault == "silent" else (True,):
+    """Yield that rescue() leaves a device driven which obeys in silence, or does not obey.
+
+    The watchdog of one that does not obey has acted before, or not.
+    """
+    for turn in (False, True):
+        rescues = turn or fault == "stuck"
         with bench(subject) as found:
             if not found.driver.second_link or not subject.observes:
                 return
             found.run()
             trips = found.look().trips
             found.peer.faults[fault]()
+            if fault == "stuck" and turn and trips is not None:
+                until(partial(_tripped, found, trips), (found.driver.watchdog_s or 0.0) + SAFE_S)
             if rescues:
                 found.close()
                 found.replace()
@@ -291,23 +298,29 @@ def _rescued(subject: Subject, fault: str) -> Iterator[str]:
                 yield f"{'rescue' if rescues else 'make_safe'}() raises {described(error)}"
             until(lambda: not found.look().energised, (found.driver.watchdog_s or SAFE_S) / 2)
             after = found.look()
+            if rescues and error is not None and found.peer.mended(fault):
+                again = found.call(found.driver.rescue, OPEN_S).error
+                if again is not None:
+                    yield f"once the device is no longer {fault} rescue() raises {described(again)}"
             if not after.energised and after.trips == trips:
                 continue
             if rescues and (fault == "silent" or error is None):
                 yield f"after rescue() the device is driven at {after.driven}"
-            return  # a device that does not obey while it is silent is not rescued either
+            if fault == "silent":
+                return  # a device that does not obey while it is silent is not rescued either
 
 
-def _armed_silent(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        found.run()
-        found.must("make_safe", found.driver.make_safe)
-        found.peer.faults["silent"]()
-        armed = found.timed(found.driver.arm)
-        if armed.took_s > ORDER_S:
-            yield f"arm() takes {armed.took_s:.2g} s"
-        if armed.error is not None and not isinstance(armed.error, FAILURES):
-            yield f"arm() raises {described(armed.error)}"
+def _tripped(found: Bench, before: int) -> bool:
+    return found.look().trips != before
+
+
+def _armed_silent(found: Bench) -> Iterator[str]:
+    armed = found.timed(found.driver.arm)
+    if armed.took_s > ORDER_S:
+        yield f"arm() takes {armed.took_s:.2g} s"
+    if armed.error is not None and not isinstance(armed.error, FAILURES):
+        yield f"arm() raises {described(armed.error)}"
+    found.call(found.driver.make_safe)
 
 
 def _unguarded(subject: Subject) -> Iterator[str]:
@@ -351,7 +364,8 @@ RULES: Final = (
             "make_safe() or confirm_safe() raises, unless the device is safe; close() ends",
             "silent": "with the device silent read() returns None or raises a DeviceError: no row "
             "is made up; make_safe() or confirm_safe() raises, unless the device is safe; rescue() "
-            "makes it safe before it asks anything: it may obey and not answer",
+            "makes it safe before it asks anything: it may obey and not answer; arm() sends and "
+            "returns",
             "late": "an answer that is late costs rows, not time: read() never waits for it",
             "garbled": "damaged answers are thrown away or raise a ProtocolError; they never "
             "become rows",
@@ -379,12 +393,6 @@ RULES: Final = (
         _refused,
         "refusing",
         observes=True,
-    ),
-    Rule(
-        "arm never waits",
-        "arm() sends and returns; what takes longer goes on in read() and write(), until ready()",
-        _armed_silent,
-        "silent",
     ),
     Rule(
         "watchdog that never acts",

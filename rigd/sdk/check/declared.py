@@ -297,7 +297,7 @@ def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
 
 def _listened(make: Callable[[], object]) -> tuple[object, list[str]]:
     with opens() as opened:
-        return make(), opened
+        return make(), [each.words for each in opened]
 
 
 def _unopened(subject: Subject) -> Iterator[str]:

@@ -29,9 +29,12 @@ if TYPE_CHECKING:
 SPREAD: Final = 8.0
 #: Share of the options that are drawn; the others keep their defaults.
 SHARE: Final = 0.7
-#: Times between readings that are tried, in s; the device may be read so many times more often, and
-#: so many times more seldom, as its answer takes a while and this machine may stall.
-PERIODS_S: Final = (0.06, 0.3)
+#: Times between readings that are tried, in s, and for how long; the device may be read so many
+#: times more often, and so many times more seldom, as its answer takes a while and this machine may
+#: stall.
+PERIODS_S: Final = (0.025, 0.3)
+COUNTED_S: Final = 0.6
+INTERVALS: Final = 6
 OFTEN_PART: Final = 1.2
 SELDOM_PART: Final = 0.4
 
@@ -65,6 +68,11 @@ def intervals(subject: Subject) -> Iterator[tuple[Subject, float]]:
             with suppress(ValueError):  # it is beyond its bounds, or no time
                 other.declare()
                 yield other, value_s
+
+
+def counted_s(apart_s: float) -> float:
+    """Return for how long readings are counted that are to be ``apart_s`` apart."""
+    return max(COUNTED_S, INTERVALS * apart_s)
 
 
 def too_often(count: int, for_s: float, apart_s: float) -> Iterator[str]:

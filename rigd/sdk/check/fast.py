@@ -16,15 +16,25 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from rigd.model.channels import Channel
 from rigd.model.errors import DeviceError
 from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.cycle_bench import AGE_S, OPEN_S, READY_S, Bench, mounted, rest
+from rigd.sdk.check.cycle_bench import (
+    AGE_S,
+    OPEN_S,
+    PERIOD_S,
+    READY_S,
+    Bench,
+    far,
+    is_switch,
+    mounted,
+    rest,
+)
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
-from rigd.sdk.check.rows import drawn_values
+from rigd.sdk.check.rows import LEAST, ROUNDED
 from rigd.sdk.check.sequences import (
     DrawnStep,
     DrawnTrial,
@@ -37,6 +47,7 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
+    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Subject, described
 from rigd.sdk.check.watching import until
@@ -48,15 +59,6 @@ STEPS: Final = 22
 #: An actuator that is driven with a value within this part of its range of another has that value:
 #: frames and cards carry whole numbers.
 NEAR: Final = 0.004
-#: Setpoints of a step that creeps, and the smallest of them, as powers of ten of the range.
-CREEPS: Final = 24
-CREEP: Final = (1.5, 5.0)
-#: The device has such a setpoint after this time, in s.
-CREEPS_S: Final = 0.04
-#: A setpoint is lost if the actuator has another value, and at this part of that difference, which
-#: its resolution would be, or closer, has so many others that are not smaller.
-LOST_PART: Final = 0.125
-LOST_OF: Final = 8
 #: What was sent has arrived after this time, in s; no command of a cycle follows in it.
 ARRIVES_S: Final = 0.05
 #: What a device may take until it follows, or is safe, in s: some look at commands every 20 ms.
@@ -84,71 +86,49 @@ HELD_S: Final = 0.3
 HELD_CYCLES: Final = 270
 ANSWERED_S: Final = 0.02
 COMES_S: Final = 0.003
-#: Faults that end, for how many cycles, and after which time an answer that is late has come, in s.
+#: Cycles after the device measures something else.
+MEASURED: Final = 5
+#: Faults that end, and for how many cycles; until an answer that is late has come, and one that is
+#: cut was asked for, in s.
 FAULTS_THAT_END: Final = ("garbled", "cut", "dead", "late", "silent", "flooding")
 FAULT_CYCLES: Final = 40
-LATE_S: Final = 1.2
+LASTS_S: Final = {"late": 1.2, "cut": 0.5}
 #: Of the cycles in which all is damaged the device is asked in so many as before, at least.
 ASKED_PART: Final = 0.75
 
 #: States: closed, open (not armed), armed, tripped (by the watchdog).
 CALLS: Final[Mapping[str, KindOfStep]] = {
-    "open": KindOfStep("closed", 1, "open"),
-    "open again": KindOfStep("open armed", 0.4, "open", 1),
-    "prove watchdog": KindOfStep("open", 0.3, "open", 1),
-    "arm": KindOfStep("open", 4, "armed"),
-    "arm and at once make safe": KindOfStep("open", 0.5, "open", 1),
-    "write": KindOfStep("armed", 16),
-    "creep": KindOfStep("armed", 1, "", 1),
-    "write unarmed": KindOfStep("open", 1.5, "", 2),
-    "write without a read": KindOfStep("armed", 1),
-    "go on": KindOfStep("armed", 2),
+    "open": KindOfStep("closed", 1, "open", marks="silent"),
+    "open again": KindOfStep("open armed", 0.4, "open", 1, marks="silent"),
+    "close and open": KindOfStep("armed", 0.7, "open", 2, "setpoints", "drives silent"),
+    "prove watchdog": KindOfStep("open", 0.3, "open", 1, "watchdog", "drives silent"),
+    "arm": KindOfStep("open", 4, "armed", marks="drives"),
+    "arm and at once make safe": KindOfStep("open", 0.5, "open", 1, "setpoints", "drives"),
+    "arm anew": KindOfStep("armed", 0.8, "", 2, "setpoints"),
+    "write": KindOfStep("armed", 16, needs="setpoints"),
+    "write unarmed": KindOfStep("open", 1.5, "", 2, "setpoints"),
+    "write without a read": KindOfStep("armed", 1, needs="setpoints"),
+    "go on": KindOfStep("armed open", 2.5),
     "measure": KindOfStep("armed open", 1.5),
-    "fail": KindOfStep("armed open", 1.0, "open", 2),
+    "fail": KindOfStep("armed open", 1.0, "open", 2, marks="drives silent"),
     "hold": KindOfStep("armed", 0.6, "", 1),
     "cycle without a write": KindOfStep("armed open", 1),
-    "be silent": KindOfStep("open", 0.5, "open", 1),
-    "act": KindOfStep("open armed", 0.6, "", 3),
-    "wait for the watchdog": KindOfStep("armed", 0.4, "tripped", 1),
+    "be silent": KindOfStep("open", 0.5, "open", 1, "watchdog", "silent"),
+    "act": KindOfStep("open armed", 0.6, "", 3, "actions", "drives"),
+    "wait for the watchdog": KindOfStep("armed", 0.4, "tripped", 1, "watchdog", "silent"),
     "make safe": KindOfStep("open armed tripped", 2.5, "open"),
-    "close": KindOfStep("open", 0.6, "closed"),
-    "new driver": KindOfStep("closed", 0.3),
-    "kill": KindOfStep("armed", 0.5, "closed", 1),
-    "kill and rescue": KindOfStep("armed", 0.8, "closed", 2),
+    "close": KindOfStep("open", 0.6, "closed", marks="silent"),
+    "new driver": KindOfStep("closed", 0.3, marks="silent"),
+    "kill": KindOfStep("armed", 0.5, "closed", 1, "watchdog", "silent"),
+    "kill and rescue": KindOfStep("armed", 0.8, "closed", 2, "rescue"),
 }
-#: Those that a driver without setpoints, without a watchdog, a second link, actions does not know.
-OF_SETPOINTS: Final = {
-    "write", "write unarmed", "write without a read", "creep", "go on",
-    "arm and at once make safe",
-}  # fmt: skip
-OF_WATCHDOG: Final = {"prove watchdog", "wait for the watchdog", "kill", "be silent"}
-#: Those after which the device is driven, or in which it may be.
-DRIVES: Final = {"prove watchdog", "arm", "arm and at once make safe", "act", "fail"}
-#: Those in which the driver may be silent for so long that the watchdog acts.
-SILENT: Final = {
-    "prove watchdog", "wait for the watchdog", "kill", "open again", "close", "new driver", "open",
-    "fail", "be silent",
-}  # fmt: skip
+#: Those that are given setpoints.
+WRITES: Final = ("write", "write unarmed", "write without a read", "close and open")
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
     *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
-    *("any", "any", "any"),
+    *("any", "any", "any", "small", "small"),
 )
-
-
-def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
-    """Return the calls that are possible with a driver of the present options."""
-    declared = subject.declare()
-    left_out: set[str] = set()
-    if not declared.setpoints:
-        left_out |= OF_SETPOINTS | OF_WATCHDOG | {"kill and rescue"}
-    if declared.watchdog_s is None:
-        left_out |= OF_WATCHDOG
-    if not getattr(subject.driver_class, "second_link", False):
-        left_out.add("kill and rescue")
-    if not declared.actions:
-        left_out.add("act")
-    return {name: call for name, call in CALLS.items() if name not in left_out}
 
 
 class Setpoints:
@@ -178,7 +158,13 @@ class Setpoints:
         last = low if math.isnan(last) else min(max(last, low), high)
         kind = self._deck.pop()
         if is_switch(channel):
-            kind = {"any": "high", "step": "zero", "below": "zero", "above": "high"}.get(kind, kind)
+            kind = {
+                "any": "high",
+                "small": "high",
+                "step": "zero",
+                "below": "zero",
+                "above": "high",
+            }.get(kind, kind)
         match kind:
             case "zero":
                 return 0.0
@@ -186,6 +172,8 @@ class Setpoints:
                 return last
             case "step":
                 return last + span * rng.choice((-0.05, -0.02, -0.01, 0.01, 0.02, 0.05))
+            case "small":
+                return math.pow(10.0, -rng.uniform(1.0, 5.0)) * rng.choice((low, high))
             case "low":
                 return low
             case "high":
@@ -201,46 +189,30 @@ class Setpoints:
         return low + span * rng.random()
 
 
-def is_switch(channel: Channel) -> bool:
-    """Return whether a setpoint is off or on, and nothing between."""
-    return channel.unit == "1" and (channel.low, channel.high) == (0.0, 1.0)
+def near(channel: Channel, value: float, wanted: float, step: float | None = None) -> bool:
+    """Return whether an actuator that is driven with ``value`` has the setpoint ``wanted``.
 
-
-def small_steps(declared: Declaration, seed: int) -> Iterator[tuple[float, ...]]:
-    """Yield setpoints from a hundred thousandth of the range to all of it, each size as often."""
-    rng = random.Random(seed)
-    for number in range(CREEPS):
-        part = 10.0 ** -rng.uniform(*(CREEP if number % 2 else (0.0, 1.0)))
-        yield tuple(
-            float(rng.random() < 0.5) if is_switch(channel)
-            else min(max(part * rng.choice((channel.low or channel.high,
-                                            channel.high or channel.low)),
-                         channel.low), channel.high)
-            for channel in declared.setpoints
-        )  # fmt: skip
-
-
-def near(channel: Channel, value: float, wanted: float) -> bool:
-    """Return whether an actuator that is driven with ``value`` has the setpoint ``wanted``."""
-    return abs(value - wanted) <= NEAR * (channel.high - channel.low)
+    ``step`` is the smallest of the device, if it is known: it may round or cut off.
+    """
+    room = NEAR * (channel.high - channel.low)
+    if step is not None:
+        room = step * (1 + ROUNDED) + ROUNDED * abs(wanted) + LEAST
+    return abs(value - wanted) <= room
 
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, proofs, faults = Setpoints(), itertools.count(), itertools.cycle(FAULTS_THAT_END)
+    setpoints, proofs = Setpoints(), itertools.count()
 
-    def value(name: str, subject: Subject, rng: random.Random) -> Any:
-        if name == "measure":
-            return drawn_values(subject.declare(), rng)
-        if name == "fail":
-            return next(faults)
-        if name.startswith("write"):
-            return setpoints.draw(subject.declare(), rng)
-        if name == "creep":
-            return rng.randrange(10**6)
-        if name == "act":
-            return rng.choice([*subject.declare().actions, "no_such_action"])
-        return "twice" if name == "prove watchdog" and next(proofs) == 0 else None
+    def written(subject: Subject, rng: random.Random) -> tuple[float, ...]:
+        return setpoints.draw(subject.declare(), rng)
+
+    values = {
+        **values_of(FAULTS_THAT_END),
+        "go on": lambda _, rng: rng.choice((0.0, PERIOD_S)),
+        "prove watchdog": lambda *_: None if next(proofs) else "twice",
+        **dict.fromkeys(WRITES, written),
+    }
 
     def play(trial: DrawnTrial) -> None:
         drawn = replace(subject, more=trial.options, varied=trial.seed)
@@ -254,7 +226,7 @@ def any_order(subject: Subject) -> Iterator[str]:
             played = _Played(drawn, Bench(drawn, peer, caller), beside)  # what it leaves is seen
             played.play(trial)
 
-    trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
     yield from first_failure(play, trials, subject.notes)
 
 
@@ -308,13 +280,13 @@ class _Played:
             self._look_beside(self._beside)
         if not self._observed or not self._channels:
             return
-        if self._found.look().trips != trips and step.name not in SILENT:
+        if self._found.look().trips != trips and "silent" not in CALLS[step.name].marks:
             raise StepFailed(
                 "the watchdog of the device acts, though the driver is called all the time"
             )
         calm = not {self._walk.state, CALLS[step.name].after} - {"closed", "open", ""}
         for look in self._found.watcher.since(began_s):
-            if calm and look.energised and step.name not in DRIVES:
+            if calm and look.energised and "drives" not in CALLS[step.name].marks:
                 raise StepFailed("meanwhile the device is energised")
             for index, channel in enumerate(self._channels):
                 ends = [each[index] for each in (before, self._wanted, *self._passed)]
@@ -369,6 +341,27 @@ class _Played:
             self._still()
         self._make_safe()
 
+    def _close_and_open(self, setpoints: Sequence[float]) -> None:
+        """Close it while it is armed, as after an error, and open it again: it is not armed."""
+        self._wanted = self._safe
+        self._must("close", self._found.close())
+        self._must("open", self._found.open())
+        self._opened_anew(setpoints)
+
+    def _opened_anew(self, setpoints: Sequence[float]) -> None:
+        """Write to what was opened again: the device stays as it was, or is safe; make it safe."""
+        stays, began_s = self._found.look().driven, time.monotonic()
+        self._write_for_nothing(setpoints)
+        for look in self._found.watcher.since(began_s) if self._observed else ():
+            for index, channel in enumerate(self._channels):
+                value = look.driven[index]
+                if not any(near(channel, value, at[index]) for at in (stays, self._safe)):
+                    raise StepFailed(
+                        f"opened again, and not armed, it drives the device at {value:.4g} "
+                        f"{channel.unit}"
+                    )
+        self._make_safe()
+
     def _prove_watchdog(self, times: str = "once") -> None:
         for _ in range(1 + (times == "twice")):
             self._prove()
@@ -406,18 +399,7 @@ class _Played:
         self._passed.append(self._last)
         self._must("arm", found.call_slowly(found.driver.arm))
         self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
-        began_s, declared = time.monotonic(), found.driver.declaration
-        while True:
-            ready = found.call(found.driver.ready)
-            self._must("ready", ready)
-            if ready.value and (found.rows or not declared.channels):
-                break
-            took_s = time.monotonic() - began_s
-            if took_s > READY_S and not ready.value:
-                raise surely("it never becomes ready")
-            if took_s > ROWS_S + 3 * declared.silent_s and ready.value:
-                raise surely("it has channels, and read() gave no row")
-            self._cycle(self._last)
+        self._become_ready()
         energised = found.look().energised
         if self._enables is None:
             self._enables = energised
@@ -430,6 +412,33 @@ class _Played:
                 for index, value in enumerate(driven)
             ]
             self._wanted = tuple(nearer)
+        self._settle()
+
+    def _become_ready(self) -> None:
+        """Go through cycles with the last setpoint until the device is ready, and gives rows."""
+        found = self._found
+        began_s, declared = time.monotonic(), found.driver.declaration
+        while True:
+            ready = found.call(found.driver.ready)
+            self._must("ready", ready)
+            if ready.value and (found.rows or not declared.channels):
+                break
+            took_s = time.monotonic() - began_s
+            if took_s > READY_S and not ready.value:
+                raise surely("it never becomes ready")
+            if took_s > ROWS_S + 3 * declared.silent_s and ready.value:
+                raise surely("it has channels, and read() gave no row")
+            self._cycle(self._last)
+
+    def _arm_anew(self) -> None:
+        """Make it safe, arm it and write, in one cycle: what was sent before is of no account."""
+        found = self._found
+        self._write(far(found.driver))
+        self._passed += [self._safe, rest(found.driver)]
+        self._must("make_safe", found.call(found.driver.make_safe))
+        self._must("arm", found.call(found.driver.arm))
+        self._must("write", found.write(self._last))
+        self._become_ready()
         self._settle()
 
     def _arm_and_at_once_make_safe(self) -> None:
@@ -445,28 +454,12 @@ class _Played:
             self._last, self._wanted = setpoints, self._clipped(setpoints)
         self._settle()
 
-    def _creep(self, seed: int) -> None:
-        """Have the device follow small setpoints and large ones: none is lost."""
-        followed: list[tuple[Sequence[float], Sequence[float]]] = []
-        for setpoints in small_steps(self._found.driver.declaration, seed):
-            self._last = self._wanted = setpoints
-            self._passed.append(setpoints)
-            end = time.monotonic() + CREEPS_S
-            while time.monotonic() < end or (self._observed and not self._driven()):
-                self._cycle(setpoints)
-                if time.monotonic() > end + FOLLOWS_S:
-                    break
-            self._still()
-            followed.append((setpoints, self._found.look().driven))
-        for index, channel in enumerate(self._channels if self._observed else ()):
-            pairs = [(wanted[index], driven[index]) for wanted, driven in followed]
-            for wanted, driven in lost(pairs):
-                raise StepFailed(
-                    f"the device is driven at {driven:.4g} {channel.unit}, not {wanted:.4g}, and "
-                    "follows larger setpoints closer"
-                )
-
     def _write_unarmed(self, setpoints: Sequence[float]) -> None:
+        self._write_for_nothing(setpoints)
+        self._safe_now("without arm()")
+
+    def _write_for_nothing(self, setpoints: Sequence[float]) -> None:
+        """Write until the device would have it."""
         known, watchdog_s = self._found.readings, self._found.driver.watchdog_s
         end = time.monotonic() + (FOLLOWS_S if watchdog_s is None else watchdog_s / 2)
         asked = known.sent + 2 * (self._found.peer.readings is not None)
@@ -474,7 +467,6 @@ class _Played:
             self._cycle(setpoints, refused=True)
             if (number >= 3 and known.sent >= asked) or time.monotonic() > end:
                 break
-        self._safe_now("without arm()")
 
     def _write_without_a_read(self, setpoints: Sequence[float]) -> None:
         self._last = self._wanted = self._clipped(
@@ -488,47 +480,50 @@ class _Played:
         self._cycle(self._last)
         self._settle()
 
-    def _go_on(self) -> None:
-        self._wanted = self._clipped(self._last)
-        end = time.monotonic() + 3 * AGE_S
+    def _go_on(self, pause_s: float) -> None:
+        """Go through cycles; without a pause most come before an answer."""
+        end, setpoints = time.monotonic() + 3 * AGE_S, self._present()
         while time.monotonic() < end:
-            self._cycle(self._last)
+            self._cycle(setpoints, pause_s=pause_s)
         self._still()
 
     def _hold(self) -> None:
         declared, watchdog_s = self._found.driver.declaration, self._found.driver.watchdog_s
-        self._wanted = self._clipped(self._last)
         for_s = HELD_S if watchdog_s is None else HELD_PART * watchdog_s
-        rows, cycles, began_s = self._found.rows, 0, time.monotonic()
-        known, sent, lost = self._found.readings, self._found.readings.sent, 0
-        while (
-            time.monotonic() < began_s + max(for_s, 4 * declared.silent_s) or cycles < HELD_CYCLES
-        ):
-            fresh, sent = known.sent > sent, known.sent
-            row = self._cycle(self._last).value
-            lost += fresh and row is None and declared.every_cycle
-            self._await_answer(sent)
-            cycles += 1
-        if lost:
-            raise StepFailed(f"{lost} answers of {cycles} that have come give no row")
+        rows, began_s = self._found.rows, time.monotonic()
+        cycles = self._read_each(self._present(), max(for_s, 4 * declared.silent_s), HELD_CYCLES)
         if cycles > 50 and declared.channels and self._found.rows == rows:
             raise StepFailed(f"read() gives no row in {time.monotonic() - began_s:.1f} s")
         self._settle()
 
-    def _await_answer(self, sent: int) -> None:
-        """Wait until the device has sent more than so many readings, and the last has come."""
-        if self._found.readings.sent:
-            until(partial(self._found.readings.sends_after, sent), ANSWERED_S)
-            time.sleep(COMES_S)
+    def _read_each(self, setpoints: Sequence[float], for_s: float, least: int) -> int:
+        """Go through cycles, each with an answer that has come; return how many they were."""
+        known, end = self._found.readings, time.monotonic() + for_s
+        came, cycles, lost = 0, 0, 0
+        while time.monotonic() < end or cycles < least:
+            fresh, sent = came > known.marked, known.sent
+            row = self._cycle(setpoints).value
+            lost += fresh and row is None and self._found.driver.declaration.every_cycle
+            came = self._await_answer(sent)
+            cycles += 1
+        if lost:
+            raise StepFailed(f"{lost} answers of {cycles} that have come give no row")
+        return cycles
+
+    def _await_answer(self, sent: int) -> int:
+        """Wait until the device has sent more than so many readings; return how many have come."""
+        known = self._found.readings
+        if not known.sent:
+            return 0
+        until(partial(known.sends_after, sent), ANSWERED_S)
+        sent = known.sent
+        time.sleep(COMES_S)
+        return sent
 
     def _measure(self, values: Mapping[str, float]) -> None:
         if self._found.peer.measure is not None:
             self._found.peer.measure(values)
-        armed = self._walk.state == "armed"
-        if armed:
-            self._wanted = self._clipped(self._last)
-        for _ in range(5):
-            self._cycle(self._last if armed else ())
+        self._read_each(self._present(), 0.0, MEASURED)
 
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then it is as before, with the same driver."""
@@ -546,7 +541,7 @@ class _Played:
         for change in (peer.faults[fault], peer.mend):
             sent.append(found.readings.sent)
             change()
-            end, cycles = time.monotonic() + (LATE_S if fault == "late" else 0.0), 0
+            end, cycles = time.monotonic() + LASTS_S.get(fault, 0.0), 0
             while (error is None and cycles < FAULT_CYCLES) or time.monotonic() < end:
                 cycles += 1
                 if error is None:
@@ -567,28 +562,17 @@ class _Played:
             raise StepFailed(f"while the device is {fault}, it raises {described(error)}")
         self._must("close", found.close())
         self._must("open once the fault is over", found.open())
-        self._make_safe()
+        self._opened_anew(setpoints)
 
     def _cycle_without_a_write(self) -> None:
         self._listen(2 * ARRIVES_S)
         self._still()
 
     def _be_silent(self) -> None:
-        """Make no call for so long that the watchdog acts, not armed; then go on, or open anew."""
-        found = self._found
-        time.sleep((found.driver.watchdog_s or 0.0) + ROOM_S / 10)
-        for _ in range(5):
-            sent = found.readings.sent
-            outcome = found.cycle(rest(found.driver))
-            self._await_answer(sent)
-            if outcome.error is None:
-                found.check_row(outcome.value)
-                continue
-            if not isinstance(outcome.error, FAILURES):
-                raise StepFailed(f"a cycle raises {described(outcome.error)}")
-            self._must("close", found.close())
-            self._must("open after a silence", found.open())
-            break
+        """Make no call for so long that the watchdog acts, not armed, as others are opened."""
+        time.sleep((self._found.driver.watchdog_s or 0.0) + ROOM_S / 10)
+        self._called_s = time.monotonic()
+        self._read_each(rest(self._found.driver), 0.0, MEASURED)
 
     def _act(self, action: str) -> None:
         found = self._found
@@ -600,10 +584,7 @@ class _Played:
         end = time.monotonic() + ACTS_S
         reply: object = None
         while error is None and not reply and time.monotonic() < end:
-            armed = self._walk.state == "armed"
-            if armed:
-                self._wanted = self._clipped(self._last)
-            self._cycle(self._last if armed else ())
+            self._cycle(self._present())
             outcome = found.call(found.driver.acted)
             reply, error = outcome.value, outcome.error
         if not isinstance(reply, str):
@@ -674,9 +655,11 @@ class _Played:
     def _must(self, what: str, outcome: CallOutcome) -> None:
         expect(what, outcome.error)
 
-    def _cycle(self, setpoints: Sequence[float], *, refused: bool = False) -> CallOutcome:
+    def _cycle(
+        self, setpoints: Sequence[float], *, refused: bool = False, pause_s: float = PERIOD_S
+    ) -> CallOutcome:
         """Go through a cycle, check its row, and return how it ended; it may refuse setpoints."""
-        outcome = self._found.cycle(setpoints)
+        outcome = self._found.cycle(setpoints, pause_s)
         if outcome.error is None:
             self._found.check_row(outcome.value)
         elif not refused or not isinstance(outcome.error, (*FAILURES, ValueError)):
@@ -686,6 +669,13 @@ class _Played:
             self._stalled |= now_s - self._called_s > (self._found.driver.watchdog_s or 9.0) / 2
             self._called_s = now_s
         return outcome
+
+    def _present(self) -> Sequence[float]:
+        """Return what a cycle goes on to write: the last setpoint, if it is armed."""
+        if self._walk.state != "armed":
+            return ()
+        self._wanted = self._clipped(self._last)
+        return self._last
 
     def _listen(self, for_s: float) -> None:
         """Go through cycles without a setpoint, not for so long that the watchdog may act."""
@@ -748,10 +738,13 @@ class _Played:
             raise StepFailed(f"{within_s:g} s after the last call the device is driven at {driven}")
 
     def _driven(self, look: Observed | None = None) -> bool:
-        driven = (self._found.look() if look is None else look).driven
+        look = self._found.look() if look is None else look
+        steps = look.resolution or itertools.repeat(None)
         return all(
-            near(channel, value, want)
-            for channel, value, want in zip(self._channels, driven, self._wanted, strict=True)
+            near(channel, value, want, step)
+            for channel, value, want, step in zip(
+                self._channels, look.driven, self._wanted, steps, strict=False
+            )
         )
 
     def _within(self, setpoints: Sequence[float]) -> bool:
@@ -771,16 +764,3 @@ class _Played:
             f"{value:.4g} {channel.unit}, not {want:.4g}"
             for channel, value, want in zip(self._channels, driven, self._wanted, strict=True)
         )
-
-
-def lost(pairs: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """Yield setpoint and value of an actuator that does not follow as its resolution permits.
-
-    A device that knows steps errs as much with setpoints of some steps as with one below the first.
-    """
-    for wanted, driven in pairs:
-        off = abs(driven - wanted)
-        others = [abs(value - want) for want, value in pairs if want != wanted and abs(want) >= off]
-        lost = off > LOST_PART * abs(wanted) and len(others) >= LOST_OF
-        if lost and max(others) < LOST_PART * off:
-            yield wanted, driven

@@ -14,11 +14,17 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple
 
 from rigd.sdk.check.sequences import StepFailed
 
-T = TypeVar("T")
+
+class OpenedItem(NamedTuple):
+    """What was opened, in words, and the socket that it connects."""
+
+    words: str
+    connected: socket.socket | None
+
 
 #: What is left gets this time to end, in s: threads end in their next turn, processes on a busy
 #: machine later.
@@ -29,8 +35,8 @@ _FOLDER: Final = Path("/proc/self/fd")
 _OPENS: Final = ("socket.connect", "socket.bind", "socket.sendto", "subprocess.Popen", "os.system",
                  "_thread.start_new_thread")  # fmt: skip
 
-_opened: dict[int, list[str]] = {}  # by thread: what it opens, while it is watched
-_connected: dict[int, list[socket.socket]] = {}  # by thread: what it connects
+#: By thread: what it opens, while it is watched.
+_opened: dict[int, list[OpenedItem]] = {}
 _hooked = threading.Event()
 
 
@@ -90,44 +96,28 @@ def _held() -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def opens() -> Iterator[list[str]]:
+def opens() -> Iterator[list[OpenedItem]]:
     """Yield the list of the connections, processes and threads that this thread opens meanwhile.
 
     A connection with the address to which it leads.
     """
-    with _listed(_opened) as seen:
-        yield seen
-
-
-@contextlib.contextmanager
-def connections() -> Iterator[list[socket.socket]]:
-    """Yield the list of the sockets that this thread connects meanwhile."""
-    with _listed(_connected) as seen:
-        yield seen
-
-
-@contextlib.contextmanager
-def _listed(by_thread: dict[int, list[T]]) -> Iterator[list[T]]:
     if not _hooked.is_set():
         _hooked.set()
         sys.addaudithook(_hear)
-    seen = by_thread[threading.get_ident()] = []
+    seen = _opened[threading.get_ident()] = []
     try:
         yield seen
     finally:
-        del by_thread[threading.get_ident()]
+        del _opened[threading.get_ident()]
 
 
 def _hear(event: str, args: tuple[Any, ...]) -> None:
-    if event == "socket.connect" and _connected:
-        _connected.get(threading.get_ident(), []).append(args[0])
-    if not _opened:
-        return
-    seen = _opened.get(threading.get_ident())
+    seen = _opened.get(threading.get_ident()) if _opened else None
     if seen is None:
         return
     if event in _OPENS:
-        address = args[1] if event.startswith("socket.") else ""
-        seen.append(f"{event} {address}".rstrip())
+        connects = event.startswith("socket.")
+        words = f"{event} {args[1] if connects else ''}".rstrip()
+        seen.append(OpenedItem(words, args[0] if event == "socket.connect" else None))
     elif event == "open" and str(args[0]).startswith("/dev/"):
-        seen.append(f"open {args[0]}")
+        seen.append(OpenedItem(f"open {args[0]}", None))

@@ -67,7 +67,7 @@ class AnyBench:
                     if inspect.iscoroutine(result):
                         self._runner.run(result)
                 finally:
-                    seen.extend(found)
+                    seen.extend(each.words for each in found)
 
         self._caller.call(listened, OPEN_S)
         return seen
@@ -124,22 +124,28 @@ def _at_open(fault: str, subject: Subject) -> Iterator[str]:
             if error is None:
                 break
         if getattr(found.driver, "second_link", False) and fault in {"dead", "silent"}:
-            other = AnyBench(subject, peer, caller)
-            rescued = other.call(other.driver.rescue).error
-            if rescued is None:
-                yield f"rescue() returns, and nothing has answered: the device is {fault}"
-            elif not isinstance(rescued, FAILURES):
-                yield f"rescue() raises {described(rescued)}"
-            other.end()
-        if error is not None and peer.mend is not None and fault not in peer.lasts:
-            peer.mend()
-            if (error := found.open().error) is not None:
-                yield f"once the device is no longer {fault} open() raises {described(error)}"
+            yield from _rescues(AnyBench(subject, peer, caller), peer, fault)
+        if error is not None and peer.mended(fault) and (error := found.open().error) is not None:
+            yield f"once the device is no longer {fault} open() raises {described(error)}"
         for turn in ("close()", "close() again"):
             if (failed := found.close().error) is not None:
                 yield f"{turn} after that raises {described(failed)}"
         if left := found.tasks():
             yield f"tasks go on after close(): {', '.join(left)}"
+
+
+def _rescues(other: AnyBench, peer: Peer, fault: str) -> Iterator[str]:
+    """Rescue a device that does not answer, and with the same driver once it does."""
+    rescued = other.call(other.driver.rescue).error
+    if rescued is None:
+        yield f"rescue() returns, and nothing has answered: the device is {fault}"
+    elif not isinstance(rescued, FAILURES):
+        yield f"rescue() raises {described(rescued)}"
+    if peer.mended(fault):
+        again = other.call(other.driver.rescue).error
+        if rescued is not None and again is not None:
+            yield f"once the device is no longer {fault} rescue() raises {described(again)}"
+    other.end()
 
 
 #: For drivers of any kind.

@@ -64,6 +64,9 @@ class Observed:
     ordered: Sequence[float] = ()
     #: What tells this device from others of its make: its serial number.
     identity: str = ""
+    #: The smallest step of what each actuator is driven with, as the manual of the device has it; 0
+    #: if it takes a number in single precision; (): not known, and 0.4 % of a range are near.
+    resolution: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,13 @@ class Peer:
     lasts: Collection[str] = ()
     #: Returns what the device does now, from any thread, whatever its fault is.
     observed: Callable[[], Observed] | None = None
+
+    def mended(self, fault: str) -> bool:
+        """End ``fault``, and return whether it has ended."""
+        if self.mend is None or fault in self.lasts:
+            return False
+        self.mend()
+        return True
 
     def look(self) -> Observed:
         """Return what the device does now; nothing, if that is not shown."""

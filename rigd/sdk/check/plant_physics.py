@@ -15,7 +15,13 @@ from rigd.sdk.check.plant_bench import (
     mirrored,
     strong,
 )
-from rigd.sdk.check.plant_rules import PlantRule, needs_devices, needs_truth
+from rigd.sdk.check.plant_rules import (
+    ALTERED,
+    PlantRule,
+    needs_devices,
+    needs_truth,
+    other_parameters,
+)
 from rigd.sdk.plant import Energy
 
 if TYPE_CHECKING:
@@ -24,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Share of the energy turned over that counts as rounding.
 ROUNDING: Final = 1e-9
+#: With parameters that are altered the step may fit less well: so many times less.
+ALTERED_FACTOR: Final = 3.0
 #: Halving the step must reduce the error by this share of what the order states. The rest allows
 #: for effects that the order of a method does not cover: sticking, end stops.
 SEEN: Final = 1 / 1.6
@@ -69,13 +77,21 @@ def turned_over(energies: Sequence[Energy]) -> float:
 
 
 def _balances(subject: PlantSubject) -> Iterator[str]:
+    yield from _balanced(subject, subject.accuracy)
+    with other_parameters(subject) as other:
+        if other is not None:
+            for problem in _balanced(other, ALTERED_FACTOR * subject.accuracy):
+                yield f"with each parameter altered by up to {100 * ALTERED:.0f} %, {problem}"
+
+
+def _balanced(subject: PlantSubject, accuracy: float) -> Iterator[str]:
     moving, resting = _driven(subject)
     energies = [*moving, *resting]
     whole = turned_over(energies)
     if not whole > 0.0:
         yield "no energy is turned over although every setpoint moves"
         return
-    if problem := unbalanced(energies, subject.accuracy):
+    if problem := unbalanced(energies, accuracy):
         yield problem
 
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
+import random
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError, RigdError
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.sdk.check.declared import bare, lenient, title_problems, undocumented
 from rigd.sdk.check.plant_bench import (
     CYCLES,
@@ -21,6 +26,7 @@ from rigd.sdk.check.plant_bench import (
     Played,
     gentle,
     mirrored,
+    strong,
     wild,
 )
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
@@ -45,6 +51,12 @@ SETPOINT: Final = "its setpoint"
 ROUNDED_PART: Final = 0.3
 SURE: Final = 8.0
 ROUNDING: Final = 1e-9
+#: What parameters are altered by, as a part of them.
+ALTERED: Final = 0.3
+#: The error of a sensor leaps if it changes from row to row by this part of what the truth passes
+#: through, in at most so many of all rows, and the truth by less than a part of that.
+LEAP_PART: Final = 0.1
+LEAPS: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -91,7 +103,7 @@ def _parameters(subject: PlantSubject) -> Iterator[str]:
     yield from bare(model, "")
     yield from undocumented(model, "")
     tree = _plain(config)
-    for path, unit in _leaves(tree, ()):
+    for path, _, unit in _leaves(tree, ()):
         taken = [sign for sign in ("", "-") if _takes(model, tree, path, sign, unit)]
         if len(taken) == 2:
             yield f"{'.'.join(path)} takes any number: 1e30 and -1e30 {unit} are accepted"
@@ -102,8 +114,8 @@ def _plain(config: ParametersConfig) -> Any:
     return parse_document(text, path).data
 
 
-def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the place of each quantity in a parameter file, and its unit as written."""
+def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float, str]]:
+    """Yield the place of each quantity in a parameter file, its number and its unit as written."""
     if isinstance(node, dict):
         for key, value in node.items():
             yield from _leaves(value, (*path, str(key)))
@@ -111,9 +123,10 @@ def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...],
     if isinstance(node, bool) or not isinstance(node, int | float | str):
         return
     try:
-        yield path, parse_quantity(str(node)).unit.symbol
+        quantity = parse_quantity(str(node))
     except ValueError:
         return
+    yield path, quantity.value, quantity.unit.symbol
 
 
 def _takes(model: Any, tree: Any, path: tuple[str, ...], sign: str, unit: str) -> bool:
@@ -126,6 +139,29 @@ def _takes(model: Any, tree: Any, path: tuple[str, ...], sign: str, unit: str) -
             f"{'.'.join(path)} of {sign}1e30 {unit} raises {described(error)}, not a ValueError"
         ) from error
     return True
+
+
+@contextmanager
+def other_parameters(subject: PlantSubject) -> Iterator[PlantSubject | None]:
+    """Yield the plant with each parameter of its file altered by up to a part; None: it has none.
+
+    One that does not fit the others stays as it is.
+    """
+    config = subject.config()
+    if not isinstance(config, ParametersConfig):
+        yield None
+        return
+    tree, rng = _plain(config), random.Random(subject.seed)
+    for path, value, unit in list(_leaves(tree, ())):
+        other = value * rng.choice((1 - ALTERED, 1 + ALTERED))
+        altered = _with(tree, path, format_quantity(other, unit, 12))
+        with suppress(ValidationError):
+            config.parameter_model().model_validate(altered)
+            tree = altered
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "parameters.yaml"
+        file.write_text(json.dumps(tree), "utf-8")
+        yield replace(subject, options={**subject.options, "parameters": str(file)})
 
 
 def _with(node: Any, path: tuple[str, ...], value: str) -> Any:
@@ -235,6 +271,9 @@ def _units(subject: PlantSubject) -> Iterator[str]:
     """Compare what devices show with the truth, and with setpoints, of the same name and unit."""
     import numpy as np
 
+    for words, of, shown, wanted in _pairs(subject, strong):
+        if of != SETPOINT and (leap := _leap(shown, wanted)):
+            yield f"{words} leaps by {leap:.3g} against {of}"
     pairs = [list(_pairs(subject, commands)) for commands in (gentle, mirrored)]
     for (words, of, shown, wanted), (_, _, shown_2, wanted_2) in zip(*pairs, strict=True):
         factor = _factor(shown, wanted)
@@ -302,6 +341,18 @@ def _jump(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
     jump = 2.0 * abs(float(found[2]))
     sure = jump > SURE * left / math.sqrt(min((signs > 0).sum(), (signs < 0).sum()))
     return jump / float(np.min(steps)) if sure else 0.0
+
+
+def _leap(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
+    """Return the largest step of an error that leaps now and then; 0 if it does not."""
+    import numpy as np
+
+    least = LEAP_PART * np.ptp(wanted)
+    steps = abs(np.diff(shown - wanted))
+    share = float(np.mean(steps > least))
+    if not 0.0 < share <= LEAPS or abs(np.diff(wanted)).max() > least / 2:
+        return 0.0
+    return float(steps.max())
 
 
 def _factor(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float | None:

@@ -36,6 +36,11 @@ TRIALS: Final = 0.1
 FIRST_TRIAL: Final = 10
 #: How often a part is divided.
 PIECES: Final = 5
+#: Cycles at rest in which noise is compared, and by how many that of another seed may be later.
+NOISE_CYCLES: Final = 60
+SHIFTS: Final = (1, 2, 3)
+#: A device has noise if so many of its rows differ from the one before.
+NOISY: Final = 0.2
 #: What is added to a seed to have another one.
 APART: Final = 1000
 #: A time of CLOCK_MONOTONIC on a machine that has run for a long time, in ns.
@@ -52,6 +57,7 @@ SCATTERED: Final = 3
 SCATTER: Final = 4.0
 #: Units of channels that show where a body is.
 PLACES: Final = frozenset({"m", "rad"})
+SPEEDS: Final = frozenset({"m/s", "rad/s"})
 
 
 @dataclass(frozen=True)
@@ -156,6 +162,8 @@ def _sequences(subject: PlantSubject) -> Iterator[str]:
             return
         unseeded &= seen.bytes() == elsewhere.bytes()
         untried &= seen.bytes() == after.bytes()
+    if subject.plant_class.seeded:
+        yield from _same_noise(subject)
     if unseeded:
         yield "plants of two seeds show the same rows of all devices: draw noise from `self.seed`"
     if untried:
@@ -163,6 +171,28 @@ def _sequences(subject: PlantSubject) -> Iterator[str]:
             "trials of two seeds show the same rows of all devices: draw noise from `self.seed`, "
             "which begin_trial() sets"
         )
+
+
+def _same_noise(subject: PlantSubject) -> Iterator[str]:
+    """Yield that one seed has the noise of another one, at another time: they are added."""
+    step_ns = subject.plant_class.step_ns or CYCLE_NS
+    for apart in {1, CYCLE_NS // step_ns, CYCLE_NS // 1000, CYCLE_NS}:
+        seen = []
+        for seed in (subject.seed, subject.seed + apart):
+            bench = PlantBench(subject, subject.make(seed=seed))
+            seen.append(bench.play(NOISE_CYCLES, None))
+        for name in seen[0].rows:
+            first, other = (played.table(name) for played in seen)
+            for late in SHIFTS if len(first) == len(other) > 2 * max(SHIFTS) else ():
+                shifted = (first[late:] == other[:-late]).all() or (
+                    first[:-late] == other[late:]
+                ).all()
+                if shifted and (first[1:] != first[:-1]).any(axis=1).mean() > NOISY:
+                    yield (
+                        f"{name} has the same noise with seeds {apart} apart, {late} cycles later: "
+                        "draw it from seed and time, not from their sum"
+                    )
+                    return
 
 
 def differing(first: Played, other: Played, when: str) -> Iterator[str]:
@@ -216,20 +246,23 @@ def _from_the_start(subject: PlantSubject) -> Iterator[str]:
 
 
 def _moves_nothing(subject: PlantSubject) -> Iterator[str]:
-    """Read the sensors of places and angles before and after a setting is changed, at one time."""
+    """Read places, angles and speeds before and after a setting is changed, at one time."""
     settings = subject.config().settings()
     for change in changes_of({name: item for name, item in settings.items() if not item.moves}):
         bench = PlantBench(subject, subject.make())
         bench.play(AFTER, gentle)
         bench.look()
+        seen = {name: rows[-1:] for name, rows in bench.seen.rows.items()}
+        bench.seen.rows = {name: [] for name in seen}
         with contextlib.suppress(ValueError):  # not allowed with the other options, or now
             bench.plant.change(*change)
         bench.look()
         for name, driver in bench.devices.items():
-            rows = bench.seen.rows[name][-2:]
+            rows = [*seen[name], *bench.seen.rows[name][:1]]  # a card gives none at the same time
             for number, channel in enumerate(driver.declaration.channels if len(rows) > 1 else ()):
                 before, after = rows[0][number], rows[1][number]
-                if name != subject.truth and channel.unit in PLACES and before != after:
+                units = SPEEDS if name == subject.truth else PLACES | SPEEDS
+                if channel.unit in units and before != after:
                     yield (
                         f"{name}.{channel.name} jumps from {before:g} to {after:g} {channel.unit} "
                         f"as {change[0]} is set to {change[1]}"
@@ -297,8 +330,8 @@ RULES: Final = (
     ),
     PlantRule(
         "settings move nothing",
-        "change() alters a setting at once, and bodies stay where they are, unless its Setting "
-        "says that it `moves` them",
+        "change() alters a setting at once, and bodies stay where they are and keep their speed, "
+        "unless its Setting says that it `moves` them",
         _moves_nothing,
         needs_devices,
     ),

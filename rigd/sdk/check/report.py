@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeVar
 
 from rigd.sdk.check.caller import Hung
@@ -64,6 +65,16 @@ class NonConforming(AssertionError):
         self.report = report
 
 
+def all_of(problems: Callable[[], Iterable[str]]) -> list[str]:
+    """Return what a rule yields, and what ends it."""
+    found: list[str] = []
+    try:
+        found += problems()
+    except (UnfitSubject, Hung, StepFailed) as unfit:
+        found.append(str(unfit))
+    return found
+
+
 def examine(
     subject: str,
     stages: Sequence[Sequence[R]],
@@ -98,8 +109,6 @@ def examine(
                 skipped[rule.name] = reason
                 continue
             checked.append(rule.name)
-            try:
-                findings += [Finding(rule.name, item, rule.demand) for item in problems(rule)]
-            except (UnfitSubject, Hung, StepFailed) as unfit:
-                findings.append(Finding(rule.name, str(unfit), rule.demand))
+            found = all_of(partial(problems, rule))
+            findings += [Finding(rule.name, item, rule.demand) for item in found]
     return Report(subject, tuple(findings), tuple(checked), skipped, seed, tuple(notes))

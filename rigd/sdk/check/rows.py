@@ -87,16 +87,17 @@ class Matching:
         if declared.has_status:
             self._columns[STATUS_FIELD] = len(declared.channels)
         self._names = [*self._columns, *self._bits]
-        self._marked: int | None = None
+        self.marked = 0  # how many had been sent when rows were read last
         self.begin()
 
     def begin(self) -> None:
         """Forget what the device has sent until now."""
-        self._next, self._marked = self.sent, None
+        self._next = self.marked = self.sent
+        self._marks = False
 
     def mark(self) -> None:
         """Note that rows which are compared next had come by now."""
-        self._marked = self.sent
+        self._marks, self.marked = True, self.sent
 
     @property
     def sent(self) -> int:
@@ -114,7 +115,7 @@ class Matching:
         readings = self._readings
         if readings is None:
             return
-        now_s, count = time.monotonic(), self.sent if self._marked is None else self._marked
+        now_s, count = time.monotonic(), self.marked if self._marks else self.sent
         alike = [n for n in range(self._next, count) if not any(self._wrong(row, readings[n]))]
         if alike:
             self._next = alike[0] + 1

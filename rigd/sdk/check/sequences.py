@@ -7,16 +7,18 @@ hold after it, is up to the bench that plays it.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import random
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from rigd.model.errors import DeviceError, ProtocolError
 from rigd.sdk.check.caller import Hung
 from rigd.sdk.check.peer import Observed
+from rigd.sdk.check.rows import drawn_values
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
 
 #: How long a failing sequence is shortened, in s.
@@ -86,18 +88,46 @@ class KindOfStep(NamedTuple):
     weight: float
     after: str = ""  # the state after it; "": the same
     most: int = 99  # how often at most in one sequence
+    #: What a driver must have for it: setpoints, watchdog, rescue, actions, channels.
+    needs: str = ""
+    #: "drives": the device may be driven in it; "silent": its watchdog may act.
+    marks: str = ""
+
+
+#: Returns what a step is given.
+DrawValue = Callable[[Subject, random.Random], Any]
+
+
+def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> Mapping[str, KindOfStep]:
+    """Return the calls that are possible with a driver of the present options."""
+    declared = subject.declare()
+    has = {
+        "setpoints": bool(declared.setpoints),
+        "watchdog": bool(declared.setpoints) and declared.watchdog_s is not None,
+        "rescue": bool(declared.setpoints) and getattr(subject.driver_class, "second_link", False),
+        "actions": bool(declared.actions),
+        "channels": bool(declared.channels),
+    }
+    return {name: call for name, call in calls.items() if all(map(has.get, call.needs.split()))}
+
+
+def values_of(faults: Sequence[str]) -> dict[str, DrawValue]:
+    """Return what steps of each kind of driver are given."""
+    turns = itertools.cycle(faults)
+    return {
+        "fail": lambda *_: next(turns),
+        "measure": lambda subject, rng: drawn_values(subject.declare(), rng),
+        "act": lambda subject, rng: rng.choice([*subject.declare().actions, "no_such_action"]),
+    }
 
 
 @dataclass
 class SequenceDrawing:
-    """Draws sequences; what was drawn seldom in those before comes sooner in those after.
-
-    ``value(name, options, rng)`` returns what a step is given.
-    """
+    """Draws sequences; what was drawn seldom in those before comes sooner in those after."""
 
     subject: Subject
-    calls: Callable[[Subject], Mapping[str, KindOfStep]]
-    value: Callable[[str, Subject, random.Random], Any]
+    calls: Mapping[str, KindOfStep]
+    values: Mapping[str, DrawValue]
     used: Counter[str] = field(default_factory=Counter)
 
     def trials(self, count: int, steps: int) -> Iterator[DrawnTrial]:
@@ -116,7 +146,7 @@ class SequenceDrawing:
             yield DrawnTrial(drawn, options, str(number), beside=beside)
 
     def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[DrawnStep]:
-        calls = self.calls(subject)
+        calls = possible(self.calls, subject)
         left = {name: call.most for name, call in calls.items()}
         state = "closed"
         for number in range(steps):
@@ -125,7 +155,8 @@ class SequenceDrawing:
             (name,) = rng.choices(names, weights) if number else ["open"]
             left[name] -= 1
             self.used[name] += 1
-            yield DrawnStep(name, self.value(name, subject, rng))
+            draw = self.values.get(name)
+            yield DrawnStep(name, None if draw is None else draw(subject, rng))
             state = calls[name].after or state
 
 
@@ -211,7 +242,7 @@ class RandomWalk:
 
 def made(player: object, step: DrawnStep) -> Any:
     """Make the calls of a step, a method of ``player`` of its name; return what they return."""
-    calls = getattr(player, "_" + step.name.replace(" ", "_"))
+    calls = getattr(player, "_" + step.name.replace(",", "").replace(" ", "_"))
     return calls() if step.value is None else calls(step.value)
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
 import math
 import random
+import sys
 import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import nullcontext
@@ -20,9 +20,9 @@ from functools import partial
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Hung
-from rigd.sdk.check.drawn import intervals, too_often
+from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import Setpoints, near
-from rigd.sdk.check.leaks import connections, nothing_left
+from rigd.sdk.check.leaks import nothing_left, opens
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
@@ -38,9 +38,10 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
+    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
-from rigd.sdk.check.watching import Watcher
+from rigd.sdk.check.watching import Watcher, queued_s
 from rigd.sdk.driver import SlowDriver
 
 #: Time limit of a whole scene, in s, opening and a fault included.
@@ -55,19 +56,18 @@ CANCEL_S: Final = 3.0
 WATCHED: Final = 4
 #: More than the declared silence until the rows of a measurement are there, in s.
 ROOM_S: Final = 0.25
-#: So often, or so long in s, the loop alone stands still before it counts.
+#: So often, or so long in s, the loop stands still before it counts.
 STALLS: Final = 3
 STANDS_S: Final = 0.5
-#: Time between two ticks of the loop, in s; one that does not tick for so long stands still, if the
-#: thread beside it never waited for more than this part of the time.
+#: Time between two ticks of the loop, in s; one that does not tick for so long, beside the time for
+#: which it waits for a processor, stands still, if the thread beside it never waited for more than
+#: this part of the time.
 TICK_S: Final = 0.005
 STUCK_S: Final = 0.03
 WITNESS_PART: Final = 0.5
 #: Most rows per second of a slow device; a driver that ignores its interval gives many more.
 MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
-#: For so many times the interval of readings they are counted.
-INTERVALS: Final = 6
 #: For so long after the device is dead, run() may still emit rows that arrived before, in s.
 TAIL_S: Final = 0.5
 #: Faults in which no answer says that an action was done.
@@ -115,13 +115,15 @@ async def _whole(main: Coroutine[Any, Any, None]) -> None:
     Raises:
         StepFailed: a task or a connection is left; the loop would close it, the daemon's never.
     """
-    with connections() as connected:
+    with opens() as opened:
         await main
         if left := asyncio.all_tasks() - {asyncio.current_task()}:
             names = ", ".join(sorted(task.get_name() for task in left))
             raise StepFailed(f"tasks go on after close(): {names}")
         end = time.monotonic() + SCENE_ENDS_S
-        while left_open := sum(each.fileno() >= 0 for each in connected):
+        while left_open := sum(
+            each.connected is not None and each.connected.fileno() >= 0 for each in opened
+        ):
             if time.monotonic() > end:
                 raise StepFailed(f"{left_open} connections are left open after close()")
             await asyncio.sleep(0.01)
@@ -129,70 +131,57 @@ async def _whole(main: Coroutine[Any, Any, None]) -> None:
 
 #: What comes before a fault.
 RUNS: Final = (("open",), ("run",))
+#: Those that are given the steps of the loop after which they cancel.
+CANCELS: Final = ("open and cancel", "run and cancel", "cancel")
 #: States: closed, open, running, armed (and running).
 CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 3, "open"),
     "open and cancel": KindOfStep("closed", 1, "closed", 2),
     "run": KindOfStep("open", 4, "running"),
-    "run and at once act": KindOfStep("open", 1, "running"),
-    "wait for rows": KindOfStep("running armed", 2),
-    "measure": KindOfStep("running armed", 4),
-    "act": KindOfStep("running armed", 1),
+    "run and cancel": KindOfStep("open", 1.5, "open", 3),
+    "run and at once act": KindOfStep("open", 1, "running", needs="actions"),
+    "wait for rows": KindOfStep("running armed", 2, needs="channels"),
+    "measure": KindOfStep("running armed", 4, needs="channels"),
+    "act": KindOfStep("running armed", 1, needs="actions"),
     "fail": KindOfStep("running", 1, "running", 1),
     "cancel": KindOfStep("running", 1.5, "open"),
     "close": KindOfStep("open", 1, "closed"),
     "kill and open": KindOfStep("open", 1.5, "open", 2),
     "new driver": KindOfStep("closed", 0.5),
-    "arm": KindOfStep("running", 3, "armed"),
-    "write": KindOfStep("armed", 8),
-    "make safe": KindOfStep("running armed", 2, "running"),
-    "kill and rescue": KindOfStep("armed", 0.5, "closed", 1),
+    "arm": KindOfStep("running", 3, "armed", needs="setpoints"),
+    "write": KindOfStep("armed", 8, needs="setpoints"),
+    "make safe": KindOfStep("running armed", 2, "running", needs="setpoints"),
+    "close and open": KindOfStep("armed", 0.7, "running", 1, "setpoints"),
+    "kill and rescue": KindOfStep("armed", 0.5, "closed", 1, "rescue"),
     # Those that are not drawn.
     "watch the loop": KindOfStep("closed", 0.0),
     "count rows": KindOfStep("running", 0.0),
     "fail for long": KindOfStep("running", 0.0, "open"),
     "be silent and cancel": KindOfStep("running", 0.0, "open"),
+    "lose answers, early and late": KindOfStep("running", 0.0),
     "refuse": KindOfStep("running", 0.0),
 }
-OF_SETPOINTS: Final = {"arm", "write", "make safe", "kill and rescue"}
-
-
-def calls_of(subject: Subject) -> Mapping[str, KindOfStep]:
-    """Return the calls that are possible with a driver of the present options."""
-    declared = subject.declare()
-    left_out = set() if declared.setpoints else set(OF_SETPOINTS)
-    if not getattr(subject.driver_class, "second_link", False):
-        left_out.add("kill and rescue")
-    if not declared.actions:
-        left_out |= {"act", "run and at once act"}
-    if not declared.channels:
-        left_out |= {"wait for rows", "measure"}
-    return {name: call for name, call in CALLS.items() if name not in left_out}
 
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, faults = Setpoints(), itertools.cycle(FAULTS_THAT_END)
+    setpoints = Setpoints()
 
-    def value(name: str, subject: Subject, rng: random.Random) -> Any:
+    def written(subject: Subject, rng: random.Random) -> tuple[float, ...]:  # as the cycle limits
         declared = subject.declare()
-        if name == "fail":
-            return next(faults)
-        if name == "measure":
-            return drawn_values(declared, rng)
-        if name == "write":  # the cycle limits them
-            drawn = setpoints.draw(declared, rng)
-            return tuple(
-                min(max(0.0 if math.isnan(item) else item, channel.low), channel.high)
-                for channel, item in zip(declared.setpoints, drawn, strict=True)
-            )
-        if name == "run and at once act":
-            return rng.choice([*declared.actions])
-        if name == "act":
-            return rng.choice([*declared.actions, "no_such_action"])
-        return rng.choice(CANCEL_STEPS) if "cancel" in name else None
+        return tuple(
+            min(max(0.0 if math.isnan(item) else item, channel.low), channel.high)
+            for channel, item in zip(declared.setpoints, setpoints.draw(declared, rng), strict=True)
+        )
 
-    trials = SequenceDrawing(subject, calls_of, value).trials(TRIALS, STEPS)
+    values = {
+        **values_of(FAULTS_THAT_END),
+        "write": written,
+        "close and open": written,
+        "run and at once act": lambda subject, rng: rng.choice([*subject.declare().actions]),
+        **dict.fromkeys(CANCELS, lambda _, rng: rng.choice(CANCEL_STEPS)),
+    }
+    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
 
@@ -231,6 +220,7 @@ class _Session:
         self._rows = 0  # since it was opened
         self._opened = False
         self._emitted_s = 0.0  # when the last row came
+        self._kept = self._kept_before = 0  # how many readings gave no row, by two waits for rows
         self._wrong: list[StepFailed] = []  # what emit() saw
         self._came = asyncio.Event()
         self._safe = self._wanted = self._watcher.look().driven
@@ -306,6 +296,12 @@ class _Session:
             await self._must("open", self._driver.open())
         await self._must("close", self._driver.close())
 
+    async def _run_and_cancel(self, steps: int) -> None:
+        self._task = asyncio.create_task(self._driver.run(self._emit))
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        await self._cancel(0)
+
     async def _run(self) -> None:
         self._came.clear()
         self._task = asyncio.create_task(self._driver.run(self._emit))
@@ -320,9 +316,10 @@ class _Session:
         if self._driver.declaration.channels:
             await self._wait_for_rows()
 
-    async def _wait_for_rows(self) -> None:
+    async def _wait_for_rows(self, count: int = 2) -> None:
         task = self._running()
-        for _ in range(2):
+        self._kept_before, self._kept = self._kept, sys.maxsize
+        for _ in range(count):
             self._came.clear()
             came = asyncio.ensure_future(self._came.wait())
             within_s = self._driver.declaration.silent_s + ROOM_S
@@ -336,9 +333,14 @@ class _Session:
                 raise StepFailed(f"run() gives no row for {within_s:.3g} s")
 
     async def _measure(self, values: Mapping[str, float]) -> None:
+        """Have the device measure something else: that gives rows as what is steady does."""
+        await self._wait_for_rows(1)
+        steady = self._kept == self._kept_before
         if self._peer.measure is not None:
             await asyncio.to_thread(self._peer.measure, values)
         await self._wait_for_rows()
+        if steady and self._kept > self._kept_before:
+            raise StepFailed("the device measures something else, and a reading gives no row")
 
     async def _act(self, action: str) -> None:
         before = self._watcher.look().acted
@@ -405,6 +407,30 @@ class _Session:
             raise surely("run() returns; it runs until it is cancelled")
         if not isinstance(error, FAILURES):
             raise surely(f"run() raises {described(error)}")
+        for action in [*declared.actions] * AGAIN:  # the operator tries
+            with contextlib.suppress(*FAILURES):
+                await self._driver.act(action)
+
+    async def _lose_answers_early_and_late(self) -> None:
+        """Have the device be silent, for a moment: a run that outlasts it at first does so later.
+
+        Later is when a time since the begin of the run would be too long a silence.
+        """
+        if self._peer.mend is None:
+            return
+        for lasts_s in (self._driver.declaration.silent_s, 0.0):
+            self._peer.faults["silent"]()
+            await asyncio.wait({self._running()}, timeout=WAITS_S)
+            self._peer.mend()
+            await asyncio.wait({self._running()}, timeout=LATE_S)  # the question has its answer
+            if self._running().done():
+                error, self._task = self._running().exception(), None
+                if not isinstance(error, FAILURES):
+                    raise StepFailed(f"run() ends with {error!r}")
+                if not lasts_s:
+                    raise surely("it outlasts such a silence at its begin, and not later")
+                return
+            await asyncio.wait({self._running()}, timeout=lasts_s)
 
     async def _be_silent_and_cancel(self) -> None:
         self._peer.faults["silent"]()
@@ -426,7 +452,7 @@ class _Session:
     async def _count_rows(self, apart_s: float) -> None:
         """Count rows, which are to come ``apart_s`` from each other; 0: not too often."""
         before, began_s = self._rows, time.monotonic()
-        await asyncio.wait({self._running()}, timeout=INTERVALS * apart_s or RATE_S)
+        await asyncio.wait({self._running()}, timeout=counted_s(apart_s) if apart_s else RATE_S)
         came, for_s = self._rows - before, time.monotonic() - began_s
         if apart_s:
             for problem in too_often(came, for_s, apart_s):
@@ -441,11 +467,13 @@ class _Session:
 
         async def tick() -> None:
             while True:
-                began_s, self._watcher.gap_s = time.monotonic(), 0.0
+                began_s, before_s, gap_s = time.monotonic(), queued_s(), self._watcher.gap_s
+                self._watcher.gap_s = 0.0
                 await asyncio.sleep(TICK_S)
-                took_s = time.monotonic() - began_s
+                took_s = time.monotonic() - began_s - (queued_s() - before_s)
                 if took_s > STUCK_S and self._watcher.gap_s < WITNESS_PART * took_s:
                     stalls.append(took_s)  # else this machine stood still
+                self._watcher.gap_s = max(gap_s, self._watcher.gap_s)
 
         ticking = asyncio.create_task(tick())
         try:
@@ -453,13 +481,14 @@ class _Session:
             await self._run()
             for _ in range(WATCHED):
                 await self._wait_for_rows()
+                for action in self._driver.declaration.actions:
+                    await self._act(action)
         finally:
             ticking.cancel()
             await asyncio.wait({ticking})
             if len(stalls) >= STALLS or sum(stalls) >= STANDS_S:
                 raise surely(
-                    f"the event loop stood still {len(stalls)} times, {max(stalls):.2f} s at most, "
-                    "while a thread beside it went on"
+                    f"the event loop stood still {len(stalls)} times, {max(stalls):.2f} s at most"
                 )
         await self._cancel()
         await self._close()
@@ -519,6 +548,26 @@ class _Session:
         if self._observed and await self._settled([setpoints]) is None:
             raise StepFailed(f"the device is driven at {self._watcher.look().driven}")
 
+    async def _close_and_open(self, setpoints: tuple[float, ...]) -> None:
+        """Close it while it is armed, as after an error, and open it again: it is not armed."""
+        await self._cancel()
+        await self._must("close", self._driver.close())
+        await self._must("open", self._driver.open())
+        stays, began_s = self._watcher.look().driven, time.monotonic()
+        await self._run()
+        await self._must("write", self._driver.write(setpoints))
+        await self._wait_for_rows()
+        for look in self._watcher.since(began_s) if self._observed else ():
+            for channel, value, *at in zip(
+                self._setpoints, look.driven, stays, self._safe, strict=True
+            ):
+                if not any(near(channel, value, item) for item in at):
+                    raise StepFailed(
+                        f"opened again, and not armed, it drives the device at {value:.4g} "
+                        f"{channel.unit}"
+                    )
+        await self._make_safe()
+
     async def _make_safe(self) -> None:
         for turn in ("make_safe", "make_safe again"):
             await self._must(turn, self._driver.make_safe())
@@ -551,6 +600,7 @@ class _Session:
     def _emit(self, row: Sequence[float]) -> None:
         self._rows += 1
         self._emitted_s = time.monotonic()
+        self._kept = min(self._kept, self._readings.sent - self._rows)
         self._came.set()
         problems = list(row_problems(self._driver.declaration, row, in_range=not self._fails))
         if not problems and not self._fails:
@@ -645,7 +695,11 @@ RULES: Final = (
         "with the device silent run() raises a DeviceError, or emits nothing: no row is made up; "
         "it lets CancelledError pass while it waits for an answer; act() raises a DeviceError if "
         "none comes within a bound",
-        _in_turn((*RUNS, ("fail for long", "silent")), (*RUNS, ("be silent and cancel",))),
+        _in_turn(
+            (*RUNS, ("fail for long", "silent")),
+            (*RUNS, ("be silent and cancel",)),
+            (*RUNS, ("lose answers, early and late",)),
+        ),
         "silent",
     ),
     Rule(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any, Final
@@ -14,7 +14,7 @@ from rigd.sdk.check.blocks import RULES as BLOCK_RULES
 from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.opening import RULES as OPENING_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
-from rigd.sdk.check.report import NonConforming, Report, examine
+from rigd.sdk.check.report import NonConforming, Report, all_of, examine
 from rigd.sdk.check.slow import RULES as SLOW_RULES
 from rigd.sdk.check.subject import Rule, Subject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
@@ -25,6 +25,8 @@ RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
     BlockDriver: (*BLOCK_RULES, *OPENING_RULES),
     SlowDriver: (*SLOW_RULES, *OPENING_RULES),
 }
+#: So often a rule is applied that is broken: it counts if it is each time.
+TIMES: Final = 3
 #: Rules that end the examination when they are broken.
 GATES: Final = frozenset(
     {
@@ -72,7 +74,7 @@ def check_driver(
     report = examine(
         driver_class.__name__,
         stages,
-        lambda rule: rule.check(subject),
+        lambda rule: _confirmed(rule, subject),
         lambda rule: _missing(rule, faults, observes=subject.observes),
         gates=GATES,
         only=only,
@@ -88,6 +90,20 @@ def check_driver(
 
 #: Returns the report of :func:`check_driver`, without raising.
 examine_driver: Final = partial(check_driver, raises=False)
+
+
+def _confirmed(rule: Rule, subject: Subject) -> Iterator[str]:
+    """Yield the breaches of a rule that come each time: this machine may stall."""
+    first = ""
+    for _ in range(TIMES):
+        if not (problems := all_of(partial(rule.check, subject))):
+            if first:
+                subject.notes.append(f"{rule.name}: showed not each time: {first}")
+            return
+        first = first or problems[0]
+        if rule.fault is None or rule.name in GATES:  # it is sure, or was played again
+            break
+    yield from problems
 
 
 def _missing(rule: Rule, faults: frozenset[str] | None, *, observes: bool) -> str:

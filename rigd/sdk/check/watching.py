@@ -5,9 +5,11 @@ The peer shows it (:class:`~rigd.sdk.check.Observed`); nothing here goes over th
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final, Self
 
 from rigd.sdk.check.peer import Observed, Peer
@@ -83,6 +85,13 @@ class Watcher:
             now = time.monotonic()
             self.gap_s = max(self.gap_s, now - last)
             last = now
+
+
+def queued_s() -> float:
+    """Return for how long this thread has waited for a processor, in s; 0 if nobody knows."""
+    with contextlib.suppress(OSError):  # another system
+        return int(Path("/proc/thread-self/schedstat").read_text("ascii").split()[1]) * 1e-9
+    return 0.0
 
 
 def until(holds: Callable[[], bool], within_s: float) -> bool:

@@ -220,4 +220,18 @@ MUTANTS = (
         _CLOSE,
         _CLOSE + "            self._socket = link\n",
     ),
+    Mutant(
+        "own time-out",
+        "silent",
+        "            link.settimeout(left)\n",
+        "            link.settimeout(left + 1.0)\n",
+    ),
+    Mutant(
+        "waits for two packets",
+        "any order of calls",
+        "            packets = self._packets.feed(data)\n            if packets:\n",
+        "            self._late = [*getattr(self, '_late', []), *self._packets.feed(data)]\n"
+        "            if len(self._late) > 1:\n"
+        "                packets, self._late = self._late, []\n",
+    ),
 )

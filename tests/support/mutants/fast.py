@@ -222,4 +222,31 @@ MUTANTS = (
         "        except ValueError as error:\n            raise LinkError(str(error)) from None\n\n"
         "    def _exchange",
     ),
+    # opened again, rescued, tripped
+    Mutant(
+        "rescue tries once",
+        "safe while stuck",
+        "        finally:\n            self.close()\n",
+        "        except LinkError:\n            self.close()\n",
+    ),
+    Mutant(
+        "tripped counts as safe",
+        "safe while stuck",
+        "        if self._socket is not None and self._exchange(SAFE_TRIES).status"
+        " & protocol.ENABLED:\n",
+        "        status = self._exchange(SAFE_TRIES).status if self._socket is not None else 0\n"
+        "        if status & protocol.ENABLED and not status & protocol.TRIPPED:\n",
+    ),
+    Mutant(
+        "trip at rest is an error",
+        "any order of calls",
+        "        if self._enabled and newest.status & protocol.TRIPPED:",
+        "        if newest.tripped_ms:",
+    ),
+    Mutant(
+        "whole mm/s",
+        "any order of calls",
+        "self._send(min(max(speed, -fastest), fastest))",
+        "self._send(int(1e3 * min(max(speed, -fastest), fastest)) / 1e3)",
+    ),
 )

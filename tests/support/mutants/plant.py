@@ -220,4 +220,34 @@ MUTANTS = (
         "surfaces['ice']\n        #",
         "plant",
     ),
+    # what only other parameters, seeds and ways show
+    Mutant(
+        "energy of another mass",
+        "energy balances",
+        "0.5 * self.parameters.mass * v * v",
+        "1.0 * v * v",
+        "plant",
+    ),
+    Mutant(
+        "seed plus time",
+        "any sequence",
+        "normal_pair(self.seed, self.now_ns - self.origin_ns)",
+        "normal_pair(self.seed + (self.now_ns - self.origin_ns) // 1_000_000, 0)",
+        "plant",
+    ),
+    Mutant(
+        "counter of 15 bits",
+        "units agree",
+        "math.floor((self.state[0] + NOISE_M * noise) / resolution + 0.5)",
+        "(math.floor((self.state[0] + NOISE_M * noise) / resolution + 0.5) % 32768)",
+        "plant",
+    ),
+    Mutant(
+        "surface that pushes",
+        "settings move nothing",
+        "        self.surface = self.parameters.surfaces[str(value)]\n",
+        "        self.surface = self.parameters.surfaces[str(value)]\n"
+        "        self.state = (self.state[0], self.state[1] + 0.1, *self.state[2:])\n",
+        "plant",
+    ),
 )

@@ -248,4 +248,23 @@ MUTANTS = (
         "        socket.create_connection((config.host, config.port), 1.0).close()\n"
         "        self._exchange = asyncio.Lock()",
     ),
+    # cancelled, lost
+    Mutant(
+        "answer to a cancelled question",
+        "any order of calls",
+        "            self._owed += 1\n",
+        "            self._owed = 1\n",
+    ),
+    Mutant(
+        "zero takes its time",
+        "never blocks",
+        '        return "zero set"\n',
+        '        __import__("time").sleep(0.1)\n        return "zero set"\n',
+    ),
+    Mutant(
+        "five readings in a second at most",
+        "not too often",
+        _SLEEP,
+        "            await asyncio.sleep(max(0.2, self.config.interval))\n",
+    ),
 )

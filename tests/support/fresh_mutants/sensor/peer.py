@@ -28,6 +28,7 @@ class Simulated:
         self.resolution_um = 1
         self.counts, self.raw = -152_400, -32_768  # at the end of its range
         self.at_rail, self.referenced = True, True
+        self.thinks_s = 0.0  # until it answers
         self._last = b""
         self._start()
 
@@ -72,11 +73,12 @@ class Simulated:
             self._start()
 
     def _serve(self) -> None:
-        late: deque[tuple[float, bytes, tuple[str, int]]] = deque()
+        late: deque[tuple[float, SentReading, bytes, tuple[str, int]]] = deque()
         while not self._ends.is_set():
             now_s = time.monotonic()
             while late and late[0][0] <= now_s:
-                _, answer, client = late.popleft()
+                _, reading, answer, client = late.popleft()
+                self.readings.append(reading)
                 self._socket.sendto(answer, client)
             try:
                 frame, client = self._socket.recvfrom(64)
@@ -85,7 +87,7 @@ class Simulated:
             if len(frame) != 2 or frame[:1] != b"Q" or self.fault == "silent":
                 continue
             status = self.at_rail + 2 * self.referenced
-            self.readings.append(self._reading())
+            reading = self._reading()
             body = b"P" + struct.pack("<BBih", frame[1], status, self.counts, self.raw)
             answer = body + struct.pack("<I", zlib.crc32(body))
             if self.fault == "frozen":
@@ -93,9 +95,11 @@ class Simulated:
             self._last = answer
             if self.fault == "garbled":
                 answer = bytes([answer[0], answer[1] ^ 1, *answer[2:]])
-            if self.fault == "late":
-                late.append((now_s + 1.0, answer, client))
+            if self.fault == "late" or self.thinks_s:
+                wait_s = 1.0 if self.fault == "late" else self.thinks_s
+                late.append((time.monotonic() + wait_s, reading, answer, client))
                 continue
+            self.readings.append(reading)
             for _ in range(200 if self.fault == "flooding" else 1):
                 self._socket.sendto(answer, client)
 
@@ -108,6 +112,7 @@ def simulated() -> Iterator[Peer]:
 
     def vary(rng: random.Random) -> None:
         device.resolution_um = rng.choice((1, 2, 5))
+        device.thinks_s = rng.choice((0.0, 0.006))
         options["resolution"] = f"{device.resolution_um} um"
 
     try:
