@@ -56,6 +56,12 @@ def _tied(found: Scan, numbers: Collection[int]) -> Times:
     return np.unique(times[1:][times[1:] == times[:-1]])
 
 
+def _are_among(times: Times, tied: Times) -> NDArray[np.bool_]:
+    """Return which times are among others, which are sorted: `isin` sorts those for each chunk."""
+    nearest = np.minimum(np.searchsorted(tied, times), len(tied) - 1)
+    return np.asarray(tied[nearest] == times)
+
+
 def _keys(
     pieces: Sequence[Piece], of_channel: Mapping[int, str], tied: Mapping[str, Times]
 ) -> Iterator[tuple[str, NDArray[np.uint64]]]:
@@ -72,7 +78,7 @@ def _keys(
         places_of = by_channel(places)
         for number in channels:
             topic, mine = of_channel[number], places_of[number]
-            mine = mine[np.isin(times[mine], tied[topic])]
+            mine = mine[_are_among(times[mine], tied[topic])]
             spans = zip(places.offsets[mine].tolist(), places.sizes[mine].tolist(), strict=True)
             crcs = [crc32(view[at + _CONTENT_AT : at + size]) for at, size in spans]
             yield topic, np.stack([times[mine], np.array(crcs, np.uint64)], axis=1)
