@@ -9,7 +9,6 @@ daemon from giving signs of life. That process waits until the trial stands in t
 from __future__ import annotations
 
 import json
-import os
 import sys
 import threading
 import time
@@ -109,7 +108,9 @@ def _written(path: Path, number: int) -> bool:
 
 def main() -> int:
     """Check the trial that the command names; print the reasons as JSON."""
-    os.nice(NICENESS)
+    from rigd.engine.realtime import set_nice  # of Linux
+
+    set_nice(NICENESS)
     path, number = Path(sys.argv[1]), int(sys.argv[2])
     until = time.monotonic() + WRITTEN_WITHIN_S
     try:

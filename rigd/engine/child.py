@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
-from rigd.engine.realtime import as_program, preferring
+from rigd.engine.realtime import PREFERRED, as_program, preferring, weigh_session
 from rigd.model.other_process import child_ending, how_ended
 from rigd.model.parent import end_with
 
@@ -72,6 +72,8 @@ class Child:
                 env={**os.environ, **(environment or {})},
                 start_new_session=True,
             )
+        if preferred:
+            weigh_session(self.pid, PREFERRED)
 
     @property
     def pid(self) -> int:

@@ -154,8 +154,29 @@ def prefer() -> None:
     For what keeps a run alive, such as the panel. It serves strangers too, so that it does not go
     before what moves the rig.
     """
+    set_nice(PREFERRED)
+
+
+def set_nice(value: int) -> None:
+    """Give this thread, and what it starts, the weight of nice ``value``, if that is permitted.
+
+    If this process began its session, the session gets it too; see :func:`weigh_session`.
+    """
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, PREFERRED)
+        os.setpriority(os.PRIO_PROCESS, 0, value)
+        if os.getsid(0) == os.getpid():
+            weigh_session(os.getpid(), value)
+
+
+def weigh_session(pid: int, value: int) -> None:
+    """Give the session that process ``pid`` began the weight of nice ``value``, if permitted.
+
+    Linux may share a processor among sessions first, each with the same share, and then by nice(2)
+    within each (autogroup, sched(7)). Beside a program of another session a process of nice -10
+    then gets half of a processor, and with its session nine tenths.
+    """
+    with suppress(OSError):
+        Path(f"/proc/{pid}/autogroup").write_text(str(value))
 
 
 @contextmanager

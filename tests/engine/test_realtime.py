@@ -6,7 +6,9 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+from rigd.engine.child import Child
 from rigd.engine.realtime import PREFERRED, as_program, before_programs, preferring
 
 ENTER_AND_LEAVE = """
@@ -58,3 +60,39 @@ def test_process_that_a_run_waits_for_is_preferred() -> None:
         assert int(subprocess.check_output([sys.executable, "-c", code], timeout=60)) == within
     assert within in (PREFERRED, before)  # the kernel may refuse it
     assert os.getpriority(os.PRIO_PROCESS, 0) == before
+
+
+def session_weight(pid: int | str) -> str | None:
+    """Return the weight of the session of ``pid``; None if this kernel has none (sched(7))."""
+    file = Path(f"/proc/{pid}/autogroup")
+    return file.read_text().split()[-1] if file.is_file() else None
+
+
+def test_session_of_a_preferred_process_is_preferred() -> None:
+    """Its nice value has no meaning beside other sessions."""
+    ours = session_weight("self")
+    child = Child(["sleep", "60"], preferred=True)
+    ordinary = Child(["sleep", "60"])
+    try:
+        weights = [session_weight(item.pid) for item in (child, ordinary)]
+        granted = os.getpriority(os.PRIO_PROCESS, child.pid) == PREFERRED
+        expected = str(PREFERRED) if granted else "0"
+        assert weights == ([None, None] if ours is None else [expected, "0"])
+    finally:
+        assert child.fence(20.0) and ordinary.fence(20.0)
+    assert session_weight("self") == ours
+
+
+def test_work_in_background_weighs_less_beside_sessions() -> None:
+    code = "import os, sys; from rigd.engine.realtime import set_nice; set_nice(15); input()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"{code}; print(os.getpriority(os.PRIO_PROCESS, 0)); input()"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, text=True,
+    )  # fmt: skip
+    assert process.stdin and process.stdout
+    process.stdin.write("\n")
+    process.stdin.flush()
+    assert process.stdout.readline() == "15\n"
+    assert session_weight(process.pid) == ("15" if session_weight("self") else None)
+    process.communicate("\n", timeout=120)
+    assert process.returncode == 0

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from rigd.config.rig import RigConfig
 from rigd.engine.child import Child, module
+from rigd.engine.realtime import set_nice
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.extras import require
 from rigd.remote.protocol import Code, Message, Refusal
@@ -364,7 +365,7 @@ def _refused(code: Code, error: str, hint: str | None = None) -> dict[str, objec
 
 def main() -> int:
     """Do the job on standard input."""
-    os.nice(NICENESS)
+    set_nice(NICENESS)
     job: Mapping[str, Any] = json.load(sys.stdin)
     memory: int = job["memory"]
     work: Mapping[str, Callable[[Mapping[str, Any]], Message]] = {
