@@ -204,13 +204,16 @@ def diagnose(
 
 
 def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]:
-    """Return the step (p,) with each law of ``tests`` that is not significant.
+    """Return the step (p,) with the law of ``tests`` that explains most without being significant.
 
     It is less by the share that chance would gain: what the data just cannot show is in no
-    interval else. The law that explains most need not be the one that moves a parameter most.
+    interval else.
     """
     laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
-    return [x.score.shift * x.worth / x.score.gain for x in laws if x.worth > 0.0]
+    best = max(laws, key=lambda item: item.worth, default=None)
+    if best is None or best.worth <= 0.0:
+        return []
+    return [best.score.shift * best.worth / best.score.gain]
 
 
 def _deviance(found: OutputErrorFit) -> float:
