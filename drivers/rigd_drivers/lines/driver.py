@@ -50,6 +50,7 @@ class Lines(SlowDriver[LinesConfig, None]):
         self._ask = None if config.ask is None else encoded(config.ask)
         self._heard_s = 0.0  # when the last readable line came, in s of the loop
         self._received = 0  # bytes that had come by then
+        self._late = 0  # answers that had come too late by then
         self._echoed = False  # a question came back since then
 
     @classmethod
@@ -99,6 +100,7 @@ class Lines(SlowDriver[LinesConfig, None]):
         """
         loop = asyncio.get_running_loop()
         self._heard_s = due = loop.time()
+        self._late = self._port.late
         if self._ask is None:
             self._port.skip()  # what came since it was opened is old: other devices took longer
             self._received = self._port.received
@@ -139,7 +141,8 @@ class Lines(SlowDriver[LinesConfig, None]):
             found = await self._heard(self.config.silence_s - silent_s)
             if found is not None:
                 self._heard_s = loop.time()
-                self._received, self._echoed = self._port.received, False
+                self._received, self._late = self._port.received, self._port.late
+                self._echoed = False
                 return found
 
     async def _heard(self, timeout_s: float) -> Reading | None:
@@ -167,7 +170,7 @@ class Lines(SlowDriver[LinesConfig, None]):
                 self._tally.wrong(config.port, within),
                 hint="compare the line with `pattern` or `columns`; check baud rate and parity",
             )
-        if port.late:
+        if port.late > self._late:
             return DeviceError(
                 f"{config.port} answers later than {config.timeout:g} s: to which question is "
                 "unknown",
