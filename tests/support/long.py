@@ -588,15 +588,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_can_drivers_work_as_drivers_do[SpeedServo",
         ),
         "analyses/articulated/test_blind_robots.py": ("test_right_robot_of_second_author_fits",),
-        "analyses/articulated/test_validation.py": (
-            "test_contact_ten_percent_off_is_named[k_lon",
-            "test_contact_ten_percent_off_is_named[k_roll",
-            "test_contact_ten_percent_off_is_named[k_lat-0.9]",
-            "test_sliding_friction_ten_percent_off_is_rejected",
-            "test_trials_that_slide_are_left_out",
-            "test_true_contacts_that_slide_are_confirmed",
-            "test_wrong_kinematic_radius_is_a_track",
-        ),
         "analyses/lugre/test_blind_worlds.py": (
             "test_right_rig_of_second_author_fits",
             "test_wrong_torque_constant_is_rightly_named",

@@ -6,8 +6,8 @@ are the contacts within their uncertainties of the model. Three tests decide:
 
 - level: what is left of torques, places and headings, whitened by the noise that speeds and sensors
   show themselves, is of mean square 1; the limits are those of the identification's gate;
-- contacts: with the standard uncertainty u of the model, and s after these data, a contact that is
-  right moves by a normal deviate of variance u**2 - s**2;
+- contacts: the data alone would have a contact elsewhere; if it is right, by a step of variance
+  u**2 + s**2, with its standard uncertainties u by the model and s by the data (correlated noise);
 - constants: the same with their stated uncertainties.
 """
 
@@ -207,7 +207,7 @@ def _judged(
     if told:
         shown = ", ".join(f"{_called(name)} from {100 * at:.2g} % on" for name, at in told.items())
         findings.append(f"Seen would be another {shown}.")
-    open_ = [_called(name) for name in _tested_by(contacts) if name not in told]
+    open_ = [_called(name) for name in _priors(contacts) if name not in told]
     if open_:
         findings.append(f"Not tested: {', '.join(open_)}.")
     off = common_scale(found)
@@ -271,25 +271,23 @@ def _moved(found: OutputErrorFit, system: RobotSystem) -> dict[str, _Moved]:
     for k, item in enumerate(system.shared):
         if not math.isfinite(item.u):
             continue
-        after = min(float(found.covariance[k, k]) / item.u**2, 1.0)
-        learnt = 1.0 - after  # share of the variance that these data take away
+        left = float(found.inverse[k, k])  # of the variance u**2, if the noise is as it is taken
+        learnt = 1.0 - left / item.u**2
         if learnt < UNMOVED:
             continue
-        pull = float(found.pulls[k])
-        stated, step = item.parameter.start, item.u * pull / learnt
+        step = float(found.pulls[k]) * item.u / learnt
+        # Of the step, by u and by the noise, which is correlated: the data have the rest.
+        variance = (item.u**2 - 2.0 * left + float(found.covariance[k, k])) / learnt**2
+        stated = item.parameter.start
         moved[item.parameter.name] = _Moved(
             stated, item.u, stated * math.exp(min(max(step, -5.0), 5.0)),
-            item.u * math.sqrt(after / learnt), pull / math.sqrt(learnt),
+            math.sqrt(max(variance - item.u**2, 0.0)), step / math.sqrt(variance),
         )  # fmt: skip
     return moved
 
 
 def _called(name: str) -> str:
     return "mu_s over mu_d" if name == RATIO else name
-
-
-def _tested_by(contacts: Mapping[str, Known]) -> list[str]:
-    return list(_priors(contacts))
 
 
 def _off(name: str, item: _Moved) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -103,7 +104,9 @@ def test_contact_ten_percent_off_is_named(validated: Validated, name: str, chang
     group = validated("gripping", model({name: change}))
     assert group.outcome is ModelOutcome.REJECTED
     told = " ".join([group.sentence, *group.findings])
-    assert f"{name} would have to be {'+' if change < 1 else '-'}" in told
+    size = re.search(rf"{name} would have to be ([+-][\d.e+]+) % off", told)
+    assert size is not None, told
+    assert float(size[1]) / 100 == pytest.approx(1.0 / change - 1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("change", [0.9, 1.1])
