@@ -19,6 +19,7 @@ import gc
 import os
 import resource
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -40,6 +41,9 @@ DAEMON_PRIORITY: Final = 1
 #: nice(2) of what keeps a run alive beside the daemon, and of the processes of a run that are not
 #: in real time (yet): nine times the weight of ordinary programs.
 PREFERRED: Final = -10
+# Linux takes the weight of one session in 100 ms from all users that are not root together.
+WEIGHINGS: Final = 20
+WEIGHING_S: Final = 0.05
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2
 _PR_SET_TIMERSLACK: Final = 29  # <linux/prctl.h>
@@ -162,10 +166,8 @@ def set_nice(value: int) -> None:
 
     If this process began its session, the session gets it too; see :func:`weigh_session`.
     """
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, value)
-        if os.getsid(0) == os.getpid():
-            weigh_session(os.getpid(), value)
+    if _set_own_nice(value) and os.getsid(0) == os.getpid():
+        weigh_session(os.getpid(), value)
 
 
 def weigh_session(pid: int, value: int) -> None:
@@ -175,15 +177,30 @@ def weigh_session(pid: int, value: int) -> None:
     within each (autogroup, sched(7)). Beside a program of another session a process of nice -10
     then gets half of a processor, and with its session nine tenths.
     """
+    for _ in range(WEIGHINGS):
+        try:
+            Path(f"/proc/{pid}/autogroup").write_text(str(value))
+        except BlockingIOError:
+            time.sleep(WEIGHING_S)
+        except OSError:
+            return
+        else:
+            return
+
+
+def _set_own_nice(value: int) -> bool:
+    """Give this thread the weight of nice ``value``; return whether that is permitted."""
     with suppress(OSError):
-        Path(f"/proc/{pid}/autogroup").write_text(str(value))
+        os.setpriority(os.PRIO_PROCESS, 0, value)
+        return True
+    return False
 
 
 @contextmanager
 def preferring() -> Iterator[None]:
-    """Let this thread, and everything that it starts inside, be preferred; see :func:`prefer`."""
+    """Let this thread, and what it starts inside, be preferred; its session stays as it is."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
-    prefer()
+    _set_own_nice(PREFERRED)
     try:
         yield
     finally:
