@@ -103,7 +103,7 @@ class RunDisplay:
             self._resting = True
             self.announce("coming to rest: rows are recorded on")
         self._trial, self._state = number, position.state
-        title, left = "coming to rest" if position.coming_to_rest else position.state, ""
+        title, left = _title(position), ""
         if number is not None:
             title = f"{label} · {position.step}" if position.step else label
             left = "" if position.left_s is None else f"{position.left_s:.0f} s left"
@@ -131,6 +131,14 @@ class RunDisplay:
     def show_silence(self, silent_s: float) -> None:
         """Show that the progress on the screen is old."""
         self._bar.update(self._task, description=f"[red]no message for {silent_s:.0f} s[/]")
+
+
+def _title(position: RunPosition) -> str:
+    """Return what the bar shows while no trial is played."""
+    if position.coming_to_rest:
+        return "coming to rest"
+    is_cut = position.state == "done" and position.trials_done < position.trials_total
+    return "ended" if is_cut else position.state  # a run that was stopped is not "done, 0 %"
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from rigd.cli.run_display import RunDisplay, RunPosition
@@ -18,3 +20,16 @@ def test_trial_played_out_of_order_has_its_number(capsys: pytest.CaptureFixture[
         display.show(position(8, 1))
     lines = capsys.readouterr().err.splitlines()
     assert lines == ["trial 1/12: speed 1 m/s", "trial 2/12 (number 8): speed 1 m/s"]
+
+
+@pytest.mark.parametrize(("done", "shown"), [(1, "ended"), (12, "done")])
+def test_bar_of_a_stopped_run_ends(
+    done: int, shown: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The conclusion says why; "done" beside 8 % would be wrong."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with RunDisplay(quiet=False, paused="") as display:
+        display.show(replace(position(1, done), trial=None, state="done"))
+    screen = capsys.readouterr().err
+    assert shown in screen
+    assert ("done" in screen) == (shown == "done")
