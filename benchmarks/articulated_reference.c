@@ -40,16 +40,16 @@ static void turn(double *w, double heading)
     w[SIN] = w[AT_SIN] * c + w[AT_COS] * s;
 }
 
-static double share(const constants *c, double square, double load, bool slides)
+static double share(const constants *c, const module *p, double square, double load, bool slides)
 {
     if (c->law == 0.0)
-        return slides ? c->mu_d * load / sqrt(fmax(square, 1e-300)) : 1.0;
+        return slides ? p->mu_d * load / sqrt(fmax(square, 1e-300)) : 1.0;
     if (c->law != 1.0)
         return 1.0;
-    double limit = c->mu_s * load, low = (1.0 - c->width) * limit;
+    double limit = p->mu_s * load, low = (1.0 - c->width) * limit;
     if (square <= low * low)
         return 1.0;
-    double force = sqrt(square), sliding = c->mu_d * load / force;
+    double force = sqrt(square), sliding = p->mu_d * load / force;
     if (force >= (1.0 + c->width) * limit)
         return sliding;
     double at = (force - low) / (2.0 * c->width * limit);
@@ -68,14 +68,15 @@ static void evaluate(const robot *r, const double *commands, const double *y, do
         dy[angles + j] = speed;
         torques[j] = dy[sums + j] = 0.0;
         if (r->spins[j].driven > 0.5 && commands[2 * j + 1] > 0.5) {
-            double error = commands[2 * j] - r->spins[j].ratio * speed;
-            double demand = c->kp * error + c->ki * y[sums + j];
+            const spin *s = &r->spins[j];
+            double error = commands[2 * j] - s->ratio * speed;
+            double demand = s->kp * error + s->ki * y[sums + j];
             dy[sums + j] = error;
-            if (demand > c->torque_limit) {
-                demand = c->torque_limit;
+            if (demand > s->torque_limit) {
+                demand = s->torque_limit;
                 dy[sums + j] = fmin(error, 0.0);
-            } else if (demand < -c->torque_limit) {
-                demand = -c->torque_limit;
+            } else if (demand < -s->torque_limit) {
+                demand = -s->torque_limit;
                 dy[sums + j] = fmax(error, 0.0);
             }
             torques[j] = demand;
@@ -108,10 +109,10 @@ static void evaluate(const robot *r, const double *commands, const double *y, do
             double slip = p->r * turned - forward + left * p->b * omega;
             double eta = aside + front * p->d * omega;
             double f_lon = p->k_lon * slip, f_lat = -p->k_lat * eta;
-            double square = f_lon * f_lon + f_lat * f_lat, limit = c->mu_s * p->load;
+            double square = f_lon * f_lon + f_lat * f_lat, limit = p->mu_s * p->load;
             excess[4 * i + k] = limit > 0.0 ? square / (limit * limit) - 1.0 : -1.0;
             if (slides[4 * i + k] || c->law == 1.0) {
-                double scale = share(c, square, p->load, slides[4 * i + k]);
+                double scale = share(c, p, square, p->load, slides[4 * i + k]);
                 f_lon *= scale;
                 f_lat *= scale;
             }
@@ -150,12 +151,13 @@ static void evaluate(const robot *r, const double *commands, const double *y, do
     for (long i = 0; i + 1 < n; i++) {
         double rate = y[moving + 2 + i] - y[moving + 3 + i], angle = y[2 + i] - y[3 + i];
         double stop = 0.0, spring = 0.0;
-        if (angle > c->stop) {
-            spring = -c->stop_stiffness * (angle - c->stop);
-            stop = -fmax(0.0, -spring * (1.0 + c->stop_damping * rate));
-        } else if (angle < -c->stop) {
-            spring = c->stop_stiffness * (-c->stop - angle);
-            stop = fmax(0.0, spring * (1.0 - c->stop_damping * rate));
+        const module *b = &r->modules[i + 1];
+        if (angle > b->stop) {
+            spring = -b->stop_stiffness * (angle - b->stop);
+            stop = -fmax(0.0, -spring * (1.0 + b->stop_damping * rate));
+        } else if (angle < -b->stop) {
+            spring = b->stop_stiffness * (-b->stop - angle);
+            stop = fmax(0.0, spring * (1.0 - b->stop_damping * rate));
         }
         right[i] += stop;
         right[i + 1] -= stop;

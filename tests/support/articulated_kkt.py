@@ -42,9 +42,8 @@ class Multipliers:
         """Return the diagonal of M; a rotor counts with the wheels that it turns."""
         n = len(self.modules)
         diagonal = np.zeros(15 * n)
-        drive = self.parameters.drive
         for j, module in enumerate(self.modules):
-            wheels = module.wheels
+            wheels, drive = module.wheels, module.drive or self.parameters.drive
             yaw = module.body_inertia + 4 * wheels.yaw_inertia
             diagonal[3 * j : 3 * j + 3] = module.body_mass, module.body_mass, yaw
             rotor = drive.gear_ratio**2 * drive.rotor_inertia
@@ -54,7 +53,7 @@ class Multipliers:
                 diagonal[phi] = wheels.spin_inertia
                 if wheels.driven == "all":
                     diagonal[phi] += rotor / (2 if wheels.pairing == "geared" else 1)
-                elif wheels.driven == "front" and k < 2:
+                elif wheels.driven == ("front" if k < 2 else "rear"):
                     diagonal[phi] += rotor
         return diagonal
 
@@ -101,24 +100,39 @@ class Multipliers:
 
     def contact(self, module: Module, slip: float, eta: float) -> tuple[float, float]:
         """Return f_lon and f_lat by Eq. 20, read as in articulated.md 1.3."""
-        friction = self.parameters.friction
+        friction, own = self.parameters.friction, module.contact
+        static = friction.static if own.static is None else own.static
+        kinetic = friction.kinetic if own.kinetic is None else own.kinetic
         along, across = module.contact.longitudinal * slip, -module.contact.lateral * eta
         trial, load = hypot(along, across), self.load
-        limit = friction.static * load
+        limit = static * load
         factor = 1.0
         if self.law == "paper" and trial > limit:
-            factor = friction.kinetic * load / trial
+            factor = kinetic * load / trial
         if self.law == "smooth":
             t = (trial / limit - 1.0 + friction.width) / (2 * friction.width)
             t = min(max(t, 0.0), 1.0)
             blend = 6 * t**5 - 15 * t**4 + 10 * t**3
-            factor = (1.0 - blend) + (blend * friction.kinetic * load / trial if blend else 0.0)
+            factor = (1.0 - blend) + (blend * kinetic * load / trial if blend else 0.0)
         return factor * along, factor * across
 
     @property
     def load(self) -> float:
         masses = sum(module.body_mass + 4 * module.wheels.mass for module in self.modules)
         return self.parameters.gravity * masses / (4 * len(self.modules))
+
+    def stops(self, q: Array, v: Array) -> Array:
+        """Return the moments of the hinges' stops on the headings, by articulated.md 8."""
+        found = np.zeros(len(v))
+        for j, module in enumerate(self.modules[1:]):
+            hinge, ahead, behind = module.hinge or self.parameters.hinge, 3 * j + 2, 3 * j + 5
+            angle, rate = q[ahead] - q[behind], v[ahead] - v[behind]
+            beyond, outward = abs(angle) - hinge.stop, np.sign(angle) * rate
+            moment = hinge.stiffness * beyond * (1.0 + hinge.damping * outward)
+            if beyond > 0.0:
+                found[ahead] -= np.sign(angle) * max(moment, 0.0)
+                found[behind] += np.sign(angle) * max(moment, 0.0)
+        return found
 
     def forces(self, v: Array, torques: Array) -> Array:
         """Return B tau - C - f; ``torques`` is that on each wheel in N m, in the order of phi."""
@@ -143,7 +157,7 @@ class Multipliers:
         whole[:size, :size] = np.diag(self.mass())
         whole[:size, size:] = a.T
         whole[size:, :size] = a
-        right = np.concatenate([self.forces(v, torques), -rates])
+        right = np.concatenate([self.forces(v, torques) + self.stops(q, v), -rates])
         found = np.linalg.solve(whole, right)
         return found[:size], found[size:]
 

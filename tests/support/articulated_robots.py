@@ -58,6 +58,31 @@ def chain(count: int, **changes: Any) -> ArticulatedParameters:
     return found
 
 
+def unlike() -> ArticulatedParameters:
+    """Return a robot of three modules that have nothing in common; all but the middle one drive."""
+    first, middle, last = chain(3, **{"modules.*.wheels.pairing": "single"}).modules.values()
+    modules = {
+        "first": altered({"wheels.driven": "front", "contact.static": 1.1}, first),
+        "middle": altered(
+            {
+                "contact.longitudinal": 90.0, "contact.lateral": 150.0, "contact.rolling": 1.2e-3,
+                "contact.static": 0.7, "contact.kinetic": 0.5, "wheels.radius": 0.05,
+                "hinge": altered({"stop": 0.5, "damping": 0.2}, shipped().hinge),
+            },
+            middle,
+        ),
+        "last": altered(
+            {
+                "wheels.driven": "rear", "contact.kinetic": 0.45, "half_track": 0.12,
+                "drive": altered({"gear_ratio": 30.0, "proportional": 4e-4}, shipped().drive),
+            },
+            last,
+        ),
+    }  # fmt: skip
+    found: ArticulatedParameters = altered({"modules": modules})
+    return found
+
+
 @dataclass
 class Driven:
     """A robot that is integrated by the kernel without a plant."""

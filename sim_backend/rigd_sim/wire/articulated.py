@@ -160,7 +160,7 @@ def _drive(
 
     ratings = Ratings(
         Mode.CSV, options.nominal_current,
-        plant.parameters.drive.torque_limit / options.torque_constant, options.torque_constant,
+        plant.torque_limit(spin) / options.torque_constant, options.torque_constant,
         options.counts_per_turn,
     )  # fmt: skip
     return Cia402Drive(

@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import root
 from support.articulated_kkt import Multipliers
-from support.articulated_robots import Driven, altered, chain, radius, shipped
+from support.articulated_robots import Driven, altered, chain, radius, shipped, unlike
 
 from rigd_sim.plants.articulated import layout
+from rigd_sim.plants.articulated.parameters import ArticulatedParameters
 
 Array = NDArray[np.float64]
 TEN_SECONDS = 20_000
@@ -183,3 +184,55 @@ def test_chain_of_five_modules_keeps_its_energy() -> None:
     assert robot.centres.shape == (5, 2)
     apart = robot.centres[:-1] - robot.centres[1:]
     assert (np.hypot(*apart.T) < 0.6).all()
+
+
+@pytest.mark.parametrize("robot", [chain(3), unlike()], ids=["first drives", "unlike"])
+def test_chain_mirrors_exchanged_motors(robot: ArticulatedParameters) -> None:
+    pairs = len(Driven(robot).driven) // 2
+    one_way = Driven(robot).play(5.0, *[450.0, 200.0] * pairs)
+    other_way = Driven(robot).play(5.0, *[200.0, 450.0] * pairs)
+    assert one_way.centres * MIRROR == pytest.approx(other_way.centres, abs=1e-12)
+    assert one_way.headings == pytest.approx(-other_way.headings, abs=1e-12)
+    assert abs(one_way.headings[-1]) > 0.5
+    assert abs(one_way.residual) < 1e-4
+
+
+def test_coasting_chain_loses_what_contacts_take() -> None:
+    robot = Driven(unlike(), "linear").play(1.0, 400.0, 200.0, 400.0, 200.0, ramp_s=0.3)
+    robot.commands[:, 1] = 0.0
+    stored = [robot.robot.stored(robot.state)]
+    for _ in range(20):
+        robot._advance(50)
+        stored.append(robot.robot.stored(robot.state))
+    assert np.all(np.diff(stored) < 0.0)
+    assert abs(robot.residual) < 1e-6 * stored[0]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+def test_free_chain_keeps_energy_and_momentum(count: int) -> None:
+    contact = {f"modules.*.contact.{name}": 1e-9 for name in ("longitudinal", "lateral", "rolling")}
+    robot = Driven(chain(count, **contact, **{"hinge.stop": 3.14}), "linear")
+    moving = robot.n + 2
+    robot.state[moving : moving + 2] = 0.3, -0.1
+    robot.state[moving + 2 : moving + 2 + robot.n] = np.linspace(1.0, -0.5, robot.n)
+    before = robot.robot.stored(robot.state)
+    robot.commands[:, 1] = 0.0
+    robot._advance(4000)
+    assert robot.robot.stored(robot.state) == pytest.approx(before, rel=1e-7)
+    assert robot.state[moving : moving + 2] == pytest.approx([0.3, -0.1], rel=1e-6)
+
+
+def test_module_of_little_grip_slides_first() -> None:
+    """The last module's own mu_s holds for its wheels alone."""
+    robot = chain(3, **{"modules.m2.contact.static": 0.3, "modules.m2.contact.kinetic": 0.2})
+    slides = Driven(robot).play(10.0, 200.0, 100.0, ramp_s=0.3).slides.reshape(3, 4)
+    assert slides[2, :2].all()
+    assert not slides[:2].any()
+
+
+def test_hinge_with_its_own_stop_bends_less() -> None:
+    stop = altered({"stop": 0.2}, shipped().hinge)
+    robot = Driven(chain(3, **{"modules.m2.hinge": stop})).play(10.0, 200.0, 100.0, ramp_s=0.3)
+    first, second = -np.diff(robot.headings)
+    assert 0.2 < second < 0.3
+    assert first > 0.5

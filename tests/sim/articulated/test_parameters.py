@@ -10,6 +10,7 @@ from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_configs
 from rigd_sim.plants.articulated.plant import ArticulatedConfig
 
+STIFF = "{stop: 100 deg, stiffness: 9e5 N m/rad, damping: 0.5 s/rad}"
 SHIPPED = shipped_configs() / "plants" / "articulated.yaml"
 
 
@@ -18,6 +19,9 @@ SHIPPED = shipped_configs() / "plants" / "articulated.yaml"
     [
         ("kinetic: 0.6 ", "kinetic: 0.95 ", "kinetic 0.95 exceeds static 0.9"),
         ("driven: all ", "driven: front ", "driven: front needs pairing: single"),
+        ("driven: all ", "driven: rear ", "driven: rear needs pairing: single"),
+        ("\n  rear:\n", "\n  rear:\n    drive: {gear_ratio: 30 N}\n", "is in N, expected 1"),
+        ("\n  rear:\n", f"\n  rear:\n    hinge: {STIFF}\n", "lower modules.rear.hinge.stiffness"),
         ("longitudinal: 120 N s/m", "longitudinal: 300 N s/m", "settle at 6490 1/s, too fast"),
         ("stiffness: 11 kN/m", "stiffness: 20 MN/m", "swings on its suspension"),
         ("stiffness: 50 N m/rad", "stiffness: 9e5 N m/rad", "hinge stop swings"),
@@ -34,6 +38,21 @@ def test_impossible_parameter_is_refused(old: str, new: str, words: str, tmp_pat
     with pytest.raises(ConfigError, match=words) as refused:
         config.read_parameters()
     assert "mine.yaml" in str(refused.value)
+
+
+def test_wrong_coefficient_of_a_module_names_its_line(tmp_path: Path) -> None:
+    text = SHIPPED.read_text("utf-8").replace(
+        "rolling: 0.8 mm # paper, table 2\n", "rolling: 0.8 mm\n      kinetic: 0.95\n"
+    )
+    file = tmp_path / "mine.yaml"
+    file.write_text(text, "utf-8")
+    config = ArticulatedConfig.model_validate({"parameters": str(file)})
+    with pytest.raises(ConfigError) as refused:
+        config.read_parameters()
+    line = 1 + text[: text.index("kinetic")].count("\n")
+    assert f"mine.yaml:{line}:" in str(refused.value)
+    assert "modules.front.contact.kinetic" in str(refused.value)
+    assert "kinetic 0.95 of module front exceeds its static 0.9" in str(refused.value)
 
 
 def test_robot_of_one_module_is_a_file(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from support.articulated_kkt import Multipliers
-from support.articulated_robots import Driven, altered, chain, shipped
+from support.articulated_robots import Driven, altered, chain, shipped, unlike
 
 Array = NDArray[np.float64]
 SINGLE = {"modules.*.wheels.pairing": "single"}
@@ -19,6 +19,7 @@ ROBOTS: dict[str, Any] = {
     "single": altered(FREE_STOP | SINGLE | {"modules.front.wheels.driven": "front"}),
     "all driven": altered(FREE_STOP | SINGLE | {"modules.*.wheels.driven": "all"}),
     "five modules": chain(5, **FREE_STOP),
+    "unlike modules": unlike(),
 }
 
 
@@ -40,7 +41,7 @@ def random_state(robot: Driven, random: np.random.Generator) -> tuple[Array, Arr
 def wheel_torques(robot: Driven) -> Array:
     """Return the torque in N m on each wheel; a geared pair shares that of its motor."""
     on_spin = np.zeros(robot.m)
-    on_spin[robot.driven] = robot.torques() * robot.parameters.drive.gear_ratio
+    on_spin[robot.driven] = robot.torques() * robot.robot.spins["ratio"][robot.driven]
     wheels = robot.robot.wheel_spin.ravel()
     shared: Array = on_spin[wheels] / np.bincount(wheels)[wheels]
     return shared

@@ -81,7 +81,7 @@ def turn(work: Floats, i: int, heading: float) -> None:
 
 
 @inlined
-def saturated(c: Row, square: float, load: float, slides: bool) -> float:
+def saturated(c: Row, module: Row, square: float, load: float, slides: bool) -> float:
     """Return the contact force over its trial force: Eq. 20, read as in articulated.md 1.3.
 
     ``square`` is the squared trial force, ``slides`` the branch of the paper's law. The smooth law
@@ -89,15 +89,15 @@ def saturated(c: Row, square: float, load: float, slides: bool) -> float:
     is the paper's beyond; the linear law has no limit.
     """
     if c.law == PAPER:
-        return float(c.mu_d * load / math.sqrt(max(square, 1e-300))) if slides else 1.0
+        return float(module.mu_d * load / math.sqrt(max(square, 1e-300))) if slides else 1.0
     if c.law != SMOOTH:
         return 1.0
-    limit = c.mu_s * load
+    limit = module.mu_s * load
     low = (1.0 - c.width) * limit
     if square <= low * low:
         return 1.0
     force = math.sqrt(square)
-    sliding = float(c.mu_d * load / force)
+    sliding = float(module.mu_d * load / force)
     if force >= (1.0 + c.width) * limit:
         return sliding
     at = (force - low) / (2.0 * c.width * limit)
@@ -106,14 +106,14 @@ def saturated(c: Row, square: float, load: float, slides: bool) -> float:
 
 
 @inlined
-def motor_torque(c: Row, target: float, speed: float, integral: float) -> tuple[float, float]:
+def motor_torque(motor: Row, target: float, speed: float, integral: float) -> tuple[float, float]:
     """Return the motor's torque in N m, and the rate of the integral of its speed error in rad."""
     error = target - speed
-    demand = c.kp * error + c.ki * integral
-    if demand > c.torque_limit:
-        return c.torque_limit, min(error, 0.0)
-    if demand < -c.torque_limit:
-        return -c.torque_limit, max(error, 0.0)
+    demand = motor.kp * error + motor.ki * integral
+    if demand > motor.torque_limit:
+        return motor.torque_limit, min(error, 0.0)
+    if demand < -motor.torque_limit:
+        return -motor.torque_limit, max(error, 0.0)
     return demand, error
 
 
@@ -144,14 +144,17 @@ def wheel_load(c: Row, module: Row, y: Floats, legs: int, front: float, left: fl
 
 
 @inlined
-def stop_moment(c: Row, angle: float, rate: float) -> tuple[float, float]:
-    """Return the moment in N m on the module ahead, and its part that is spring, at a hinge."""
-    if angle > c.stop:
-        spring = c.stop_stiffness * (angle - c.stop)
-        return -max(0.0, spring * (1.0 + c.stop_damping * rate)), -spring
-    if angle < -c.stop:
-        spring = c.stop_stiffness * (-c.stop - angle)
-        return max(0.0, spring * (1.0 - c.stop_damping * rate)), spring
+def stop_moment(behind: Row, angle: float, rate: float) -> tuple[float, float]:
+    """Return the moment in N m on the module ahead, and its part that is spring, at a hinge.
+
+    ``behind`` is the module behind the hinge, which has its stop.
+    """
+    if angle > behind.stop:
+        spring = behind.stop_stiffness * (angle - behind.stop)
+        return -max(0.0, spring * (1.0 + behind.stop_damping * rate)), -spring
+    if angle < -behind.stop:
+        spring = behind.stop_stiffness * (-behind.stop - angle)
+        return max(0.0, spring * (1.0 - behind.stop_damping * rate)), spring
     return 0.0, 0.0
 
 
@@ -216,7 +219,7 @@ def evaluate(
         torques[j], dy[sums + j] = 0.0, 0.0
         if spins[j].driven > 0.5 and commands[j, 1] > 0.5:
             motor = spins[j].ratio * speed
-            torques[j], dy[sums + j] = motor_torque(c, commands[j, 0], motor, y[sums + j])
+            torques[j], dy[sums + j] = motor_torque(spins[j], commands[j, 0], motor, y[sums + j])
         dy[turning + j] = spins[j].ratio * torques[j]
         torques[m + j] = sign_of(speed / c.rest)
         supplied += dy[turning + j] * speed
@@ -240,7 +243,8 @@ def evaluate(
         if swings:
             forward -= module.lever * y[legs + 5]
             aside += module.height * y[legs + 4]
-        k_lon, k_lat, load, limit = module.k_lon, module.k_lat, module.load, c.mu_s * module.load
+        k_lon, k_lat, load = module.k_lon, module.k_lat, module.load
+        limit = module.mu_s * load
         bend = (1.0 - c.width) * (1.0 - c.width) - 1.0  # where the smooth law leaves the line
         along, across, moment = 0.0, 0.0, 0.0
         lift, roll, pitch = 0.0, 0.0, 0.0
@@ -254,12 +258,13 @@ def evaluate(
             if c.loads >= TRANSFER:  # coefficients in proportion to the load
                 load = wheel_load(c, module, y, legs, front, left)
                 share = load / module.load
-                k_lon, k_lat, limit = share * module.k_lon, share * module.k_lat, c.mu_s * load
+                k_lon, k_lat = share * module.k_lon, share * module.k_lat
+                limit = module.mu_s * load
             f_lon, f_lat = k_lon * slip, -k_lat * eta
             square = f_lon * f_lon + f_lat * f_lat
             excess[4 * i + k] = square / (limit * limit) - 1.0 if limit > 0.0 else -1.0
             if slides[4 * i + k] or (c.law == SMOOTH and excess[4 * i + k] > bend):
-                scale = saturated(c, square, load, slides[4 * i + k])
+                scale = saturated(c, module, square, load, slides[4 * i + k])
                 f_lon *= scale
                 f_lat *= scale
             if shown is not None:
@@ -306,7 +311,7 @@ def evaluate(
         dy[moving + 2 + i] = right
     for i in range(n - 1):
         rate = y[moving + 2 + i] - y[moving + 3 + i]
-        stop, spring = stop_moment(c, y[2 + i] - y[3 + i], rate)
+        stop, spring = stop_moment(modules[i + 1], y[2 + i] - y[3 + i], rate)
         dy[moving + 2 + i] += stop
         dy[moving + 3 + i] -= stop
         lost += (spring - stop) * rate
@@ -447,7 +452,8 @@ def advance(
     for j in range(m):
         speed, torque = robot.spins[j].ratio * state[2 * n + 4 + j], 0.0
         if robot.spins[j].driven > 0.5 and commands[j, 1] > 0.5:
-            torque, _ = motor_torque(c, commands[j, 0], speed, state[2 * n + 4 + m + j])
+            sums = 2 * n + 4 + m
+            torque, _ = motor_torque(robot.spins[j], commands[j, 0], speed, state[sums + j])
         noise_speed, noise_torque = normal_pair(seed, t_ns * 32 + j)
         readings[j, 0] = speed + c.speed_noise * noise_speed
         readings[j, 1] = torque + c.torque_noise * noise_torque

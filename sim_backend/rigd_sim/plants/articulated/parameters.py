@@ -21,6 +21,7 @@ Length = Annotated[float, In("m"), Gt(0), Le(5)]
 Mass = Annotated[float, In("kg"), Gt(0), Le(500)]
 Inertia = Annotated[float, In("kg m^2"), Gt(0), Le(500)]
 Share = Annotated[float, In("1"), Ge(0), Lt(1)]
+Coefficient = Annotated[float, In("1"), Gt(0), Le(5)]
 
 
 class Wheels(ParameterGroup):
@@ -36,15 +37,15 @@ class Wheels(ParameterGroup):
     """Radius r_w."""
     pairing: Literal["geared", "single"]
     """Whether the two wheels of a side turn as one, or each by itself."""
-    driven: Literal["all", "front", "none"]
+    driven: Literal["all", "front", "rear", "none"]
     """Which wheels have a motor; a pair that is geared has one for both."""
 
     @model_validator(mode="after")
     def _a_pair_has_one_motor(self) -> Self:
-        if self.pairing == "geared" and self.driven == "front":
+        if self.pairing == "geared" and self.driven in ("front", "rear"):
             raise wrong_entry(
-                "driven: front needs pairing: single; the motor of a geared pair drives both "
-                "wheels",
+                f"driven: {self.driven} needs pairing: single; the motor of a geared pair drives "
+                "both wheels",
                 "driven",
             )
         return self
@@ -59,6 +60,10 @@ class Contact(ParameterGroup):
     """Coefficient k_lat, called stiffness in the paper."""
     rolling: Annotated[float, In("m"), Ge(0), Le(0.1)]
     """Rolling resistance k_roll: moment over normal force."""
+    static: Coefficient | None = None
+    """Static coefficient mu_s of these wheels; without it that of the robot's friction."""
+    kinetic: Coefficient | None = None
+    """Dynamic coefficient mu_d of these wheels; without it that of the robot's friction."""
 
 
 class Suspension(ParameterGroup):
@@ -74,6 +79,32 @@ class Suspension(ParameterGroup):
     """Inertia of the module about its longitudinal axis."""
     pitch_inertia: Inertia
     """Inertia of the module about its lateral axis."""
+
+
+class Hinge(ParameterGroup):
+    """The stop of a hinge: a moment that pushes back beyond an angle, and never pulls."""
+
+    stop: Annotated[float, In("rad"), Gt(0), Le(3.15)]
+    """Angle at which it begins."""
+    stiffness: Annotated[float, In("N m/rad"), Ge(0), Le(1e8)]
+    """Stiffness."""
+    damping: Annotated[float, In("s/rad"), Ge(0), Le(1e3)]
+    """Damping as a share of the stiff moment, per speed (Hunt and Crossley 1975)."""
+
+
+class Drive(ParameterGroup):
+    """The motor of a driven wheel or pair, with its speed control."""
+
+    gear_ratio: Annotated[float, In("1"), Gt(0), Le(1000)]
+    """Turns of the motor per turn of the wheel, n."""
+    rotor_inertia: Annotated[float, In("kg m^2"), Ge(0), Le(1)]
+    """Inertia J of the rotor, at the motor."""
+    proportional: Annotated[float, In("N m s/rad"), Gt(0), Le(100)]
+    """Proportional gain, at the motor."""
+    integral: Annotated[float, In("N m/rad"), Ge(0), Le(1000)]
+    """Integral gain, at the motor; the integral rests while the torque is limited."""
+    torque_limit: Annotated[float, In("N m"), Gt(0), Le(1000)]
+    """Largest torque of the motor."""
 
 
 class Module(ParameterGroup):
@@ -97,6 +128,10 @@ class Module(ParameterGroup):
     """The contact of the wheels."""
     suspension: Suspension
     """How it stands on its wheels."""
+    hinge: Hinge | None = None
+    """The stop of the hinge ahead; without it that of the robot. Not used of the first module."""
+    drive: Drive | None = None
+    """Its motors; without it those of the robot."""
 
     @property
     def mass(self) -> float:
@@ -113,9 +148,9 @@ class Module(ParameterGroup):
 class Friction(ParameterGroup):
     """Saturation of the contact forces, and what replaces the jumps of the laws."""
 
-    static: Annotated[float, In("1"), Gt(0), Le(5)]
+    static: Coefficient
     """Static coefficient mu_s."""
-    kinetic: Annotated[float, In("1"), Gt(0), Le(5)]
+    kinetic: Coefficient
     """Dynamic coefficient mu_d."""
     width: Annotated[float, In("1"), Gt(0), Lt(1)]
     """Half width of the blend of ``law: smooth``, as a share of mu_s f_n."""
@@ -127,32 +162,6 @@ class Friction(ParameterGroup):
         if self.kinetic > self.static:
             raise wrong_entry(f"kinetic {self.kinetic:g} exceeds static {self.static:g}", "kinetic")
         return self
-
-
-class Hinge(ParameterGroup):
-    """The stop of each hinge: a moment that pushes back beyond an angle, and never pulls."""
-
-    stop: Annotated[float, In("rad"), Gt(0), Le(3.15)]
-    """Angle at which it begins."""
-    stiffness: Annotated[float, In("N m/rad"), Ge(0), Le(1e8)]
-    """Stiffness."""
-    damping: Annotated[float, In("s/rad"), Ge(0), Le(1e3)]
-    """Damping as a share of the stiff moment, per speed (Hunt and Crossley 1975)."""
-
-
-class Drive(ParameterGroup):
-    """The motor of a driven wheel or pair, with its speed control; all alike."""
-
-    gear_ratio: Annotated[float, In("1"), Gt(0), Le(1000)]
-    """Turns of the motor per turn of the wheel, n."""
-    rotor_inertia: Annotated[float, In("kg m^2"), Ge(0), Le(1)]
-    """Inertia J of the rotor, at the motor."""
-    proportional: Annotated[float, In("N m s/rad"), Gt(0), Le(100)]
-    """Proportional gain, at the motor."""
-    integral: Annotated[float, In("N m/rad"), Ge(0), Le(1000)]
-    """Integral gain, at the motor; the integral rests while the torque is limited."""
-    torque_limit: Annotated[float, In("N m"), Gt(0), Le(1000)]
-    """Largest torque of the motor."""
 
 
 class Camera(ParameterGroup):
@@ -202,11 +211,11 @@ class ArticulatedParameters(ParameterGroup):
     modules: Annotated[dict[str, Module], Field(min_length=1, max_length=8)]
     """The modules by name, from the first to the last of the chain."""
     friction: Friction
-    """Saturation of the contacts."""
+    """Saturation of the contacts of modules that have no coefficients of their own."""
     hinge: Hinge
-    """The stops of the hinges."""
+    """The stops of hinges that have none of their own."""
     drive: Drive
-    """The motors."""
+    """The motors of modules that have none of their own."""
     camera: Camera
     """The tracker."""
     motor_sensors: MotorSensors
@@ -218,6 +227,20 @@ class ArticulatedParameters(ParameterGroup):
     def mass(self) -> float:
         """Mass of the robot in kg."""
         return sum(module.mass for module in self.modules.values())
+
+    def coefficients(self, module: Module) -> tuple[float, float]:
+        """Return mu_s and mu_d of the contacts of ``module``."""
+        own, friction = module.contact, self.friction
+        static = friction.static if own.static is None else own.static
+        return static, friction.kinetic if own.kinetic is None else own.kinetic
+
+    def hinge_ahead(self, module: Module) -> Hinge:
+        """Return the stop of the hinge ahead of ``module``."""
+        return module.hinge or self.hinge
+
+    def drive_of(self, module: Module) -> Drive:
+        """Return the motors of ``module``."""
+        return module.drive or self.drive
 
     def static_load(self, module: Module, *, equal: bool) -> float:
         """Return the normal force of each wheel of ``module`` at rest in N.
@@ -239,6 +262,20 @@ class ArticulatedParameters(ParameterGroup):
         contact = wheels.radius**2 * module.contact.longitudinal
         rolling = module.contact.rolling * load / self.friction.rest_speed
         return (contact + rolling) / wheels.spin_inertia
+
+    @model_validator(mode="after")
+    def _contacts_fall(self) -> Self:
+        for name, module in self.modules.items():
+            static, kinetic = self.coefficients(module)
+            if kinetic > static:
+                raise wrong_entry(
+                    f"kinetic {kinetic:g} of module {name} exceeds its static {static:g}",
+                    "modules",
+                    name,
+                    "contact",
+                    "static" if module.contact.kinetic is None else "kinetic",
+                )
+        return self
 
     @model_validator(mode="after")
     def _can_be_integrated(self) -> Self:
@@ -281,12 +318,18 @@ class ArticulatedParameters(ParameterGroup):
     @model_validator(mode="after")
     def _hinges_can_be_integrated(self) -> Self:
         lightest = min(module.inertia for module in self.modules.values())
-        rate = (2 * self.hinge.stiffness / lightest) ** 0.5
-        if rate > LARGEST_STEP_RATE / (STEP_NS * 1e-9):
-            raise wrong_entry(
-                f"the hinge stop swings the lightest module at {rate:.4g} 1/s, too fast for steps "
-                f"of {STEP_NS / 1e3:g} us; lower hinge.stiffness",
-                "hinge",
-                "stiffness",
-            )
+        places = {("hinge",): self.hinge} | {
+            ("modules", name, "hinge"): module.hinge
+            for name, module in self.modules.items()
+            if module.hinge is not None
+        }
+        for place, hinge in places.items():
+            rate = (2 * hinge.stiffness / lightest) ** 0.5
+            if rate > LARGEST_STEP_RATE / (STEP_NS * 1e-9):
+                raise wrong_entry(
+                    f"the hinge stop swings the lightest module at {rate:.4g} 1/s, too fast for "
+                    f"steps of {STEP_NS / 1e3:g} us; lower {'.'.join(place)}.stiffness",
+                    *place,
+                    "stiffness",
+                )
         return self

@@ -167,6 +167,10 @@ class ArticulatedPlant(Plant):
         place = self._robot.first_spin + 2 * len(self.commands) + spin
         return float(self._state[place] * self._robot.spins["ratio"][spin])
 
+    def torque_limit(self, spin: int) -> float:
+        """Return the largest torque in N m of the motor of a spin."""
+        return float(self._robot.spins["torque_limit"][spin])
+
     def truth(self, module: int) -> list[float]:
         """Return the hidden state of a module, in the order of ``layout.TRUTH``."""
         self._show(

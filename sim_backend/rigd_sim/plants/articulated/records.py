@@ -22,19 +22,15 @@ def _doubles(names: str) -> np.dtype[np.void]:
     return np.dtype([(name, np.float64) for name in names.split()])
 
 
-ROBOT: Final = _doubles(
-    "mass law loads gravity mu_s mu_d width rest "
-    "stop stop_stiffness stop_damping "
-    "kp ki torque_limit "
-    "speed_noise torque_noise"
-)
+ROBOT: Final = _doubles("mass law loads gravity width rest speed_noise torque_noise")
 MODULES: Final = _doubles(
-    # with wheels; of a body frame forward and left; `lag` is the rate of load transfer
-    "mass inertia b d r k_lon k_lat k_roll load height lever stiffness damping "
-    "roll_inertia pitch_inertia lag"
+    # with wheels; of a body frame forward and left; `lag` is the rate of load transfer; `stop` is
+    # of the hinge ahead
+    "mass inertia b d r k_lon k_lat k_roll mu_s mu_d load height lever stiffness damping "
+    "roll_inertia pitch_inertia lag stop stop_stiffness stop_damping"
 )
 #: What turns by itself: a geared pair, or a single wheel. ``inertia`` is at the wheel.
-SPINS: Final = _doubles("inertia ratio driven module")
+SPINS: Final = _doubles("inertia ratio driven module kp ki torque_limit")
 
 #: Scratch of a module in the kernel: cosine and sine of its heading, then world force and moment,
 #: then heading, cosine and sine that the next ones are computed from; then a row of the equations.
@@ -120,9 +116,10 @@ class Robot(NamedTuple):
         turning = np.diag(self.modules["inertia"])
         turning = turning + self.gram * np.cos(heading[:, None] - heading)
         spin = state[self.first_spin : self.first_spin + m]
-        beyond = np.maximum(0.0, np.abs(np.diff(heading)) - c["stop"])
+        stops = self.modules[1:]
+        beyond = np.maximum(0.0, np.abs(np.diff(heading)) - stops["stop"])
         twice = c["mass"] * np.sum(state[n + 2 : n + 4] ** 2) + rate @ turning @ rate
-        twice += self.spins["inertia"] @ spin**2 + c["stop_stiffness"] * np.sum(beyond**2)
+        twice += self.spins["inertia"] @ spin**2 + np.sum(stops["stop_stiffness"] * beyond**2)
         if c["loads"] == layout.LOADS.index("vertical"):
             twice += self._standing(state[-LEGS * n :].reshape(n, LEGS))
         return float(0.5 * twice)
@@ -179,29 +176,22 @@ def _row(dtype: np.dtype[np.void], values: dict[str, float]) -> NDArray[np.void]
 def _constants(
     parameters: ArticulatedParameters, law: str, loads: str, noise: bool
 ) -> dict[str, float]:
-    friction, hinge, drive = parameters.friction, parameters.hinge, parameters.drive
+    friction = parameters.friction
     return {
         "mass": parameters.mass,
         "law": float(layout.LAWS.index(law)),
         "loads": float(layout.LOADS.index(loads)),
         "gravity": parameters.gravity,
-        "mu_s": friction.static,
-        "mu_d": friction.kinetic,
         "width": friction.width,
         "rest": friction.rest_speed,
-        "stop": hinge.stop,
-        "stop_stiffness": hinge.stiffness,
-        "stop_damping": hinge.damping,
-        "kp": drive.proportional,
-        "ki": drive.integral,
-        "torque_limit": drive.torque_limit,
         "speed_noise": parameters.motor_sensors.speed_noise * noise,
         "torque_noise": parameters.motor_sensors.torque_noise * noise,
     }
 
 
 def _module(parameters: ArticulatedParameters, module: Module, loads: str) -> dict[str, float]:
-    legs, contact = module.suspension, module.contact
+    legs, contact, hinge = module.suspension, module.contact, parameters.hinge_ahead(module)
+    static, kinetic = parameters.coefficients(module)
     return {
         "mass": module.mass,
         "inertia": module.inertia,
@@ -211,6 +201,8 @@ def _module(parameters: ArticulatedParameters, module: Module, loads: str) -> di
         "k_lon": contact.longitudinal,
         "k_lat": contact.lateral,
         "k_roll": contact.rolling,
+        "mu_s": static,
+        "mu_d": kinetic,
         "load": parameters.static_load(module, equal=loads == "equal"),
         "height": legs.height,
         "lever": legs.height - module.wheels.radius,
@@ -219,6 +211,9 @@ def _module(parameters: ArticulatedParameters, module: Module, loads: str) -> di
         "roll_inertia": legs.roll_inertia,
         "pitch_inertia": legs.pitch_inertia,
         "lag": float(np.sqrt(4 * legs.stiffness / module.mass)),
+        "stop": hinge.stop,
+        "stop_stiffness": hinge.stiffness,
+        "stop_damping": hinge.damping,
     }
 
 
@@ -229,13 +224,14 @@ def _spins(
     spins: list[tuple[float, ...]],
 ) -> list[int]:
     """Append the spins of a module, and return the number of the spin of each of its wheels."""
-    wheels, drive = module.wheels, parameters.drive
+    wheels, drive = module.wheels, parameters.drive_of(module)
+    control = drive.proportional, drive.integral, drive.torque_limit
     first, pairs = len(spins), 2 if wheels.pairing == "geared" else 1
     for front in layout.AT_FRONT if pairs == 1 else layout.AT_FRONT[:2]:
-        driven = wheels.driven == "all" or (wheels.driven == "front" and front)
+        driven = wheels.driven in ("all", "front" if front else "rear")
         rotor = drive.gear_ratio**2 * drive.rotor_inertia if driven else 0.0
         inertia = pairs * wheels.spin_inertia + rotor
-        spins.append((inertia, drive.gear_ratio, float(driven), float(place)))
+        spins.append((inertia, drive.gear_ratio, float(driven), float(place), *control))
     return [first + (wheel % 2 if pairs == 2 else wheel) for wheel in range(4)]
 
 
