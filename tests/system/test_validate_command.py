@@ -97,7 +97,7 @@ def test_terminal_and_page_show_verdict_and_tables(lab: Path) -> None:
     done = rigd("validate", "pvc.json", "few-pvc.mcap", cwd=lab)
     assert done.code == 0, done.err
     page = (lab / "few-pvc-validation.html").read_text()
-    for words in ("confirmed", "Table II of the paper", "3.9593 kg, 0.6 A", "slip"):
+    for words in ("confirmed", "Table II of the paper", "mass 3.9593 kg, current 0.6 A", "slip"):
         assert words in done.out
         assert words in page
     assert done.out.startswith("Usable: pvc of pvc.json on pvc, confirmed by 4 trials.")

@@ -66,10 +66,10 @@ def pooled_rows(result: Validation) -> tuple[PooledRow, ...]:
     rows = []
     for group in result.groups:
         rows.append(_pooled_row(group.label, "all", group.trials))
-        for name in _splitting(group):
+        for name in differing(group.trials)[:-1]:
             for value in dict.fromkeys(trial.conditions[name] for trial in group.trials):
                 own = [trial for trial in group.trials if trial.conditions[name] == value]
-                rows.append(_pooled_row("", value, own))
+                rows.append(_pooled_row("", own[0].described([name]), own))
     return tuple(rows)
 
 
@@ -147,25 +147,12 @@ def _marked(item: Deviation) -> str:
 
 def _cell(group: GroupValidation, trial: ValidatedTrial) -> str:
     """Return what distinguishes ``trial`` in its group."""
-    names = [*_splitting(group), *_differing_last(group)]
-    return ", ".join(trial.conditions[name] for name in names) or trial.label
+    return trial.described(differing(group.trials))
 
 
-def _splitting(group: GroupValidation) -> list[str]:
-    """Return the conditions in which trials of a group differ, but the one that differs most."""
-    return _differing(group)[:-1]
-
-
-def _differing_last(group: GroupValidation) -> list[str]:
-    return _differing(group)[-1:]
-
-
-def _differing(group: GroupValidation) -> list[str]:
-    """Return the conditions in which the trials differ, the one with the most values last."""
-    values = {
-        name: {trial.conditions[name] for trial in group.trials}
-        for name in group.trials[0].conditions
-    }
+def differing(trials: Sequence[ValidatedTrial]) -> list[str]:
+    """Return the conditions in which ``trials`` differ, the one with the most values last."""
+    values = {name: {trial.conditions[name] for trial in trials} for name in trials[0].conditions}
     return sorted((name for name in values if len(values[name]) > 1), key=lambda n: len(values[n]))
 
 

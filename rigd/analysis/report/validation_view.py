@@ -13,6 +13,7 @@ from rigd.analysis.report.plots import agreement
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.report.validation_tables import (
     PooledRow,
+    differing,
     error,
     overview,
     pooled_columns,
@@ -109,18 +110,14 @@ def _group(anchor: str, group: GroupValidation, result: Validation) -> GroupView
 def _shown(group: GroupValidation, output: str) -> Sequence[ValidatedTrial]:
     """Return the trials to draw at length, those with the largest error over its limit.
 
-    One for each value of the first condition that differs; if only one condition differs, one.
+    One for each value of the condition with the fewest values; if only one condition differs, one.
     """
 
     def excess(trial: ValidatedTrial) -> float:
         item = trial.deviation(output)
         return item.rms / item.limit if item.limit else item.rms
 
-    splits = [
-        name
-        for name in group.trials[0].conditions
-        if len({trial.conditions[name] for trial in group.trials}) > 1
-    ]
+    splits = differing(group.trials)
     parts: dict[str, list[ValidatedTrial]] = {}
     for trial in group.trials:
         parts.setdefault(trial.conditions[splits[0]] if splits[1:] else "", []).append(trial)
@@ -132,9 +129,9 @@ def _trial(name: str, trial: ValidatedTrial, result: Validation) -> TrialDrawing
         f"{item.output} {error(item, item.rms)} {unit_of_errors(item)}" for item in trial.deviations
     )
     alt = (
-        f"{', '.join(trial.conditions.values())}: measured and modelled "
+        f"{trial.described()}: measured and modelled "
         f"{', '.join(trace.output for trace in trial.traces)} over time, and their differences; "
         f"RMS {errors}."
     )
     drawing = draw(agreement.one_trial(trial), name, alt, "Dashed: the most that is explained.")
-    return TrialDrawing(", ".join(trial.conditions.values()), f"RMS {errors}", drawing)
+    return TrialDrawing(trial.described(), f"RMS {errors}", drawing)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -73,6 +73,11 @@ class ValidatedTrial:
     def passes(self) -> bool:
         """Whether all its judged outputs are explained."""
         return all(item.passes for item in self.deviations)
+
+    def described(self, names: Iterable[str] | None = None) -> str:
+        """Return the names and values of its conditions, or of ``names``; without, its label."""
+        chosen = self.conditions if names is None else names
+        return ", ".join(f"{name} {self.conditions[name]}" for name in chosen) or self.label
 
     def deviation(self, output: str) -> Deviation:
         """Return the deviation of ``output``; raise KeyError if there is none."""

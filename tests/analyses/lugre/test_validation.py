@@ -223,6 +223,19 @@ def test_trial_that_does_not_move_is_left_out(bench: Bench) -> None:
     assert "moved" in found.reason
 
 
+def test_noise_of_coarse_counts_is_not_underestimated(bench: Bench) -> None:
+    """A median of differences of rounded values gave limits that are 1.9 times the error."""
+
+    def coarse(trial: LugreTrial) -> LugreTrial:
+        return replace(trial, carriage_position_m=1e-3 * np.round(1e3 * trial.carriage_position_m))
+
+    group = verdict(motions(bench, "stone", coarse), friction(bench("stone").truth))
+    for trial in group.trials:
+        slip = trial.deviation("slip")
+        assert slip.limit is not None
+        assert 2.2 * slip.rms < slip.limit < 4.0 * slip.rms
+
+
 def test_table_of_the_paper_has_72_cells() -> None:
     cells = [
         published_speed_rms(floor, mass, current)

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import savgol_filter
 
+from rigd.analysis.noise import noise_of_differences
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import Guards, window_samples
@@ -29,7 +30,6 @@ from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 SPEED, SLIP, FORCE = "speed", "slip", "force"
 UNITS: Final = {SPEED: "m/s", SLIP: "m/s", FORCE: "N"}
 LEAST_TRAVEL_M: Final = 0.05  #: a trial that moves less does not show sliding
-MAD_TO_SIGMA: Final = 1.4826
 FRICTION: Final = 6  #: parameters of friction, the first of the recursion
 COLUMN: Final = {name: k for k, name in enumerate(kernel.NAMES)}
 GAIN, ZERO, LATE = "drive_gain", "current_zero", "late_s"
@@ -259,7 +259,7 @@ def noise(simulated: Simulated, output: str) -> float:
     motion = simulated.motion
     error = simulated.error(output)
     steps = error[motion.window :] - error[: -motion.window]
-    fast = MAD_TO_SIGMA * float(np.median(np.abs(steps - np.median(steps)))) / np.sqrt(2.0)
+    fast = noise_of_differences(steps - float(np.median(steps)), 1)
     by_current = np.diff(simulated.by_q[output][:, COLUMN[ZERO]], prepend=0.0)
     drift = motion.current.noise_a**2 * float(np.mean(np.cumsum(by_current**2)))
     return float(np.sqrt(fast**2 + drift))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from rigd.analysis.report.palette import MUTED, series
 from rigd.analysis.report.plots.axes import Margins, grid, plain_log
 from rigd.analysis.report.plots.trial import draw_fit, draw_residual, small_multiples
 from rigd.analysis.report.rounding import FINER
-from rigd.analysis.report.validation_tables import unit_of_errors
+from rigd.analysis.report.validation_tables import differing, unit_of_errors
 from rigd.analysis.result import FloatArray, TrialFit
 from rigd.analysis.validation.result import (
     Deviation,
@@ -42,7 +43,9 @@ def one_trial(trial: ValidatedTrial) -> Figure:
 
 def all_trials(trials: Sequence[ValidatedTrial], output: str) -> Figure:
     """Return measured and modelled values of one output, a small plot for each trial."""
-    return small_multiples([as_fit(trial, _trace(trial, output)) for trial in trials], FITTED)
+    names = differing(trials)
+    fits = [replace(as_fit(t, _trace(t, output)), label=t.described(names)) for t in trials]
+    return small_multiples(fits, FITTED)
 
 
 def errors(groups: Sequence[GroupValidation], outputs: Sequence[str], published: str) -> Figure:
@@ -89,7 +92,7 @@ def _shown(found: Sequence[Deviation], name: str) -> FloatArray:
 def as_fit(trial: ValidatedTrial, trace: OutputTrace) -> TrialFit:
     """Return one output of a trial as the figures of fits take it."""
     return TrialFit(
-        label=", ".join(trial.conditions.values()),
+        label=trial.described(),
         condition="",
         output=trace.output,
         unit=trace.unit,
