@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from blind.judge import GOOD, LATERAL, LUGRE, Row, Study, all_worlds, named, run, verdict, worst
 from blind.kind import Kind
+from blind.sizes import WITHIN, off
 
 World = tuple[str, int, int]  #: kind, size, seed
 
@@ -64,6 +65,8 @@ def study(chosen: argparse.Namespace, of: Study) -> None:
         play(chosen, of)
     rows = [json.loads(line) for line in chosen.keep.read_text("utf-8").splitlines()]
     print(summary(rows, of.kinds()))
+    if of is LUGRE:
+        print(named_sizes(rows))
 
 
 def play(chosen: argparse.Namespace, of: Study) -> None:
@@ -142,6 +145,19 @@ def summary(rows: list[Row], known: dict[str, Kind[Any]]) -> str:
     cpu = [row["cpu"] for row in rows]
     lines.append(f"median {np.median(cpu):.1f} s of CPU, at most {max(cpu):.0f} s")
     lines += [line_of(row, known) for row in rows if verdict(row, known).split(",")[0].isupper()]
+    return "\n".join(lines)
+
+
+def named_sizes(rows: list[Row]) -> str:
+    """Return how many sizes of right names hold the truth, and each that does not."""
+    found = [(row, *item) for row in rows if row["kind"] != "right" for item in off(row)]
+    held = sum(abs(sds) <= WITHIN for *_, sds in found)
+    lines = [f"named sizes: {held} of {len(found)} within {WITHIN:g} standard errors"]
+    lines += [
+        f"  {row['kind']} ({row['size']}, {row['seed']}): {name}, {sds:+.1f} standard errors"
+        for row, name, sds in found
+        if abs(sds) > WITHIN
+    ]
     return "\n".join(lines)
 
 

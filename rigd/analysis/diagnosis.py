@@ -19,7 +19,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from rigd.analysis.extended import FAR, Extended, own_parameters
-from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.left_out import jackknife_sd, without_each_trial
+from rigd.analysis.model import FitParameter, Scaling, scaled_bounds, to_natural
 from rigd.analysis.output_error import OutputErrorFit, estimate
 from rigd.analysis.result import Explanation, FloatArray, Meaning
 from rigd.analysis.score import Columns, Score, Scores, holm
@@ -141,6 +142,7 @@ def diagnose(
     as_good: dict[str, list[Tested]] = {}
     vanished: set[str] = set()
     unfitted: set[str] = set()
+    before: list[tuple[OutputErrorFit, list[Tested]]] = []
     while True:
         scores = Scores(found, block)
         tests = [
@@ -158,7 +160,7 @@ def diagnose(
         hopeless = max(state.levels) > HOPELESS
         if not wrong or best is None or most or done or hopeless:
             break
-        before, ends, rivals = _mean_square(found), [], _rivals(new, best)
+        ends, rivals = [], _rivals(new, best)
         for first in rivals:
             last = _refined(scores, first)
             try:
@@ -171,16 +173,24 @@ def diagnose(
             unfitted |= {item.name for item in rivals}
             continue
         end = _preferred(ends)
-        if not end.gone and _mean_square(end.fit) > max(NEAR, LITTLE * before):
+        if not end.gone and _mean_square(end.fit) > max(NEAR, LITTLE * _mean_square(found)):
             unfitted |= {item.name for item in rivals}
             continue
+        before.append((found, chosen))
         found, chosen = end.fit, end.chosen
         vanished |= {item.name for item in end.gone if item is not end.last}
         vanished |= {other.first.name for other in ends if other.last in other.gone}
         near = _as_good(new, end.first)
         as_good[end.last.name] = [item for item in near if item.name not in vanished]
+    unseen = _unseen(new, left)
+    moved = _Moved(
+        before,
+        [*(item.score.shift for item in left), *unseen],
+        list(without_each_trial(found)) if chosen else [],
+    )
     explained = tuple(
-        _explanation(system, found, chosen, item, _names(as_good[item.name])) for item in chosen
+        _explanation(system, found, chosen, item, moved, _names(as_good[item.name]))
+        for item in chosen
     )
     own = len(system.shared)
     doubts = [
@@ -188,7 +198,7 @@ def diagnose(
         for item in chosen
         for other in as_good[item.name]
     ]
-    doubts += [shift[:own] for shift in _unseen(new, left)]
+    doubts += [shift[:own] for shift in unseen]
     return Diagnosis(
         found,
         explained,
@@ -493,37 +503,73 @@ def _places(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> sl
     return slice(begin, begin + counts[place])
 
 
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """How far another set of explanations, or fewer trials, move the last fit.
+
+    ``before`` are the fits with fewer explanations, each with these. ``by_more`` (k, p) are the
+    steps of the scaled parameters with one more, ``without`` (trials, p) those without each trial.
+    """
+
+    before: Sequence[tuple[OutputErrorFit, Sequence[Tested]]]
+    by_more: Sequence[FloatArray]
+    without: Sequence[FloatArray]
+
+    def sd(self, found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> float:
+        """Return the standard deviation of the size of ``item`` that they make."""
+        size = _size(found, chosen, item)
+        more = [_size(found, chosen, item, step) - size for step in self.by_more]
+        fewer = [_size(*end, item) - size for end in self.before if item in end[1]]
+        trials = [_size(found, chosen, item, step) - size for step in self.without]
+        return math.hypot(
+            max(map(abs, [*more, *fewer]), default=0.0), jackknife_sd(np.array(trials))
+        )
+
+
 def _explanation(
-    system: System, found: OutputErrorFit, chosen: Sequence[Tested], item: Tested,
+    system: System, found: OutputErrorFit, chosen: Sequence[Tested], item: Tested, moved: _Moved,
     others: tuple[str, ...],
 ) -> Explanation:  # fmt: skip
     """Return ``item``, one of ``chosen``, as the fit with all of these has it.
 
-    ``system`` is the rig's own: of its constants none is left to the data.
+    ``system`` is the rig's own: of its constants none is left to the data. The standard error of
+    its size is at least what ``moved`` makes of it.
     """
-    theta, sds = found.fit.theta, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    sds = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    size, by_moved = _size(found, chosen, item), moved.sd(found, chosen, item)
     if item.candidate is None:
         unknown = system.shared[item.place]
         parameter = unknown.parameter
-        value = float(theta[item.place])
-        pull = unknown.pull(value)
+        pull = unknown.pull(size)
         if found.on_bound[item.place]:  # the data ask for more
             pull = math.copysign(max(abs(pull), abs(float(item.score.size[0]) / unknown.u)), pull)
+        sd = max(float(sds[item.place]) * parameter.slope(size), by_moved)
         return Explanation(
-            item.name, item.unit, value, float(sds[item.place]) * parameter.slope(value),
-            item.score.gain, "", parameter.start, pull, others,
+            item.name, item.unit, size, sd, item.score.gain, "", parameter.start, pull, others,
         )  # fmt: skip
-    here = _places(found, chosen, item)
-    size = (
-        float(theta[here][0])
-        if item.score.size.size == 1
-        else _amplitude(theta[here], item.candidate.harmonics)
-    )
-    sd = float(np.sqrt(np.mean(sds[here] ** 2)))
+    sd = max(float(np.sqrt(np.mean(sds[_places(found, chosen, item)] ** 2))), by_moved)
     return Explanation(
         item.name, item.unit, size, sd, item.score.gain, item.candidate.look, others=others,
         meaning=item.candidate.meaning,
     )  # fmt: skip
+
+
+def _size(
+    found: OutputErrorFit, chosen: Sequence[Tested], item: Tested, step: FloatArray | None = None
+) -> float:
+    """Return the size of ``item``, one of ``chosen``, a scaled ``step`` (p,) farther on.
+
+    Of a wave it is the amplitude.
+    """
+    constant = item.candidate is None
+    here = slice(item.place, item.place + 1) if constant else _places(found, chosen, item)
+    parameters, scaled = found.model.parameters[here], found.fit.scaled[here]
+    if step is not None:
+        scaled = np.clip(scaled + step[here], *scaled_bounds(parameters))
+    sizes = to_natural(parameters, scaled)
+    if sizes.size == 1:
+        return float(sizes[0])
+    return _amplitude(sizes, 0 if item.candidate is None else item.candidate.harmonics)
 
 
 def _amplitude(sizes: FloatArray, harmonics: int) -> float:

@@ -40,10 +40,13 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
     decisive = [] if unexplained else [*contradicted, *laws][:1]
     first = sorted(explained, key=lambda item: item not in decisive)  # what the outcome rests on
     sentences = [sentence(item) for item in first]
+    lead = ""
+    if decisive and explained[0] is not decisive[0]:  # the largest is looked at first
+        lead = f"Most of the misfit is {sentence(explained[0])} Beside that: "
     left = _left(diagnosis, labels, period_s)
     findings = tuple([*unexplained[:1], *sentences, *left, *unexplained[1:]][:MOST])
     if contradicted and not unexplained:
-        text = f"The model does not fit these data as the rig is stated: {sentences[0]}"
+        text = f"{lead}The model does not fit these data as the rig is stated: {sentences[0]}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if unexplained:
         text = f"The model does not fit these data: {unexplained[0]}"
@@ -54,7 +57,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
             text += f" Nothing that rigd knows explains most of it. {shape}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if laws:
-        text = f"{REFUSED[laws[0].meaning]} {sentences[0]}"
+        text = f"{lead}{REFUSED[laws[0].meaning]} {sentences[0]}"
         return Gate(FitOutcome.MISFIT, text, findings, explained)
     if explained:
         text = f"The model fits these data with {sentences[0]}"

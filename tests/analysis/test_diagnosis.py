@@ -97,6 +97,7 @@ def test_findings_begin_with_what_decides_the_outcome(decisive: Explanation) -> 
     diagnosis = replace(diagnosed((1, 1)), explanations=(wave, decisive))
     gate = judge_fit(diagnosis, ["a", "b", "c"], 1e-3)
     assert gate.outcome is FitOutcome.MISFIT
+    assert gate.sentence.startswith(f"Most of the misfit is {sentence(wave)} Beside that: ")
     assert gate.sentence.endswith(sentence(decisive))
     assert gate.findings[:2] == (sentence(decisive), sentence(wave))
 
@@ -229,3 +230,26 @@ def test_amplitude_is_that_of_the_largest_harmonic() -> None:
     waves = np.concatenate([np.cos(turned), np.sin(turned)], axis=1)
     (wave,) = with_wave([shaped("a runout", waves, harmonics=2)]).explanations
     assert wave.size == pytest.approx(0.4, abs=0.05)
+
+
+def test_size_that_differs_between_trials_is_uncertain() -> None:
+    lines = Lines(((0, 6.0), (0, 5.0), (0, 4.0)), (0.7,))
+    waves = zip(lines.measured, (0.3, 0.4, 0.5), strict=True)
+    lines = replace(lines, measured=tuple(y + size * WAVE[:, None] for y, size in waves))
+    suspect = shaped("a wave", WAVE)
+    (wave,) = diagnose(fitted(lines), lambda _: [suspect], [np.zeros(3)], BLOCK, 1e-3).explanations
+    assert wave.size == pytest.approx(0.4, abs=0.05)
+    assert wave.sd > 0.05  # of the mean of three that differ by 0.1
+
+
+def test_size_holds_what_other_explanations_make_of_it() -> None:
+    companion = np.roll(WAVE, 5)
+    lines = Lines(((0, 6.0), (0, 5.0), (0, 4.0)), (0.7,))
+    both = 0.4 * WAVE + 0.3 * companion
+    lines = replace(lines, measured=tuple(y + both[:, None] for y in lines.measured))
+    suspects = [shaped("a wave", WAVE), shaped("a companion", companion)]
+    found = diagnose(fitted(lines), lambda _: suspects, [np.zeros(3)], BLOCK, 1e-3).explanations
+    alone = diagnose(fitted(lines), lambda _: suspects[:1], [np.zeros(3)], BLOCK, 1e-3)
+    wave = next(item for item in found if item.name == "a wave")
+    assert len(found) == 2
+    assert abs(alone.explanations[0].size - wave.size) < 2.0 * wave.sd
