@@ -12,17 +12,18 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shlex import quote
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from rigd.analysis.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
 from rigd.config.document import parse_document
 from rigd.model.channels import STALE, STATUS_FIELD, Stream
-from rigd.model.constants import Uncertainty
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
@@ -49,6 +50,9 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+
+#: What of a recorded plan is text; all else is JSON.
+_TEXTS: Final = ("model", "reference_label")
 
 
 class Unusable(DataError):
@@ -303,24 +307,42 @@ def _instead(recording: Recording) -> str:
     )
 
 
-def _recorded_plan(recording: Recording) -> IdentifyPlan | None:
-    """Return the plan that the recording states, None if it identifies nothing."""
-    plan = recording.metadata.get("identify")
-    if plan is None:
-        return None
-    return IdentifyPlan(
-        model=plan["model"],
-        signals=json.loads(plan["signals"]),
-        constants=json.loads(plan["constants"]),
-        group_by=tuple(json.loads(plan["group_by"])),
-        reference=json.loads(plan.get("reference", "{}")),
-        reference_label=plan.get("reference_label", ""),
-        uncertainties={
-            name: Uncertainty(**u)
-            for name, u in json.loads(plan.get("uncertainties", "{}")).items()
-        },
-        units=json.loads(plan.get("units", "{}")),
-    )
+def _plan_of(recording: Recording, otherwise: IdentifyPlan | None) -> IdentifyPlan | None:
+    """Return the plan that the recording states, ``otherwise`` if it states none.
+
+    Raises:
+        DataError: it states one that cannot be read, as another program may, and there is no other.
+    """
+    stated = recording.metadata.get("identify")
+    if stated is None:
+        return otherwise
+    try:
+        known = [item.name for item in fields(IdentifyPlan) if item.name in stated]
+        read = {name: _stated(name, stated[name]) for name in known}
+        return TypeAdapter(IdentifyPlan).validate_python({"signals": {}, "constants": {}, **read})
+    except ValueError as error:
+        if otherwise is not None:
+            return otherwise
+        first = error.errors()[0] if isinstance(error, ValidationError) else None
+        why = str(error) if first is None else f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise DataError(
+            f"{recording.path}: its metadata `identify` state no plan ({why})",
+            hint=_instead(recording),
+        ) from error
+
+
+def _stated(name: str, text: str) -> object:
+    """Return what a recording states of its plan under ``name``.
+
+    Raises:
+        ValueError: it is no JSON.
+    """
+    if name in _TEXTS:
+        return text
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{name} is no JSON: {error}") from error
 
 
 def open_sweep(path: Path, otherwise: IdentifyPlan | None = None) -> RecordedSweep:
@@ -331,11 +353,11 @@ def open_sweep(path: Path, otherwise: IdentifyPlan | None = None) -> RecordedSwe
 
     Raises:
         RecordingError: the file cannot be read; the message contains what to do.
-        DataError: it is no recording of a procedure that identifies anything, or no trial of it
-            began.
+        DataError: it is no recording of a procedure that identifies anything, what it states of
+            that cannot be read, or no trial of it began.
     """
     recording = Recording.open(path, partial=True)
-    plan = _recorded_plan(recording) or otherwise
+    plan = _plan_of(recording, otherwise)
     if plan is None:
         raise DataError(
             f"{path} does not state what to identify" + _damaged(recording),

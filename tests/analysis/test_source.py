@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +15,8 @@ from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import row_dtype
-from rigd.record import RecordingWriter
+from rigd.procedure.program import IdentifyPlan
+from rigd.record import RecordingWriter, add_metadata
 
 START_NS = 1_790_000_000_000_000_000
 TRUTH = Stream("truth", (Channel("speed", "m/s"),))
@@ -46,6 +47,7 @@ def make(tmp_path: Path) -> Make:
         first: str = "angle",
         *,
         held: bool = False,
+        lacks: Sequence[str] = (),
         **said: dict[str, object],
     ) -> RecordedSweep:
         signals = {"angle": "encoder.angle", "acceleration": "card.acceleration"}
@@ -54,6 +56,8 @@ def make(tmp_path: Path) -> Make:
             "model": "lugre", "signals": json.dumps(ordered), "constants": "{}", "group_by": "[]",
             **{name: json.dumps(value) for name, value in said.items()},
         }  # fmt: skip
+        for name in lacks:
+            del plan[name]
         path = tmp_path / "run.mcap"
         with RecordingWriter.create(
             path, streams=[ENCODER, CARD, TRUTH], metadata={"identify": plan}, attachments=(),
@@ -239,3 +243,38 @@ def test_trial_that_was_held_is_not_analysed(make: Make) -> None:
     at_s, step = np.asarray(table["trial_time"]), np.asarray(table["step"])
     assert (step[(at_s > 0.2) & (at_s < 0.35)] == "").all()
     assert (step[(at_s < 0.19) | (at_s > 0.36)] == "go").all()
+
+
+def test_recorded_plan_needs_its_model_alone(make: Make) -> None:
+    lacks = ("signals", "constants", "group_by")
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000), lacks=lacks)
+    assert sweep.plan == IdentifyPlan("lugre", {}, {})
+    with pytest.raises(DataError, match="names no signals"):
+        sweep.signals(sweep.trials[0])
+
+
+def test_recorded_plan_without_model_is_refused(make: Make) -> None:
+    with pytest.raises(DataError, match=r"`identify` state no plan \(model: ") as refused:
+        make(rows_of(ENCODER, 1000), rows_of(CARD, 1000), lacks=["model"])
+    assert "--plan PROCEDURE" in (refused.value.hint or "")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("signals", "null"),
+        ("constants", "[0.5]"),
+        ("constants", '{"mass": {}}'),
+        ("group_by", "surface"),
+        ("group_by", "[[]]"),
+        ("uncertainties", '{"mass": {"u": 0.1}}'),
+        ("units", "[" * 9999),
+    ],
+)
+def test_recorded_plan_of_others_may_be_replaced(make: Make, name: str, value: str) -> None:
+    path = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000)).path
+    add_metadata(path, {"identify": {name: value, "of another program": "{"}})
+    with pytest.raises(DataError, match=f"run.mcap: its metadata `identify` .*{name}"):
+        open_sweep(path)
+    other = IdentifyPlan("lugre", {"angle": "encoder.angle"}, {})
+    assert open_sweep(path, other).plan == other

@@ -12,7 +12,7 @@ import pytest
 import scipy.io
 
 from rigd.model import Channel, RecordingError, Stream
-from rigd.record import Recording, RecordingWriter
+from rigd.record import Recording, RecordingWriter, add_metadata
 from rigd.record.export import export
 from rigd.record.joined import TimeBase
 
@@ -72,6 +72,18 @@ def test_hdf5_keeps_streams_named_like_its_own(record: Record, tmp_path: Path) -
         assert file["cam/rigd_step_names"].asstr()[:].tolist() == ["", "pull"]
         assert file["rigd_metadata/run"].attrs["procedure"] == "sweep"
         assert np.asarray(file["rigd_attachments/rig.yaml"]).tobytes() == b"name: bench\n"
+
+
+def test_hdf5_keeps_metadata_of_any_name(record: Record, tmp_path: Path) -> None:
+    path = record({"cam": ["x"]}).path
+    names = {"": "unnamed", "/": "rigd_unnamed", "a/b": "a/b", "a//./c": "a/c", "run/": "rigd_run"}
+    add_metadata(path, {name: {"": "odd", "k\0": "v\0" * 9, "long": "x" * 10**5} for name in names})
+    (path,) = export(Recording.open(path), tmp_path / "run.h5", "hdf5")
+    with h5py.File(path) as file:
+        assert file["metadata/run"].attrs["procedure"] == "sweep"
+        for at in names.values():
+            found = dict(file[f"metadata/{at}"].attrs)
+            assert found == {"unnamed": "odd", "k": "v" * 9, "long": "x" * 10**5}
 
 
 def test_hdf5_refuses_channel_named_like_a_stream(record: Record, tmp_path: Path) -> None:

@@ -213,12 +213,15 @@ def _unused(sweeps: Sequence[RecordedSweep], inertia_u: float) -> list[str]:
 def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:
     """Return a warning for each recording whose run did not come to its end."""
     names = file_names(str(sweep.path) for sweep in sweeps)
-    return [
-        f"{names[str(sweep.path)]}: the run did not come to its end ({sweep.info.state}"
-        f"{f': {sweep.info.reason}' if sweep.info.reason else ''}); "
-        f"{sweep.info.trials_done} of {sweep.info.metadata['run'].get('trials', '?')} trials are "
-        "complete. "
-        f"`rigd run --resume {quote(names[str(sweep.path)])}` plays the others."
-        for sweep in sweeps
-        if sweep.info.state != COMPLETE
-    ]
+    found = []
+    for sweep in sweeps:
+        info, name = sweep.info, names[str(sweep.path)]
+        if info.state != COMPLETE:
+            why = f": {info.reason}" if info.reason else ""
+            planned = info.metadata.get("run", {}).get("trials", "?")
+            found.append(
+                f"{name}: the run did not come to its end ({info.state}{why}); {info.trials_done} "
+                f"of {planned} trials are complete. `rigd run --resume {quote(name)}` plays the "
+                "others."
+            )
+    return found

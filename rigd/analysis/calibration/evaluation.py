@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, datetime
+from datetime import date
 from pathlib import Path
 from shlex import quote
 
@@ -18,7 +18,7 @@ from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined, listed
 from rigd.analysis.report.rounding import number, places_for
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
-from rigd.record.moment import is_virtual
+from rigd.record.moment import is_virtual, recorded_at
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,6 @@ class CalibrationEvaluation(Evaluation):
 def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
     """Return ``result``, found in the recording of ``steps``, with its origin."""
     sweep = steps.sweep
-    run = sweep.info.metadata["run"]
     return CalibrationEvaluation(
         title=f"{result.title} of {sweep.info.rig}",
         result=result,
@@ -135,7 +134,7 @@ def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
         instruments=steps.instruments(),
         made=None
         if is_virtual(sweep.info)  # its dates are not the operator's
-        else datetime.fromisoformat(run["started"]).date(),
+        else recorded_at(sweep.info).at.date(),
         provenance=provenance([sweep], [len(sweep.trials)], {"method": sweep.plan.model}),
     )
 

@@ -16,6 +16,8 @@ from rigd.record.export.part import Origin, Part, step_column, step_numbers, unu
 
 #: Rows of a compressed block of a dataset: 128 kB of float64.
 _CHUNK_ROWS: Final = 16_384
+#: Has the place of an empty name.
+_UNNAMED: Final = "unnamed"
 _TEXT: Final = h5py.string_dtype("utf-8")
 
 
@@ -81,9 +83,10 @@ def _write_all(file: Any, parts: Sequence[Part], origin: Origin, target: _Spared
     file.attrs["start_ns"] = np.int64(origin.start_ns)
     taken = {part.name.partition("/")[0] for part in parts}
     metadata, attachments = unused("metadata", taken), unused("attachments", taken)
+    records = file.create_group(metadata)
     for name, values in origin.metadata.items():
-        group = file.create_group(f"{metadata}/{name}")
-        group.attrs.update({key: _text(value) for key, value in values.items()})
+        group = records.create_group(unused(_path(name), records))
+        group.attrs.update({_text(key) or _UNNAMED: _text(value) for key, value in values.items()})
     names = file_names(attachment.name for attachment in origin.attachments)
     for attachment in origin.attachments:
         group = file.require_group(attachments)
@@ -121,7 +124,7 @@ def _check_names(parts: Sequence[Part]) -> None:
 
 
 def _define(group: Any, part: Part, step: str, origin: Origin) -> None:
-    group.attrs["description"], group.attrs["source"] = part.doc, part.source
+    group.attrs["description"], group.attrs["source"] = _text(part.doc), _text(part.source)
     if step:
         names = ["", *origin.step_names]
         group.create_dataset(unused("step_names", part.head.columns), data=names, dtype=_TEXT)
@@ -131,8 +134,14 @@ def _define(group: Any, part: Part, step: str, origin: Origin) -> None:
             name, (0,), np.int32 if name == step else kind, maxshape=(None,),
             chunks=(_CHUNK_ROWS,), compression="gzip", compression_opts=1, shuffle=True,
         )  # fmt: skip
-        dataset.attrs["unit"] = part.head.units.get(name, "")
-        dataset.attrs["description"] = part.head.docs.get(name, "")
+        dataset.attrs["unit"] = _text(part.head.units.get(name, ""))
+        dataset.attrs["description"] = _text(part.head.docs.get(name, ""))
+
+
+def _path(name: str) -> str:
+    """Return a name of another program as HDF5 can hold it: no part of its path is empty."""
+    parts = _text(name).split("/")
+    return "/".join(part for part in parts if part not in ("", ".")) or _UNNAMED
 
 
 def _text(item: object) -> str:
