@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import cmath
 import math
+import os
+from dataclasses import replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +67,18 @@ def test_gains_are_those_of_the_exact_response(tmp_path: Path) -> None:
     assert period == pytest.approx(4 * (DEAD * H + 0.05 / (0.5 * GAIN)), rel=0.1)
     assert found.measured["kp"].value == pytest.approx(ultimate / 3.2)
     assert found.measured["ki"].value == pytest.approx(ultimate / 3.2 / (2.2 * period))
+
+
+def test_calibration_of_others_has_date_of_file(tmp_path: Path) -> None:
+    signals = swing()
+    trial = SimulatedTrial(np.asarray(H * np.arange(len(signals["measured"]))), signals)
+    path = write_case(tmp_path / "run.mcap", RelayAnalysis, Case([trial], constants={}, truth={}))
+    os.utime(path, (1e9, 1e9))
+    sweep = open_sweep(path)
+    sweep = replace(sweep, info=replace(sweep.info, mode="", started="", metadata={}))
+    found = RelayAnalysis().evaluate([sweep], Options(), lambda line: None)
+    assert isinstance(found, CalibrationEvaluation)
+    assert found.made == date(2001, 9, 9)
 
 
 @pytest.mark.parametrize("seed", range(4))

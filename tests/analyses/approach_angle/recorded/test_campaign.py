@@ -23,6 +23,7 @@ from rigd.analysis.evaluation import evaluate
 from rigd.analysis.source import open_sweep
 from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.model.errors import ConfigError, DataError
+from rigd_analyses.approach_angle.analysis import ApproachAngleAnalysis
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 from rigd_analyses.approach_angle.trial_check import check_trial
 
@@ -195,6 +196,16 @@ def test_recordings_of_a_campaign_are_evaluated_together(
         assert item.paper == other.paper
     assert "first.mcap: the run did not come to its end (stopped" in found.result.warnings[0]
     assert "10 of 200 trials" in found.result.warnings[0]
+
+
+def test_stopped_run_of_others_states_no_number(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    sweep = open_sweep(record(campaign[:2], state="stopped"))
+    sweep = replace(sweep, info=replace(sweep.info, metadata={}))
+    found = ApproachAngleAnalysis().evaluate([sweep], Options(), lambda line: None)
+    assert isinstance(found, CampaignEvaluation)
+    assert "2 of ? trials are complete" in found.result.warnings[0]
 
 
 def test_interrupted_run_is_evaluated_and_reported(
