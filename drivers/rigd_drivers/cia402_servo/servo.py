@@ -71,7 +71,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         self._armed = False
         self._enabled = False
         self._armed_ns = 0
-        self._sound = False  #: was seen without a fault since it was armed
+        self._off = False  #: was seen off, and without a fault, since it was armed
         self._node: Node | None = None
         self._set_up = False
 
@@ -170,7 +170,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
         """Begin to enable the drive at zero target, resetting a fault that our silence made."""
         self._homing.end()
         self._enabling = cia402.Enabling()
-        self._enabled = self._sound = False
+        self._enabled = self._off = False
         self._armed = True
         self._armed_ns = time.monotonic_ns()
 
@@ -492,14 +492,16 @@ class Servo(Driver[ServoConfigT, CanBus]):
                 )
         elif self._armed:
             in_fault = state in (DriveState.FAULT, DriveState.FAULT_REACTION)
-            if in_fault and self._sound:
+            if in_fault and self._off:
                 raise DeviceError(
                     f"{self._node} went to {state.value} while it was being enabled "
                     f"(statusword 0x{word:04X})",
                     hint="look at its error history (object 1003)",
                 )
-            self._sound = self._sound or not in_fault
-            self._enabled = state is DriveState.ENABLED and self._follows(word)
+            if state is not DriveState.ENABLED:
+                self._off = self._off or not in_fault
+            elif self._off:  # else it answers a SYNC from before it was made safe
+                self._enabled = self._follows(word)
             self._check_arming()
 
     def _follows(self, word: int) -> bool:

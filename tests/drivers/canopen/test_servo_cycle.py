@@ -295,6 +295,19 @@ def test_fault_while_enabled_is_not_reset(connect: Connect) -> None:
         driver.read(0)
 
 
+def test_state_before_make_safe_is_not_ready(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    driver.make_safe()
+    driver.arm()  # in the same cycle
+    for status in (ENABLED, OFF, 0x0231, 0x0233):  # the first is from before
+        feedback(port, status)
+        cycle(driver, port, 1.0)
+        assert not driver.ready()
+    feedback(port, ENABLED)
+    cycle(driver, port, 1.0)
+    assert driver.ready()
+
+
 def test_emergency_of_drive_itself_counts_before_arming_too(connect: Connect) -> None:
     bus, port = connect(servo())
     driver = wheel(bus)
