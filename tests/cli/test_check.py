@@ -32,6 +32,7 @@ DEVICES = {
     },
     "angle-1": {"daq", "relay", "scale"},
     "articulated-1": {"front_marker", "left_motor", "rear_marker", "right_motor"},
+    "articulated-3": {"first_left", "first_right", "last_left", "last_right"},
     "tribometer-1": {"contact", "spindle"},
 }  # fmt: skip
 

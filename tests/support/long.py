@@ -125,6 +125,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_the_same_seed_gives_the_same_bytes",
         ),
         "system/test_articulated.py": (
+            "test_chain_with_driven_ends_stays_stretched",
             "test_circles_have_the_radius_of_the_paper",
             "test_dry_run_and_report_know_the_robot",
         ),

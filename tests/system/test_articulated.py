@@ -105,3 +105,28 @@ def test_circles_have_the_radius_of_the_paper(tmp_path: Path) -> None:
         assert turned > 0.0 if number < 3 else turned < 0.0
     fast = recording.trial(5)["truth_front"]
     assert fast["rear_left_sliding"][-200:].any() or fast["front_right_sliding"][-200:].any()
+
+
+def test_chain_with_driven_ends_stays_stretched(tmp_path: Path) -> None:
+    """Its last module pulls back; the hinges join what the parameter file says they join."""
+    speeds = {"right": 220, "left": 150, "rear_right": 200, "rear_left": 135}
+    options = [f"--set={name}={value} rad/s" for name, value in speeds.items()]
+    options += ["--set=ramp_time=0.3 s", "--set=duration=5 s"]
+    chain = ("chain_manoeuvres", "--rig", "articulated-3", *options)
+    done = rigd("run", *chain, "--output", "run.mcap", cwd=tmp_path)
+    assert done.code == 0, done.err + done.out
+    trial = library.open(tmp_path / "run.mcap").trial(1)
+    first, middle, last = (trial[f"truth_{name}"] for name in ("first", "middle", "last"))
+    for ahead, behind, lengths in ((first, middle, (0.2, 0.18)), (middle, last, (0.18, 0.2))):
+        for axis, ratio in (("x", np.cos), ("y", np.sin)):
+            hinge = ahead[axis] - lengths[0] * ratio(ahead["heading"])
+            other = behind[axis] + lengths[1] * ratio(behind["heading"])
+            assert hinge == pytest.approx(other, abs=1e-12)
+        assert np.radians(5.0) < np.max(np.abs(behind["hinge_angle"])) < np.radians(60.0)
+    slid = [data["front_right_sliding"].any() for data in (first, middle, last)]
+    assert slid == [False, True, False]
+    for name in ("first", "middle", "last"):
+        assert len(trial[f"marker_{name}"]["x"]) > 0.9 * 25.0 * np.ptp(first["time"])
+    dry = rigd("run", *chain, "--dry-run", cwd=tmp_path)
+    assert dry.code == 0, dry.err + dry.out
+    assert "fit to run" in dry.out

@@ -34,9 +34,12 @@ def shipped() -> list[Pair]:
 
 
 def test_each_rig_and_procedure_is_in_some_pair(shipped: list[Pair]) -> None:
-    rigs = {"lugre-1", "angle-1", "angle-cell-1", "articulated-1"}
+    rigs = {
+        *("lugre-1", "angle-1", "angle-cell-1", "articulated-1", "articulated-3"),
+        "tribometer-1",
+    }
     assert {pair.rig.name for pair in shipped} == rigs
-    assert len({pair.procedure for pair in shipped}) == 15
+    assert len({pair.procedure for pair in shipped}) == 17
 
 
 @pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
@@ -55,6 +58,7 @@ def test_shipped_procedures_end_whole(shipped: list[Pair], tmp_path: Path) -> No
         "approach_angles on angle-1": "",
         "approach_angles on angle-cell-1": "",
         "breakaway on lugre-1": "",
+        "chain_manoeuvres on articulated-3": "",
         "robot_manoeuvres on articulated-1": "",
         "sliding_speeds on tribometer-1": "",
         "straight_speeds on articulated-1": "",

@@ -18,7 +18,9 @@ ROBOTS: dict[str, Any] = {
     "geared": altered(FREE_STOP),
     "single": altered(FREE_STOP | SINGLE | {"modules.front.wheels.driven": "front"}),
     "all driven": altered(FREE_STOP | SINGLE | {"modules.*.wheels.driven": "all"}),
+    "one module": chain(1, **FREE_STOP),
     "five modules": chain(5, **FREE_STOP),
+    "eight modules": chain(8, **FREE_STOP),
     "unlike modules": unlike(),
 }
 
