@@ -24,6 +24,7 @@ import argparse
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -176,11 +177,14 @@ def play_odd(folder: Path, part: int, parts: int) -> None:
     record(other, "breakaway", 2, 2)
     record(moved, "constant_current", 1, 6)
     measured, content = content_of(ours), content_of(moved)
-    shown = {name: of_run(call(ours, other)) for name, call in COMMANDS.items()}
+    shutil.copy2(ours, theirs)  # what they give also names the file
+    shown = {name: of_run(call(theirs, other)) for name, call in COMMANDS.items()}
     expected = opened(moved), tables(moved), estimates(moved)
     right: Counter[str] = Counter()
     odd = dict(list(VALID.items())[part::parts])
     for name, make in odd.items():
+        shutil.rmtree(theirs.parent)  # `runs` lists all that stands beside it
+        theirs.parent.mkdir()
         make(measured, theirs)
         os.utime(theirs, ns=(ours.stat().st_mtime_ns,) * 2)  # the date of a run in virtual time
         found = {

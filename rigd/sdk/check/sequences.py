@@ -23,7 +23,7 @@ from rigd.sdk.check.subject import Subject, UnfitSubject, described
 #: How long a failing sequence is shortened, in s.
 SHORTEN_S: Final = 10.0
 #: So often a sequence is played again if the machine stalled in it.
-TRIES: Final = 4
+TRIES: Final = 6
 #: So often a sequence that fails is played again; a failure that does not come again is stated.
 REPLAYS: Final = 3
 #: What an author is told beside a failure that only some options show.
