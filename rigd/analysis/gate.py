@@ -11,6 +11,7 @@ There are three outcomes:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rigd.analysis.diagnosis import Diagnosis
 from rigd.analysis.output_error import OutputErrorFit
@@ -33,8 +34,10 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
 
     ``labels`` (trials,) name the trials, whose samples are ``period_s`` apart.
     """
-    explained = diagnosis.explanations
     unexplained = _unexplained(diagnosis, labels)
+    explained = diagnosis.explanations
+    if unexplained:
+        explained = tuple(map(_rough, explained))
     contradicted = [item for item in explained if abs(item.pull) > CONTRADICTED]
     laws = [item for item in explained if item.meaning in REFUSED]
     decisive = [] if unexplained else [*contradicted, *laws][:1]
@@ -100,6 +103,11 @@ def sentence(item: Explanation) -> str:
     other = f" (or: {'; '.join(item.others)})" if item.others else ""
     look = f". Look at {item.look}" if item.look else ""
     return f"{text}{other}{look}."
+
+
+def _rough(item: Explanation) -> Explanation:
+    """Return ``item`` of a fit that leaves more than noise: its size is known to a factor of 2."""
+    return replace(item, sd=max(item.sd, abs(item.size - (item.stated or 0.0))))
 
 
 def _typed(item: Explanation) -> str:

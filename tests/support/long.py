@@ -591,6 +591,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/articulated/test_blind_robots.py": ("test_right_robot_of_second_author_fits",),
         "analyses/lugre/test_blind_worlds.py": (
             "test_right_rig_of_second_author_fits",
+            "test_creep_before_the_step_is_no_cause",
             "test_wrong_torque_constant_is_rightly_named",
             "test_named_cause_explains_best_once_fitted",
         ),

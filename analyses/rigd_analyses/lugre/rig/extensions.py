@@ -52,7 +52,10 @@ DELAYS = LATE_CURRENT, LATE_ENCODERS = "a delay of the current", "a delay of bot
 #: Of what kind things are that are easily taken for one another.
 LIKE = dict.fromkeys(BY_TRIAL, "by trial") | dict.fromkeys(DELAYS, "delay")
 #: What to check if friction differs between trials.
-BETWEEN = "wear, dirt or warming of wheel and floor, and what was changed between the trials"
+BETWEEN = (
+    "wear, dirt or warming of wheel and floor, how long the contact rested before each trial, and "
+    "what was changed between them"
+)
 SLIP = "the slip"  #: an error that depends on it changes the motion as friction does
 #: What a law of friction holds; friction that depends on it otherwise follows another law.
 LAWS = ("the speed", "the slip", "the current", "the acceleration")
