@@ -93,7 +93,8 @@ class FreeLoads(Around):
 
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise moves the outputs of one trial."""
-        return self.system.rig.deviations(trial, self._under(trial, shared, local), local[:-1])
+        under = self._under(trial, shared, local)
+        return self.system.rig.deviations(trial, under, local[:-1], settles=False)
 
     def _under(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         out = shared.copy()

@@ -112,7 +112,8 @@ class LateralSystem:
 
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise of current and sensors moves the outputs of one trial."""
-        return self.rig.deviations(trial, self.effective(trial, shared), local)
+        # The belts move before the step: what may settle hides there what differs by recording.
+        return self.rig.deviations(trial, self.effective(trial, shared), local, settles=False)
 
     def guide_friction(self, shared: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return the friction of the guide in N at lateral speeds (n,)."""

@@ -139,12 +139,14 @@ def moving(states: FloatArray, radius_m: float) -> FloatArray:
 
 
 def deviations(
-    system: RigSystem, noise: SensorNoise, trial: int, shared: FloatArray, local: FloatArray
-) -> Deviations:
+    system: RigSystem, noise: SensorNoise, trial: int, shared: FloatArray, local: FloatArray,
+    *, settles: bool = True,
+) -> Deviations:  # fmt: skip
     """Return how noise moves the outputs of one trial around its simulation.
 
     Outputs as :class:`.system.RigSystem` has them, with the wheel's travel in place of slip travel:
-    the noise of the two encoders is independent.
+    the noise of the two encoders is independent. ``settles``: a contact that is still bent before
+    the step may creep, see :func:`_settling`.
     """
     states = system.states(trial, shared, local)
     q = system.recursion(trial, shared, local)
@@ -167,7 +169,9 @@ def deviations(
     lag = shared[ACCELERATION_DELAY] / system.period_s
     seen[:, 2, V : Z + 1] = (1.0 + shared[GAIN]) * late(felt, lag)[0]
     jumps = system.trials[trial].jumps
-    unknown = np.hypot(unsure(states[:, 2], jumps, lag), _settling(system, trial, q, count))
+    unknown = unsure(states[:, 2], jumps, lag)
+    if settles:
+        unknown = np.hypot(unknown, _settling(system, trial, q, count))
     felt_sd = np.hypot(noise.acceleration_m_s2, unknown)
     turned = radius * system.period_s * np.abs(states[:, rig.WHEEL_SPEED])
     moved = system.period_s * np.abs(states[:, rig.SPEED])

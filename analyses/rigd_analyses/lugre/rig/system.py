@@ -181,9 +181,14 @@ class RigSystem:
             _each_reading([item.trial.position_rounding for item in self.trials]),
         )
 
-    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
-        """Return how noise of current and sensors moves the outputs of one trial."""
-        return deviations(self, self.noise, trial, shared, local)
+    def deviations(
+        self, trial: int, shared: FloatArray, local: FloatArray, *, settles: bool = True
+    ) -> Deviations:
+        """Return how noise of current and sensors moves the outputs of one trial.
+
+        ``settles``: a contact that is still bent before the step may creep.
+        """
+        return deviations(self, self.noise, trial, shared, local, settles=settles)
 
     def states(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the states (n, 6) of one trial; columns as in :mod:`.kernel`."""
