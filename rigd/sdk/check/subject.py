@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -37,10 +37,7 @@ class Subject:
     peer: Callable[[], AbstractContextManager[Peer]] | None
     #: Whether the peer shows what the device does.
     observes: bool = False
-    #: The faults of the peer that it can end.
-    faults: Collection[str] = ()
-    #: Whether the peer makes devices that differ, and may be there several times; if not, each is
-    #: as its author made it.
+    #: Whether the peer makes devices that differ, and may be there several times.
     varies: bool = False
     #: What is drawn at random is drawn from it.
     seed: int = 1
@@ -94,7 +91,7 @@ class Subject:
         if self.peer is None:
             raise RuntimeError("no peer was given")
         with self.peer() as peer:
-            if peer.vary is not None and self.varies:
+            if peer.vary is not None:
                 peer.vary(random.Random(f"{self.seed} {self.varied}"))
             yield peer
 
