@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
@@ -15,7 +16,7 @@ from support.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLin
 from support.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Declaration, Driver, LinkError, Row
-from rigd.sdk.check import Peer, check_driver, examine_driver
+from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver
 from rigd.sdk.check.suite import RULES
 
 
@@ -289,6 +290,31 @@ BAD: list[tuple[str, type[Driver], str]] = [
 @each_mistake(BAD)
 def test_mistake_is_found_by_its_rule(rule: str, driver: type[Driver], words: str) -> None:
     assert_found(examine_driver(driver, peer=motor, only=[rule]), rule, words)
+
+
+class Dropping(Good):
+    """Makes a dictionary in each read, and drops it."""
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        values = dict.fromkeys(MotorRow.fields, 50.0)
+        return MotorRow.of(speed=0.0, load=values["load"], status=1)
+
+
+def test_what_the_device_keeps_is_no_leak() -> None:
+    kept: list[SentReading] = []  # in memory that the driver has given back
+
+    class Keeping(MotorWire):
+        def __setattr__(self, name: str, value: object) -> None:
+            super().__setattr__(name, value)
+            kept.append(SentReading(0.0, json.loads('{"speed": 0, "load": 50}')))
+
+    @contextmanager
+    def keeping() -> Iterator[Peer]:
+        wire = Keeping()
+        yield replace(wire.peer(lambda: WireLink(wire)), readings=kept)
+
+    assert not examine_driver(Dropping, peer=keeping, only=["bounded"]).findings
+    assert kept
 
 
 class Pretending(WireLink):

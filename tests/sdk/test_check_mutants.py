@@ -14,6 +14,7 @@ from support.mutants import Mutant, made
 from support.mutants.kinds import KINDS
 
 from rigd.sdk.check import Observed, Peer, examine_driver
+from rigd.sdk.check.sequences import DrawnStep, DrawnTrial, SequenceDrawing
 
 #: Those of analyses take some seconds each: the benchmark plays them.
 MUTANTS = [
@@ -50,6 +51,16 @@ def test_peer_must_show_an_actuator_per_setpoint() -> None:
 
     (finding,) = examine_driver(Good, peer=empty, only=["any order of calls"]).findings
     assert "the peer shows 0 driven values for 1 setpoints" in finding.problem
+
+
+def test_watchdog_that_acts_unarmed_is_no_mistake(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    steps = [DrawnStep("open"), *[DrawnStep("go on", 0.0)] * 5, DrawnStep("arm")]
+    monkeypatch.setattr(SequenceDrawing, "trials", lambda *_: [DrawnTrial(tuple(steps))])
+    with made("fast", None, tmp_path) as package:
+        report = package.examine(["any order of calls"])
+    assert not report.findings
 
 
 def test_text_that_is_not_there_is_no_mutant(tmp_path: Path) -> None:

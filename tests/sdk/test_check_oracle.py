@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigd.sdk import Channel, Declaration, Row
-from rigd.sdk.check import Observed, Peer, SentReading
+from rigd.sdk.check import Observed, Peer, SentReading, rows
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import near
 from rigd.sdk.check.leaks import opens
@@ -92,6 +92,14 @@ def test_reading_gives_one_row_only() -> None:
 def test_reading_of_long_ago_is_old() -> None:
     (problem,) = matching(300.0, ago_s=5.0).newest_first(kelvin(300.0), 1.0)
     assert problem == "a row shows what the device measured 5 s before"
+
+
+def test_row_may_be_old_as_threads_waited(monkeypatch: pytest.MonkeyPatch) -> None:
+    waited_s = iter((0.0, 0.0, 1.0, 1.0))
+    monkeypatch.setattr(rows, "all_queued_s", partial(next, waited_s))
+    known = matching(300.0, ago_s=0.5)
+    known.begin_step()
+    assert not list(known.newest_first(kelvin(300.0), 0.1))
 
 
 def test_time_of_row_is_that_of_its_reading() -> None:

@@ -21,6 +21,7 @@ from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, beyond_range
 from rigd.sdk.check.sequences import (
+    VALUES,
     DrawnStep,
     DrawnTrial,
     KindOfStep,
@@ -32,10 +33,9 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
-    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
-from rigd.sdk.check.watching import Watcher
+from rigd.sdk.check.watching import Watcher, until
 from rigd.sdk.driver import Block, BlockDriver
 
 #: Time limit of open(), in s: it may wait for a device that does not answer.
@@ -69,7 +69,7 @@ RISING_ROWS: Final = 20
 LOST_PERIODS: Final = 1.5
 #: Sequences of one examination, and the steps of each.
 TRIALS: Final = 4
-STEPS: Final = 14
+STEPS: Final = 18
 #: How long nothing is read in a pause, and for how long what is closed is looked at, twice, in s.
 PAUSE_S: Final = 0.4
 ENDS_S: Final = 0.12
@@ -79,9 +79,11 @@ STALL_S: Final = 0.03
 FAULTS_THAT_END: Final = ("cut", "garbled", "dead", "silent", "lossy")
 FAULT_S: Final = 0.3
 #: A time may be so many periods from when the device measured, but for the time that the command
-#: to begin takes; a machine that stood still for so many says nothing about that.
+#: to begin takes; a machine that stood still for so many says nothing about that. The first rows
+#: have come after this time, in s.
 STAMP_PERIODS: Final = 0.5
-STILL_PERIODS: Final = 0.25
+STILL_PERIODS: Final = 0.4
+BEGINS_S: Final = 0.1
 
 
 def _rows_of(block: object) -> int | None:
@@ -115,25 +117,24 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
 #: States: closed, open, started.
 CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 1, "open"),
-    "open again": KindOfStep("open", 0.3, "closed"),
+    "open again": KindOfStep("open", 0.3, "closed", 1),
     "start": KindOfStep("open", 4, "started"),
     "read blocks": KindOfStep("started", 3),
     "measure": KindOfStep("started", 4),
     "pause": KindOfStep("started", 1.5),
     "read often": KindOfStep("started", 1.5),
     "newest row": KindOfStep("started", 1.0),
-    "fail": KindOfStep("started", 1.0, "started", 2),
+    "fail": KindOfStep("started", 1.0, "started", 2, "faults"),
     "fail for long": KindOfStep("started", 0.0, "closed"),
     "close": KindOfStep("open started", 2.5, "closed"),
-    "new driver": KindOfStep("closed", 0.2),
+    "new driver": KindOfStep("closed", 0.1),
 }
 
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    values = values_of(FAULTS_THAT_END)
-    values["pause"] = values["measure"]
-    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
+    values = {**VALUES, "pause": VALUES["measure"]}
+    trials = SequenceDrawing(subject, CALLS, values, FAULTS_THAT_END).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
 
@@ -164,7 +165,7 @@ class _Played:
         self._watcher = Watcher(peer)
         self._readings = Matching(peer, self._driver.declaration)
         self._offsets: list[float] = []  # of times of rows from those of the device, in s
-        self._gap_s = 0.0  # for how long this machine stood still since the start
+        self._gap_s = 0.0  # for how long this machine stood still at the start
         self._kept: list[int] = []  # of the last blocks: how many readings did not come with it
         self._ages: list[float] = []
         self._steps: list[float] = []  # from row to row, in ns
@@ -217,9 +218,12 @@ class _Played:
 
     def _start(self) -> None:
         self._readings.begin()
-        self._last_ns, self._steps, self._offsets, self._gap_s = 0, [], [], 0.0
+        self._last_ns, self._steps, self._offsets = 0, [], []
         self._began_ns = time.monotonic_ns()
+        before = self._readings.sent
         self._must("start", self._driver.start)
+        until(partial(self._readings.sends_after, before), BEGINS_S)
+        self._gap_s = self._watcher.gap_s
         rate = self._driver.rate_hz
         if not (np.isfinite(rate) and rate > 0):
             raise surely(f"rate_hz is {rate} once it is open")
@@ -242,7 +246,6 @@ class _Played:
             if time.monotonic() > end:
                 problem = late or f"{blocks} blocks with rows in {BLOCKS_S:g} s"
                 raise StepFailed(problem) if blocks else surely(problem)
-        self._gap_s = max(self._gap_s, self._watcher.gap_s)
         off_s = float(np.median(self._offsets)) if self._offsets else 0.0
         period_s = 1.0 / self._driver.rate_hz
         if abs(off_s) > STAMP_PERIODS * period_s and self._gap_s < STILL_PERIODS * period_s:
@@ -296,11 +299,8 @@ class _Played:
 
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; opened again, the driver is as before."""
-        peer = self._peer
-        if fault not in peer.faults or peer.mend is None or fault in peer.lasts:
-            return
         self._failing(fault, FAULT_S)
-        peer.mend()
+        self._peer.mended(fault)
         self._must("open once the fault is over", self._driver.open)
         self._start()
         self._read_blocks()

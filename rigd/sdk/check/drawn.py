@@ -59,12 +59,13 @@ def drawn_options(
 def intervals(subject: Subject) -> Iterator[tuple[Subject, float]]:
     """Yield the driver with a long and a short time between readings, and that time in s.
 
+    The device is that of the author: others of its make may answer more slowly.
     The option is called `period` or `interval`, has a unit of time, and is not given by the author.
     """
     given = () if isinstance(subject.options, DriverConfig) else subject.options
     for name in {"period", "interval"} & subject.driver_class.Config.model_fields.keys() - {*given}:
         for value_s in PERIODS_S:
-            other = replace(subject, more={name: f"{value_s:g} s"})
+            other = replace(subject, more={name: f"{value_s:g} s"}, varies=False)
             with suppress(ValueError):  # it is beyond its bounds, or no time
                 other.declare()
                 yield other, value_s

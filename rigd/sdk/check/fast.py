@@ -36,8 +36,10 @@ from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.rows import LEAST, ROUNDED
 from rigd.sdk.check.sequences import (
+    VALUES,
     DrawnStep,
     DrawnTrial,
+    DrawValue,
     KindOfStep,
     RandomWalk,
     SequenceDrawing,
@@ -47,7 +49,6 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
-    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Subject, described
 from rigd.sdk.check.watching import until
@@ -55,7 +56,7 @@ from rigd.sdk.declaration import Declaration
 
 #: Sequences of one examination, and the steps of each behind those that open and before the last.
 TRIALS: Final = 6
-STEPS: Final = 22
+STEPS: Final = 32
 #: An actuator that is driven with a value within this part of its range of another has that value:
 #: frames and cards carry whole numbers.
 NEAR: Final = 0.004
@@ -98,10 +99,10 @@ ASKED_PART: Final = 0.75
 
 #: States: closed, open (not armed), armed, tripped (by the watchdog).
 CALLS: Final[Mapping[str, KindOfStep]] = {
-    "open": KindOfStep("closed", 1, "open", marks="silent"),
+    "open": KindOfStep("closed", 1, "open"),
     "open again": KindOfStep("open armed", 0.4, "open", 1, marks="silent"),
     "close and open": KindOfStep("armed", 0.7, "open", 2, "setpoints", "drives silent"),
-    "prove watchdog": KindOfStep("open", 0.3, "open", 1, "watchdog", "drives silent"),
+    "prove watchdog": KindOfStep("open", 0.3, "open", 1, "watchdog", "drives"),
     "arm": KindOfStep("open", 4, "armed", marks="drives"),
     "arm and at once make safe": KindOfStep("open", 0.5, "open", 1, "setpoints", "drives"),
     "arm anew": KindOfStep("armed", 0.8, "", 2, "setpoints"),
@@ -110,20 +111,20 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "write without a read": KindOfStep("armed", 1, needs="setpoints"),
     "go on": KindOfStep("armed open", 2.5),
     "measure": KindOfStep("armed open", 1.5),
-    "fail": KindOfStep("armed open", 1.0, "open", 2, marks="drives silent"),
+    "fail": KindOfStep("armed open", 1.0, "open", 2, "faults", "drives silent"),
     "hold": KindOfStep("armed", 0.6, "", 1),
     "cycle without a write": KindOfStep("armed open", 1),
-    "be silent": KindOfStep("open", 0.5, "open", 1, "watchdog", "silent"),
+    "be silent": KindOfStep("open", 0.5, "open", 1, "watchdog"),
     "act": KindOfStep("open armed", 0.6, "", 3, "actions", "drives"),
     "wait for the watchdog": KindOfStep("armed", 0.4, "tripped", 1, "watchdog", "silent"),
     "make safe": KindOfStep("open armed tripped", 2.5, "open"),
-    "close": KindOfStep("open", 0.6, "closed", marks="silent"),
-    "new driver": KindOfStep("closed", 0.3, marks="silent"),
+    "close": KindOfStep("open", 0.6, "closed"),
+    "new driver": KindOfStep("closed", 0.1),
     "kill": KindOfStep("armed", 0.5, "closed", 1, "watchdog", "silent"),
     "kill and rescue": KindOfStep("armed", 0.8, "closed", 2, "rescue"),
 }
-#: Those that are given setpoints.
-WRITES: Final = ("write", "write unarmed", "write without a read", "close and open")
+#: Those that are given setpoints: they count, or do not.
+WRITES: Final = (("write", "write without a read"), ("write unarmed", "close and open"))
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
     *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
@@ -202,16 +203,17 @@ def near(channel: Channel, value: float, wanted: float, step: float | None = Non
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    setpoints, proofs = Setpoints(), itertools.count()
+    proofs = itertools.count()
 
-    def written(subject: Subject, rng: random.Random) -> tuple[float, ...]:
-        return setpoints.draw(subject.declare(), rng)
+    def written(drawing: Setpoints, subject: Subject, rng: random.Random) -> tuple[float, ...]:
+        return drawing.draw(subject.declare(), rng)
 
-    values = {
-        **values_of(FAULTS_THAT_END),
+    decks = [(Setpoints(), names) for names in WRITES]  # of each the kinds come equally often
+    values: dict[str, DrawValue] = {
+        **VALUES,
         "go on": lambda _, rng: rng.choice((0.0, PERIOD_S)),
         "prove watchdog": lambda *_: None if next(proofs) else "twice",
-        **dict.fromkeys(WRITES, written),
+        **{name: partial(written, item) for item, names in decks for name in names},
     }
 
     def play(trial: DrawnTrial) -> None:
@@ -226,7 +228,7 @@ def any_order(subject: Subject) -> Iterator[str]:
             played = _Played(drawn, Bench(drawn, peer, caller), beside)  # what it leaves is seen
             played.play(trial)
 
-    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
+    trials = SequenceDrawing(subject, CALLS, values, FAULTS_THAT_END).trials(TRIALS, STEPS)
     yield from first_failure(play, trials, subject.notes)
 
 
@@ -274,13 +276,15 @@ class _Played:
         self._called_s = time.monotonic()
         self._before_s = max(self._found.gap_s, self._found.watcher.gap_s)
         self._found.gap_s = self._found.watcher.gap_s = 0.0
+        self._found.readings.begin_step()
         began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
         made(self, step)
         if self._beside is not None:
             self._look_beside(self._beside)
         if not self._observed or not self._channels:
             return
-        if self._found.look().trips != trips and "silent" not in CALLS[step.name].marks:
+        acted = self._walk.state == "armed" and self._found.look().trips != trips
+        if acted and "silent" not in CALLS[step.name].marks:
             raise StepFailed(
                 "the watchdog of the device acts, though the driver is called all the time"
             )
@@ -395,7 +399,9 @@ class _Played:
 
     def _arm(self) -> None:
         found = self._found
-        self._wanted = self._last = rest(found.driver)
+        self._last = rest(found.driver)
+        self._cycle(self._last, refused=True)  # as before a run: its watchdog may have acted
+        self._wanted = self._last
         self._passed.append(self._last)
         self._must("arm", found.call_slowly(found.driver.arm))
         self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
@@ -447,6 +453,8 @@ class _Played:
         self._make_safe()
 
     def _write(self, setpoints: Sequence[float]) -> None:
+        if any(map(math.isnan, setpoints)) and self._wanted == self._safe:
+            self._write([each.high or each.low for each in self._channels])  # which NaN must leave
         outcome = self._cycle(setpoints, refused=not self._within(setpoints))
         if outcome.error is None:
             if any(map(math.isnan, setpoints)):
@@ -528,9 +536,6 @@ class _Played:
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then it is as before, with the same driver."""
         found, peer = self._found, self._found.peer
-        if fault not in peer.faults or peer.mend is None or fault in peer.lasts:
-            self._make_safe()
-            return
         setpoints = self._last if self._walk.state == "armed" else ()
         self._passed.append(self._clipped(setpoints) if setpoints else self._safe)
         self._wanted = self._safe
@@ -538,7 +543,7 @@ class _Played:
         for _ in range(FAULT_CYCLES):
             self._cycle(setpoints)
         error: BaseException | None = None
-        for change in (peer.faults[fault], peer.mend):
+        for change in (peer.faults[fault], partial(peer.mended, fault)):
             sent.append(found.readings.sent)
             change()
             end, cycles = time.monotonic() + LASTS_S.get(fault, 0.0), 0

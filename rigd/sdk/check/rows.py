@@ -10,6 +10,7 @@ from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
 from rigd.sdk.check.peer import Peer, SentReading
+from rigd.sdk.check.watching import all_queued_s
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
@@ -18,6 +19,8 @@ STATUS_LIMIT = 1 << 31
 LARGEST: Final = 100.0
 #: The smallest of them, as powers of ten of that.
 SMALLEST: Final = 6.0
+#: Parts of a range close to its ends.
+CLOSE: Final = (0.002, 0.02, 0.98, 0.998)
 #: What a value may differ from that of its reading by: the part that single precision takes, and
 #: some more.
 ROUNDED: Final = 3e-7
@@ -71,14 +74,18 @@ def drawn_values(declared: Declaration, rng: random.Random) -> dict[str, float]:
         high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
         if not (math.isfinite(channel.low) or math.isfinite(channel.high)):
             low, high = -LARGEST, LARGEST
-        inside = low + (high - low) * rng.choice((0.02, 0.98, rng.random(), rng.random()))
+        inside = low + (high - low) * rng.choice((*CLOSE, rng.random(), rng.random()))
         small = rng.choice((low, high)) * 10.0 ** -rng.uniform(0.0, SMALLEST)
         values[channel.name] = small if low <= small <= high and rng.random() < 0.3 else inside
     return values | {name: float(rng.random() < 0.5) for name in declared.status_bits}
 
 
 class Matching:
-    """Compares rows with the readings that a device has sent: none invented, twice or old."""
+    """Compares rows with the readings that a device has sent: none invented, twice or old.
+
+    A row may be older by the time for which threads of this process waited for a processor, as that
+    of the device may have.
+    """
 
     def __init__(self, peer: Peer, declared: Declaration) -> None:
         self._readings = peer.readings
@@ -94,6 +101,16 @@ class Matching:
         """Forget what the device has sent until now."""
         self._next = self.marked = self.sent
         self._marks = False
+        self.begin_step()
+
+    def begin_step(self) -> None:
+        """Forget how long threads have waited until now."""
+        self._queued_s = all_queued_s()
+
+    @property
+    def waited_s(self) -> float:
+        """For how long threads have waited since then, in s."""
+        return max(0.0, all_queued_s() - self._queued_s)
 
     def mark(self) -> None:
         """Note that rows which are compared next had come by now."""
@@ -120,10 +137,10 @@ class Matching:
         if alike:
             self._next = alike[0] + 1
             old_s = now_s - readings[alike[-1]].taken_s
-            if stamp_s is None and old_s > age_s:
+            if stamp_s is None and old_s > age_s and old_s > age_s + self.waited_s:
                 yield f"a row shows what the device measured {old_s:.2g} s before"
             apart_s = [abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike]
-            if min(apart_s) > STAMP_S:
+            if min(apart_s) > STAMP_S and min(apart_s) > STAMP_S + self.waited_s:
                 yield f"the time of a row is {min(apart_s):.2g} s from that of its reading"
         elif self._next == count:
             yield f"a row comes, and the device has sent no reading since the {count} before"

@@ -7,7 +7,6 @@ hold after it, is up to the bench that plays it.
 from __future__ import annotations
 
 import contextlib
-import itertools
 import random
 import time
 from collections import Counter
@@ -24,7 +23,7 @@ from rigd.sdk.check.subject import Subject, UnfitSubject, described
 #: How long a failing sequence is shortened, in s.
 SHORTEN_S: Final = 10.0
 #: So often a sequence is played again if the machine stalled in it.
-TRIES: Final = 4
+TRIES: Final = 6
 #: So often a sequence that fails is played again; a failure that does not come again is stated.
 REPLAYS: Final = 3
 #: What an author is told beside a failure that only some options show.
@@ -36,9 +35,9 @@ DESCRIBES: Final = (
 STEPS: Final = 10**6
 #: With these errors a driver refuses a device that answers, and is not one of the options drawn.
 REFUSALS: Final = (ProtocolError, DeviceError)
-#: What was drawn less often than this before is drawn so many times more often.
+#: Until each kind of step was drawn so often, this part of the steps are of those that were not.
 OFTEN: Final = 2
-SELDOM: Final = 5
+SELDOM_PART: Final = 0.5
 
 
 class DrawnStep(NamedTuple):
@@ -88,9 +87,10 @@ class KindOfStep(NamedTuple):
     weight: float
     after: str = ""  # the state after it; "": the same
     most: int = 99  # how often at most in one sequence
-    #: What a driver must have for it: setpoints, watchdog, rescue, actions, channels.
+    #: What a driver must have for it: setpoints, watchdog, rescue, actions, channels; its device,
+    #: faults that end.
     needs: str = ""
-    #: "drives": the device may be driven in it; "silent": its watchdog may act.
+    #: "drives": the device may be driven in it; "silent": its watchdog may act, though it is armed.
     marks: str = ""
 
 
@@ -107,27 +107,33 @@ def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> Mapping[str, 
         "rescue": bool(declared.setpoints) and getattr(subject.driver_class, "second_link", False),
         "actions": bool(declared.actions),
         "channels": bool(declared.channels),
+        "faults": bool(subject.faults),
     }
-    return {name: call for name, call in calls.items() if all(map(has.get, call.needs.split()))}
-
-
-def values_of(faults: Sequence[str]) -> dict[str, DrawValue]:
-    """Return what steps of each kind of driver are given."""
-    turns = itertools.cycle(faults)
     return {
-        "fail": lambda *_: next(turns),
-        "measure": lambda subject, rng: drawn_values(subject.declare(), rng),
-        "act": lambda subject, rng: rng.choice([*subject.declare().actions, "no_such_action"]),
+        name: call
+        for name, call in calls.items()
+        if call.weight and all(map(has.get, call.needs.split()))
     }
+
+
+#: What steps of each kind of driver are given.
+VALUES: Final[Mapping[str, DrawValue]] = {
+    "measure": lambda subject, rng: drawn_values(subject.declare(), rng),
+    "act": lambda subject, rng: rng.choice([*subject.declare().actions, "no_such_action"]),
+}
 
 
 @dataclass
 class SequenceDrawing:
-    """Draws sequences; what was drawn seldom in those before comes sooner in those after."""
+    """Draws sequences; what was drawn seldom in those before comes sooner in those after.
+
+    ``faults`` are those with which a step `fail` is given, in turn, if the device has them.
+    """
 
     subject: Subject
     calls: Mapping[str, KindOfStep]
     values: Mapping[str, DrawValue]
+    faults: Sequence[str]
     used: Counter[str] = field(default_factory=Counter)
 
     def trials(self, count: int, steps: int) -> Iterator[DrawnTrial]:
@@ -148,15 +154,20 @@ class SequenceDrawing:
     def _steps(self, subject: Subject, steps: int, rng: random.Random) -> Iterator[DrawnStep]:
         calls = possible(self.calls, subject)
         left = {name: call.most for name, call in calls.items()}
+        faults = [fault for fault in self.faults if fault in subject.faults]
+        least = dict.fromkeys(calls, OFTEN) | {"fail": len(faults)}
         state = "closed"
-        for number in range(steps):
+        for _ in range(steps):
             names = [n for n, call in calls.items() if state in call.states.split() and left[n]]
-            weights = [calls[n].weight * (SELDOM if self.used[n] < OFTEN else 1) for n in names]
-            (name,) = rng.choices(names, weights) if number else ["open"]
+            seldom = [name for name in names if self.used[name] < least[name]]
+            names = seldom if seldom and rng.random() < SELDOM_PART else names
+            (name,) = rng.choices(names, [calls[name].weight for name in names])
+            value = self.values[name](subject, rng) if name in self.values else None
+            if name == "fail":
+                value = faults[self.used[name] % len(faults)]
+            yield DrawnStep(name, value)
             left[name] -= 1
             self.used[name] += 1
-            draw = self.values.get(name)
-            yield DrawnStep(name, None if draw is None else draw(subject, rng))
             state = calls[name].after or state
 
 

@@ -26,6 +26,7 @@ from rigd.sdk.check.leaks import nothing_left, opens
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
+    VALUES,
     DrawnStep,
     DrawnTrial,
     KindOfStep,
@@ -38,7 +39,6 @@ from rigd.sdk.check.sequences import (
     first_failure,
     made,
     surely,
-    values_of,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.check.watching import Watcher, queued_s
@@ -53,7 +53,7 @@ OPEN_S: Final = 30.0
 #: A driver that is cancelled must end within this time, in s.
 CANCEL_S: Final = 3.0
 #: So often two rows are awaited while the loop is watched.
-WATCHED: Final = 4
+WATCHED: Final = 6
 #: More than the declared silence until the rows of a measurement are there, in s.
 ROOM_S: Final = 0.25
 #: So often, or so long in s, the loop stands still before it counts.
@@ -79,7 +79,7 @@ CANCEL_STEPS: Final = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 
 #: Sequences of one examination, and the steps of each.
 TRIALS: Final = 5
-STEPS: Final = 14
+STEPS: Final = 16
 #: What a row shows was measured at most so long before it was emitted, in s.
 AGE_S: Final = 0.12
 #: Faults that a device has for a while, and after which time an answer that is late has come, in s.
@@ -91,8 +91,10 @@ AGAIN: Final = 3
 ARRIVES_S: Final = 0.06
 #: For so long what is closed is looked at, twice, in s.
 ENDS_S: Final = 0.15
-#: A machine that stands still for so long says nothing about the times of rows, in s.
+#: A machine that stands still for so long says nothing about the times of rows, in s; nor does one
+#: on which the threads of this process waited for so long in all.
 STALL_S: Final = 0.025
+WAITED_S: Final = 0.5
 
 
 def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]]) -> None:
@@ -143,7 +145,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "wait for rows": KindOfStep("running armed", 2, needs="channels"),
     "measure": KindOfStep("running armed", 4, needs="channels"),
     "act": KindOfStep("running armed", 1, needs="actions"),
-    "fail": KindOfStep("running", 1, "running", 1),
+    "fail": KindOfStep("running", 1, "running", 1, "faults"),
     "cancel": KindOfStep("running", 1.5, "open"),
     "close": KindOfStep("open", 1, "closed"),
     "kill and open": KindOfStep("open", 1.5, "open", 2),
@@ -175,13 +177,13 @@ def any_order(subject: Subject) -> Iterator[str]:
         )
 
     values = {
-        **values_of(FAULTS_THAT_END),
+        **VALUES,
         "write": written,
         "close and open": written,
         "run and at once act": lambda subject, rng: rng.choice([*subject.declare().actions]),
         **dict.fromkeys(CANCELS, lambda _, rng: rng.choice(CANCEL_STEPS)),
     }
-    trials = SequenceDrawing(subject, CALLS, values).trials(TRIALS, STEPS)
+    trials = SequenceDrawing(subject, CALLS, values, FAULTS_THAT_END).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
 
@@ -214,7 +216,7 @@ class _Session:
         self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
-        self._readings = Matching(peer, self._driver.declaration)
+        self.readings = Matching(peer, self._driver.declaration)
         self._watcher = Watcher(peer)
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened
@@ -236,11 +238,13 @@ class _Session:
         walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
-                with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                with walk.judged(self._stalls):
                     for other in beside:
                         await other.begin()
                     for step in walk:
                         self._watcher.gap_s = 0.0
+                        for session in (self, *beside):
+                            session.readings.begin_step()
                         await made(self, step)
                         for other in beside:
                             other.go_on()
@@ -249,6 +253,9 @@ class _Session:
             finally:
                 for session in (*beside, self):
                     await session.end()
+
+    def _stalls(self) -> bool:
+        return self._watcher.gap_s > STALL_S or self.readings.waited_s > WAITED_S
 
     async def begin(self) -> None:
         """Open it and have it run, beside another."""
@@ -275,7 +282,7 @@ class _Session:
 
     async def _open(self) -> None:
         self._rows = 0
-        self._readings.begin()
+        self.readings.begin()
         await self._must("open", self._driver.open())
         self._opened = True
         check_identity(self._driver, self._watcher.look())
@@ -362,11 +369,8 @@ class _Session:
 
     async def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then rows are what it measures, as before."""
-        begin, mend = self._peer.faults.get(fault), self._peer.mend
-        if begin is None or mend is None or fault in self._peer.lasts:
-            return
         task, self._fails = self._running(), True
-        for change in (begin, mend):
+        for change in (self._peer.faults[fault], partial(self._peer.mended, fault)):
             await asyncio.to_thread(change)
             await asyncio.wait({task}, timeout=LATE_S)
         self._fails, self._watcher.gap_s = False, 0.0
@@ -520,12 +524,12 @@ class _Session:
         for turn in ("close", "close again"):
             await self._must(turn, self._driver.close())
         await asyncio.sleep(ENDS_S)  # what is under way arrives
-        before = self._readings.sent
+        before = self.readings.sent
         await asyncio.sleep(ENDS_S)
         if self._rows > rows:
             raise StepFailed("run() still gives rows after it was cancelled")
         self._opened = False
-        if self._readings.sent != before:
+        if self.readings.sent != before:
             raise StepFailed("the device goes on sending after close()")
 
     async def _new_driver(self) -> None:
@@ -600,11 +604,11 @@ class _Session:
     def _emit(self, row: Sequence[float]) -> None:
         self._rows += 1
         self._emitted_s = time.monotonic()
-        self._kept = min(self._kept, self._readings.sent - self._rows)
+        self._kept = min(self._kept, self.readings.sent - self._rows)
         self._came.set()
         problems = list(row_problems(self._driver.declaration, row, in_range=not self._fails))
         if not problems and not self._fails:
-            problems += self._readings.newest_first(row, AGE_S)
+            problems += self.readings.newest_first(row, AGE_S)
         self._wrong += map(StepFailed, problems)
 
     async def _must(self, what: str, call: Awaitable[Any]) -> Any:

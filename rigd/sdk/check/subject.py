@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -37,7 +37,10 @@ class Subject:
     peer: Callable[[], AbstractContextManager[Peer]] | None
     #: Whether the peer shows what the device does.
     observes: bool = False
-    #: Whether the peer makes devices that differ, and may be there several times.
+    #: The faults of the peer that it can end.
+    faults: Collection[str] = ()
+    #: Whether the peer makes devices that differ, and may be there several times; if not, each is
+    #: as its author made it.
     varies: bool = False
     #: What is drawn at random is drawn from it.
     seed: int = 1
@@ -91,7 +94,7 @@ class Subject:
         if self.peer is None:
             raise RuntimeError("no peer was given")
         with self.peer() as peer:
-            if peer.vary is not None:
+            if peer.vary is not None and self.varies:
                 peer.vary(random.Random(f"{self.seed} {self.varied}"))
             yield peer
 

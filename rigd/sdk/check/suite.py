@@ -124,13 +124,15 @@ def _subject(
 ) -> tuple[Subject, frozenset[str] | None]:
     """Return the examined driver and the faults of its peer, None without a peer."""
     subject = Subject(driver_class, options, peer)
-    faults = None
+    faults: frozenset[str] | None = None
+    ending: Collection[str] = ()
     observes = varies = False
     more: Mapping[str, Any] = {}
     if peer is not None:
         with peer() as first:
             more = first.options
             faults = frozenset(first.faults)
+            ending = faults.difference(first.lasts) if first.mend is not None else ()
             observes, varies = first.observed is not None, first.vary is not None
         if unknown := faults - FAULTS.keys():
             raise ValueError(
@@ -143,7 +145,7 @@ def _subject(
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     if not isinstance(options, DriverConfig):  # the rules without a peer need all options
         options = {**options, **more}
-    return Subject(driver_class, options, peer, observes=observes, varies=varies, seed=seed), faults
+    return Subject(driver_class, options, peer, observes, ending, varies, seed), faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:

@@ -94,6 +94,18 @@ def queued_s() -> float:
     return 0.0
 
 
+def all_queued_s() -> float:
+    """Return for how long all threads of this process have waited for a processor, in s.
+
+    0 if nobody knows.
+    """
+    waited_ns = 0
+    for task in Path("/proc/self/task").glob("*/schedstat"):
+        with contextlib.suppress(OSError):  # it has ended
+            waited_ns += int(task.read_text("ascii").split()[1])
+    return waited_ns * 1e-9
+
+
 def until(holds: Callable[[], bool], within_s: float) -> bool:
     """Wait until something holds; return whether it did in time."""
     end = time.monotonic() + within_s
