@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 import socket
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rigd.sdk import Channel, Declaration, Row
-from rigd.sdk.check import Observed, Peer, SentReading, rows
+from rigd.sdk.check import Observed, Peer, SentReading
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import near
 from rigd.sdk.check.leaks import opens
 from rigd.sdk.check.rows import Matching
-from rigd.sdk.check.watching import Watcher
+from rigd.sdk.check.watching import HeldTime, Watcher
 
 SPEED = Channel("speed", "m/s", "speed", -1.0, 1.0)
 
@@ -58,9 +60,9 @@ def kelvin(value: float) -> Row:
     return KelvinRow.of(temperature=value)
 
 
-def matching(*values: float, ago_s: float = 0.0) -> Matching:
+def matching(*values: float, ago_s: float = 0.0, held: HeldTime | None = None) -> Matching:
     readings: list[SentReading] = []
-    known = Matching(Peer(readings=readings), THERMOMETER)
+    known = Matching(Peer(readings=readings), THERMOMETER, held or HeldTime())
     readings += [SentReading(time.monotonic() - ago_s, {"temperature": value}) for value in values]
     return known
 
@@ -94,12 +96,56 @@ def test_reading_of_long_ago_is_old() -> None:
     assert problem == "a row shows what the device measured 5 s before"
 
 
-def test_row_may_be_old_as_threads_waited(monkeypatch: pytest.MonkeyPatch) -> None:
-    waited_s = iter((0.0, 0.0, 1.0, 1.0))
-    monkeypatch.setattr(rows, "all_queued_s", partial(next, waited_s))
-    known = matching(300.0, ago_s=0.5)
-    known.begin_step()
-    assert not list(known.newest_first(kelvin(300.0), 0.1))
+def queue(folder: Path, **waited_s: float) -> None:
+    """Have threads, by their numbers, have waited for a processor for so long."""
+    for thread, each_s in waited_s.items():
+        (folder / thread).mkdir(exist_ok=True)
+        (folder / thread / "schedstat").write_text(f"7 {each_s * 1e9:.0f} 3\n")
+
+
+def test_row_may_be_old_as_threads_waited(tmp_path: Path) -> None:
+    queue(tmp_path, t1=3.0, t2=0.0)
+    held = HeldTime(tmp_path)
+    known = matching(300.0, held=held)
+    queue(tmp_path, t1=3.0, t2=9.0)
+    assert not list(known.newest_first(kelvin(300.0), 0.0))
+
+
+def test_what_threads_waited_before_excuses_no_row(tmp_path: Path) -> None:
+    queue(tmp_path, t1=0.0)
+    held = HeldTime(tmp_path)
+    queue(tmp_path, t1=9.0)
+    held.look()
+    (problem,) = matching(300.0, held=held).newest_first(kelvin(300.0), 0.0)
+    assert "a row shows what the device measured" in problem
+
+
+def test_row_that_was_old_before_run_stays_so(tmp_path: Path) -> None:
+    queue(tmp_path, t1=0.0)
+    known = matching(300.0, ago_s=5.0, held=HeldTime(tmp_path))
+    queue(tmp_path, t1=9.0)
+    known.begin_run()
+    (problem,) = known.newest_first(kelvin(300.0), 1.0)
+    assert problem == "a row shows what the device measured 5 s before"
+
+
+def test_held_time_keeps_that_of_ended_threads(tmp_path: Path) -> None:
+    began_s = time.monotonic()
+    queue(tmp_path, t1=5.0, t2=1.0)
+    held = HeldTime(tmp_path)
+    queue(tmp_path, t1=6.0, t2=3.0, t3=0.5)
+    held.look()
+    shutil.rmtree(tmp_path / "t2")
+    queue(tmp_path, t1=7.0)
+    assert held.since(began_s) == pytest.approx(4.5)
+
+
+def test_machine_that_holds_back_stalls_sequence(tmp_path: Path) -> None:
+    watcher = Watcher(Peer())
+    watcher.held = HeldTime(tmp_path)
+    assert not watcher.stalls(60.0)
+    queue(tmp_path, t1=3600.0)
+    assert watcher.stalls(60.0)
 
 
 def test_time_of_row_is_that_of_its_reading() -> None:
@@ -124,7 +170,7 @@ def test_status_bit_is_compared_by_name() -> None:
     )
     for word, problems in ((2, []), (1, ["hot is 1, and the device has sent 0"])):
         readings: list[SentReading] = []
-        known = Matching(Peer(readings=readings), declared)
+        known = Matching(Peer(readings=readings), declared, HeldTime())
         readings.append(SentReading(time.monotonic(), {"hot": 0, "open": 1}))
         assert list(known.newest_first((300.0, word), 1.0)) == problems
 

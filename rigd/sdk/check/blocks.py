@@ -73,8 +73,6 @@ STEPS: Final = 18
 #: How long nothing is read in a pause, and for how long what is closed is looked at, twice, in s.
 PAUSE_S: Final = 0.4
 ENDS_S: Final = 0.12
-#: A machine that stands still for so long says nothing about the times of rows, in s.
-STALL_S: Final = 0.03
 #: Faults that a device has for a while, in s.
 FAULTS_THAT_END: Final = ("cut", "garbled", "dead", "silent", "lossy")
 FAULT_S: Final = 0.3
@@ -163,7 +161,7 @@ class _Played:
         self._all: list[BlockDriver] = []
         self._new_driver()
         self._watcher = Watcher(peer)
-        self._readings = Matching(peer, self._driver.declaration)
+        self._readings = Matching(peer, self._driver.declaration, self._watcher.held)
         self._offsets: list[float] = []  # of times of rows from those of the device, in s
         self._gap_s = 0.0  # for how long this machine stood still at the start
         self._kept: list[int] = []  # of the last blocks: how many readings did not come with it
@@ -182,11 +180,10 @@ class _Played:
         walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
-                with walk.judged(lambda: self._watcher.gap_s > STALL_S):
+                with walk.judged(self._watcher.stalls):
                     for other in beside:
                         other.begin(self._watcher)
                     for step in walk:
-                        self._watcher.gap_s = 0.0
                         made(self, step)
                         for other in beside:
                             other.go_on(2)
@@ -219,7 +216,7 @@ class _Played:
     def _start(self) -> None:
         self._readings.begin()
         self._last_ns, self._steps, self._offsets = 0, [], []
-        self._began_ns = time.monotonic_ns()
+        self._began_ns, self._watcher.gap_s = time.monotonic_ns(), 0.0
         before = self._readings.sent
         self._must("start", self._driver.start)
         until(partial(self._readings.sends_after, before), BEGINS_S)

@@ -58,10 +58,9 @@ class Bench:
         self._last_ns: int | None = None  # taken_ns of the last of them
         self.sent_s: list[float] = []  # when something was sent in calls that may wait
         self.replace()
-        #: Compares rows with what the device has sent.
-        self.readings = Matching(peer, self.driver.declaration)
         self.watcher = Watcher(peer)  # a plant is there once it has a link
-        self.gap_s = 0.0  # for how long the machine stood still
+        #: Compares rows with what the device has sent.
+        self.readings = Matching(peer, self.driver.declaration, self.watcher.held)
         #: What the device did before it was opened.
         self.fresh = self.look()
 
@@ -193,21 +192,15 @@ class Bench:
 
     def timed(self, function: Callable[[], Any]) -> CallOutcome:
         """Make one call; it took no time if this machine stalled meanwhile."""
-        self.watcher.gap_s = 0.0
+        began_s, self.watcher.gap_s = time.monotonic(), 0.0
         outcome = self.call(function)
-        return replace(outcome, took_s=0.0) if self._stalled_in(outcome) else outcome
-
-    def _stalled_in(self, outcome: CallOutcome) -> bool:
-        return self.watcher.gap_s >= outcome.took_s / 3
+        stalled = max(self.watcher.gap_s, self.watcher.held.since(began_s)) >= outcome.took_s / 3
+        return replace(outcome, took_s=0.0) if stalled else outcome
 
     def _timed(self, name: str, function: Callable[[], Any]) -> CallOutcome:
-        self.gap_s = max(self.gap_s, self.watcher.gap_s)  # since the call before
-        self.watcher.gap_s = 0.0
-        outcome = self.call(function)
+        outcome = self.timed(function)
         self.took.setdefault(name, []).append(outcome.took_s)
-        self.gap_s = max(self.gap_s, self.watcher.gap_s)
-        if outcome.took_s > WAITS_S and not self._stalled_in(outcome):
-            self.waits[name] += 1
+        self.waits[name] += outcome.took_s > WAITS_S
         return outcome
 
     def check_row(self, row: Any) -> None:

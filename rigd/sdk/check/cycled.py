@@ -48,8 +48,6 @@ MOST_TAKEN: Final = 100
 #: read() may still return rows that arrived before.
 TAIL_S: Final = 0.5
 TAIL_CYCLES: Final = 50
-#: A row may be late by what threads have waited for a processor in so many cycles.
-WAITED_CYCLES: Final = 25
 #: For so long, and 2 silent_s, a fault is looked at, in s.
 FAULT_S: Final = 0.7
 #: What a device may take until it is safe, in s.
@@ -184,8 +182,6 @@ def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
     began_s, number, raised = time.monotonic(), 0, False
     end = began_s + FAULT_S + 2 * found.driver.declaration.silent_s
     while time.monotonic() < end or number <= TAIL_CYCLES:
-        if number % WAITED_CYCLES == 0:
-            found.readings.begin_step()
         outcome = found.cycle(far(found.driver))
         number += 1
         raised |= outcome.error is not None

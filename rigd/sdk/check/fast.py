@@ -51,7 +51,7 @@ from rigd.sdk.check.sequences import (
     surely,
 )
 from rigd.sdk.check.subject import FAILURES, Subject, described
-from rigd.sdk.check.watching import until
+from rigd.sdk.check.watching import STALL_S, until
 from rigd.sdk.declaration import Declaration
 
 #: Sequences of one examination, and the steps of each behind those that open and before the last.
@@ -247,8 +247,7 @@ class _Played:
         self._observed = found.peer.observed is not None
         self._enables: bool | None = None  # whether an armed device at rest is energised
         self._called_s = 0.0  # when the last command was sent
-        self._stalled = False
-        self._before_s = 0.0  # the longest gap of the step before
+        self._stalled = False  # for so long that the watchdog may have acted
 
     def play(self, trial: DrawnTrial) -> None:
         """Make the calls.
@@ -260,7 +259,7 @@ class _Played:
         found, self._walk = self._found, RandomWalk(trial, CALLS)
         with found.watcher:
             try:
-                with self._walk.judged(lambda: self._stalled or self._stands()):
+                with self._walk.judged(self._stands):
                     if self._beside is not None:
                         self._must("open", self._beside.open())
                     for step in self._walk:
@@ -271,12 +270,8 @@ class _Played:
 
     def _step(self, step: DrawnStep) -> None:
         """Make the calls of one step, and check the device while and after they are made."""
-        self._stalled = False
         self._passed: list[Sequence[float]] = []  # other setpoints of this step
         self._called_s = time.monotonic()
-        self._before_s = max(self._found.gap_s, self._found.watcher.gap_s)
-        self._found.gap_s = self._found.watcher.gap_s = 0.0
-        self._found.readings.begin_step()
         began_s, before, trips = self._called_s, self._wanted, self._found.look().trips
         made(self, step)
         if self._beside is not None:
@@ -303,8 +298,7 @@ class _Played:
     def _stands(self) -> bool:
         """Return whether the machine stood still for so long that the watchdog may have acted."""
         watchdog_s = self._found.driver.watchdog_s or 1.0
-        gap_s = max(self._found.gap_s, self._found.watcher.gap_s, self._before_s)
-        return gap_s > min(watchdog_s / 3, AGE_S / 2)
+        return self._stalled or self._found.watcher.stalls(min(watchdog_s / 3, STALL_S))
 
     def _look_beside(self, beside: Bench) -> None:
         """Check that the driver beside this one, which is open and not armed, is as it was."""

@@ -10,7 +10,7 @@ from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
 from rigd.sdk.check.peer import Peer, SentReading
-from rigd.sdk.check.watching import all_queued_s
+from rigd.sdk.check.watching import HeldTime
 from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
@@ -83,11 +83,12 @@ def drawn_values(declared: Declaration, rng: random.Random) -> dict[str, float]:
 class Matching:
     """Compares rows with the readings that a device has sent: none invented, twice or old.
 
-    A row may be older by the time for which threads of this process waited for a processor, as that
-    of the device may have.
+    A row may be older by the time for which threads of this process have waited for a processor
+    since its reading, as that of the device may have: ``held``.
     """
 
-    def __init__(self, peer: Peer, declared: Declaration) -> None:
+    def __init__(self, peer: Peer, declared: Declaration, held: HeldTime) -> None:
+        self._held = held
         self._readings = peer.readings
         self._columns = {channel.name: index for index, channel in enumerate(declared.channels)}
         self._bits = declared.status_bits
@@ -101,16 +102,11 @@ class Matching:
         """Forget what the device has sent until now."""
         self._next = self.marked = self.sent
         self._marks = False
-        self.begin_step()
+        self.begin_run()
 
-    def begin_step(self) -> None:
-        """Forget how long threads have waited until now."""
-        self._queued_s = all_queued_s()
-
-    @property
-    def waited_s(self) -> float:
-        """For how long threads have waited since then, in s."""
-        return max(0.0, all_queued_s() - self._queued_s)
+    def begin_run(self) -> None:
+        """Note that a driver begins to read: what is old by now gives no row."""
+        self._began_s = time.monotonic()
 
     def mark(self) -> None:
         """Note that rows which are compared next had come by now."""
@@ -136,16 +132,22 @@ class Matching:
         alike = [n for n in range(self._next, count) if not any(self._wrong(row, readings[n]))]
         if alike:
             self._next = alike[0] + 1
-            old_s = now_s - readings[alike[-1]].taken_s
-            if stamp_s is None and old_s > age_s and old_s > age_s + self.waited_s:
+            taken_s = readings[alike[-1]].taken_s
+            old_s = now_s - taken_s
+            was_old = taken_s < self._began_s - age_s  # whatever this machine did since
+            if stamp_s is None and (was_old or self._is_longer(old_s, age_s, taken_s)):
                 yield f"a row shows what the device measured {old_s:.2g} s before"
-            apart_s = [abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike]
-            if min(apart_s) > STAMP_S and min(apart_s) > STAMP_S + self.waited_s:
-                yield f"the time of a row is {min(apart_s):.2g} s from that of its reading"
+            apart_s = min(abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike)
+            if stamp_s is not None and self._is_longer(apart_s, STAMP_S, min(taken_s, stamp_s)):
+                yield f"the time of a row is {apart_s:.2g} s from that of its reading"
         elif self._next == count:
             yield f"a row comes, and the device has sent no reading since the {count} before"
         else:
             yield from list(self._wrong(row, readings[count - 1]))[:1]
+
+    def _is_longer(self, took_s: float, most_s: float, since_s: float) -> bool:
+        """Return whether it took longer than it may, this machine apart."""
+        return took_s > most_s and took_s > most_s + self._held.since(since_s)
 
     def sends_after(self, count: int) -> bool:
         """Return whether the device has sent more than so many."""

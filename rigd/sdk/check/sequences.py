@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,10 +23,10 @@ from rigd.sdk.check.subject import Subject, UnfitSubject, described
 
 #: How long a failing sequence is shortened, in s.
 SHORTEN_S: Final = 10.0
-#: So often a sequence is played again if the machine stalled in it.
-TRIES: Final = 6
-#: So often a sequence that fails is played again; a failure that does not come again is stated.
-REPLAYS: Final = 3
+#: A sequence that fails is played so often. It counts if it fails so often while this machine goes
+#: on, or each time; else it is stated.
+PLAYS: Final = 4
+CALM: Final = 2
 #: What an author is told beside a failure that only some options show.
 DESCRIBES: Final = (
     "; if this option describes the device itself, as its scale does, give it to check_driver: "
@@ -177,6 +178,7 @@ class StepFailed(Exception):
     at = STEPS  #: how many steps were made before; without a number, all
     error: BaseException | None = None  #: what open() raised
     sure = False  #: whether no stall of this machine shows the same
+    doubtful = False  #: whether this machine held the sequence back: that may show the same
 
 
 def surely(problem: str) -> StepFailed:
@@ -204,11 +206,7 @@ class Unjudged(Exception):
     """What was seen says nothing about the driver; the message states why."""
 
 
-class Stalled(Unjudged):
-    """The machine stood still."""
-
-
-#: Plays a trial; raises StepFailed, Stalled or Unjudged.
+#: Plays a trial; raises StepFailed or Unjudged.
 Play = Callable[[DrawnTrial], None]
 
 
@@ -232,20 +230,19 @@ class RandomWalk:
 
     @contextlib.contextmanager
     def judged(self, stalled: Callable[[], bool]) -> Iterator[None]:
-        """Make of a step that fails what it tells: of the driver, of the machine, or nothing.
+        """Make of a step that fails what it tells: of the driver, perhaps, or nothing.
 
-        ``stalled`` returns whether this machine stood still in the present step.
+        ``stalled`` returns whether this machine held the sequence back until then.
 
         Raises:
-            StepFailed: the driver breaks a promise.
-            Unjudged: it may be the machine, or the options.
+            StepFailed: the driver breaks a promise; or, if that is doubtful, the machine does.
+            Unjudged: it may be the options.
         """
         try:
             yield
         except StepFailed as failed:
             failed.at = self._number
-            if stalled() and not failed.sure:
-                raise Stalled("this machine stalled") from failed
+            failed.doubtful = not failed.sure and stalled()
             if self._trial.options and isinstance(failed.error, REFUSALS):
                 raise Unjudged(f"with {self._trial.drawn} {failed}") from failed
             raise
@@ -260,57 +257,80 @@ def made(player: object, step: DrawnStep) -> Any:
 def first_failure(play: Play, trials: Iterable[DrawnTrial], notes: list[str]) -> Iterator[str]:
     """Yield what the first trial that fails shows, behind the fewest steps that show it.
 
-    A trial that fails is played again from the beginning, with a new driver before a new device: it
-    counts once it fails again. ``notes`` gets what was seen once only, and what was not judged. If
-    the machine stalled in more than half of the trials, that is yielded.
+    A trial that fails is played again from the beginning, with a new driver before a new device:
+    a right driver passes at least once. ``notes`` gets what did not count, and what was not judged.
     """
     why: Counter[str] = Counter()
-    count = stalled = 0
+    count = 0
     for trial in trials:
         count += 1
         try:
-            once = _failure(play, trial)
-            if once is None:
-                continue
-            if failed := next(filter(None, (_fails(play, trial) for _ in range(REPLAYS))), None):
-                shortest, problem = _shortened(play, trial, failed)
-                yield f"{shortest}: {problem}{DESCRIBES if shortest.options else ''}"
-                break
-            notes.append(f"showed once in {1 + REPLAYS} times: {trial.until(once.at)}: {once}")
+            failed = _confirmed(play, trial, notes)
         except Unjudged as unjudged:
             why[str(unjudged)] += 1
-            if isinstance(unjudged, Stalled):
-                stalled += 1
+            continue
+        if failed is not None:
+            shortest, problem = _shortened(play, trial, failed)
+            yield f"{shortest}: {problem}{DESCRIBES if shortest.options else ''}"
+            break
     notes += [f"{number} of {count} trials were not judged: {each}" for each, number in why.items()]
-    if stalled > count / 2:
-        yield f"{stalled} of {count} trials were not judged: this machine stalled; play them again"
 
 
-def _failure(play: Play, trial: DrawnTrial) -> StepFailed | None:
-    """Return how a trial fails, if it does.
+def _confirmed(play: Play, trial: DrawnTrial, notes: list[str]) -> StepFailed | None:
+    """Return how a trial fails, if that counts.
 
     Raises:
         Unjudged: that cannot be told.
     """
-    for turn in range(TRIES):
+    failures: list[StepFailed] = []
+    calm: list[StepFailed] = []
+    for played in range(1, PLAYS + 1):
         try:
-            play(trial)
-        except StepFailed as failed:
-            return failed
-        except (UnfitSubject, Hung) as unfit:
-            return StepFailed(str(unfit))
-        except Stalled:
-            if turn + 1 == TRIES:
+            failed = _failure(play, trial)
+        except Unjudged:
+            if played == 1:
                 raise
-            continue
-        return None
+            failed = None
+        failures += [] if failed is None else [failed]
+        calm = [each for each in failures if not each.doubtful]
+        if len(calm) == CALM or len(failures) == PLAYS:
+            return (calm or failures)[0]
+        if not calm and len(failures) < played:
+            break  # this machine is enough to explain those before
+    if failures:
+        times = "once" if len(failures) == 1 else f"{len(failures)} times"
+        busy = "" if calm else "while this machine was busy, "
+        first = failures[0]
+        notes.append(f"{busy}showed {times} in {played} times: {trial.until(first.at)}: {first}")
     return None
 
 
-def _fails(play: Play, trial: DrawnTrial) -> StepFailed | None:
+def _failure(play: Play, trial: DrawnTrial) -> StepFailed | None:
+    """Play a trial once, and return how it fails, if it does.
+
+    Raises:
+        Unjudged: that cannot be told.
+    """
+    try:
+        play(trial)
+    except StepFailed as failed:
+        return failed
+    except (UnfitSubject, Hung) as unfit:
+        return StepFailed(str(unfit))
+    return None
+
+
+def _fails(play: Play, trial: DrawnTrial, before: StepFailed) -> StepFailed | None:
+    """Play a shorter trial once; return how it fails, if no machine does, or it fails as before."""
     with contextlib.suppress(Unjudged):
-        return _failure(play, trial)
+        failed = _failure(play, trial)
+        if failed is not None and (not failed.doubtful or _words(failed) == _words(before)):
+            return failed
     return None
+
+
+def _words(failed: StepFailed) -> str:
+    return re.sub(r"[-\d.e]+", "", str(failed))
 
 
 def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[DrawnTrial, StepFailed]:
@@ -319,14 +339,14 @@ def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[Drawn
     trial = trial.until(failed.at)
     for less in _less(trial):
         shorter = replace(trial, **less)
-        if time.monotonic() < end and shorter != trial and (now := _fails(play, shorter)):
+        if time.monotonic() < end and shorter != trial and (now := _fails(play, shorter, failed)):
             trial, failed = shorter.until(now.at), now
     size = len(trial.steps) // 2
     while size and time.monotonic() < end:
         first = len(trial.steps) - 1 - size  # the last step is what fails
         while first >= 0 and time.monotonic() < end:
             shorter = replace(trial, steps=trial.steps[:first] + trial.steps[first + size :])
-            if now := _fails(play, shorter):
+            if now := _fails(play, shorter, failed):
                 trial, failed = shorter.until(now.at), now
                 first = min(first, len(trial.steps) - 1)
             first -= size

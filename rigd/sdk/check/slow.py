@@ -41,7 +41,7 @@ from rigd.sdk.check.sequences import (
     surely,
 )
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
-from rigd.sdk.check.watching import Watcher, queued_s
+from rigd.sdk.check.watching import Watcher
 from rigd.sdk.driver import SlowDriver
 
 #: Time limit of a whole scene, in s, opening and a fault included.
@@ -91,10 +91,6 @@ AGAIN: Final = 3
 ARRIVES_S: Final = 0.06
 #: For so long what is closed is looked at, twice, in s.
 ENDS_S: Final = 0.15
-#: A machine that stands still for so long says nothing about the times of rows, in s; nor does one
-#: on which the threads of this process waited for so long in all.
-STALL_S: Final = 0.025
-WAITED_S: Final = 0.5
 
 
 def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]]) -> None:
@@ -216,8 +212,8 @@ class _Session:
         self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
-        self.readings = Matching(peer, self._driver.declaration)
         self._watcher = Watcher(peer)
+        self.readings = Matching(peer, self._driver.declaration, self._watcher.held)
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened
         self._opened = False
@@ -238,13 +234,10 @@ class _Session:
         walk = RandomWalk(trial, CALLS)
         with self._watcher:
             try:
-                with walk.judged(self._stalls):
+                with walk.judged(self._watcher.stalls):
                     for other in beside:
                         await other.begin()
                     for step in walk:
-                        self._watcher.gap_s = 0.0
-                        for session in (self, *beside):
-                            session.readings.begin_step()
                         await made(self, step)
                         for other in beside:
                             other.go_on()
@@ -253,9 +246,6 @@ class _Session:
             finally:
                 for session in (*beside, self):
                     await session.end()
-
-    def _stalls(self) -> bool:
-        return self._watcher.gap_s > STALL_S or self.readings.waited_s > WAITED_S
 
     async def begin(self) -> None:
         """Open it and have it run, beside another."""
@@ -304,20 +294,31 @@ class _Session:
         await self._must("close", self._driver.close())
 
     async def _run_and_cancel(self, steps: int) -> None:
+        """Cancel it twice while it asks; then what the device has answered is old, and no row."""
+        for _ in range(2):
+            self._begin()
+            for _ in range(steps):
+                await asyncio.sleep(0)
+            await self._cancel(0)
+        if self._driver.declaration.channels:
+            if self._peer.measure is not None:
+                await asyncio.to_thread(self._peer.measure, self._others(f"cancel {steps}"))
+            await asyncio.sleep(1.5 * AGE_S)
+            await self._run()
+            await self._cancel()
+
+    def _begin(self) -> None:
+        self._came.clear()
+        self.readings.begin_run()
         self._task = asyncio.create_task(self._driver.run(self._emit))
-        for _ in range(steps):
-            await asyncio.sleep(0)
-        await self._cancel(0)
 
     async def _run(self) -> None:
-        self._came.clear()
-        self._task = asyncio.create_task(self._driver.run(self._emit))
+        self._begin()
         if self._driver.declaration.channels:
             await self._wait_for_rows()
 
     async def _run_and_at_once_act(self, action: str) -> None:
-        self._came.clear()
-        self._task = asyncio.create_task(self._driver.run(self._emit))
+        self._begin()
         await asyncio.sleep(0)  # it has asked, and waits for the answer
         await self._act(action)
         if self._driver.declaration.channels:
@@ -349,6 +350,10 @@ class _Session:
         if steady and self._kept > self._kept_before:
             raise StepFailed("the device measures something else, and a reading gives no row")
 
+    def _others(self, drawn_from: str) -> Mapping[str, float]:
+        rng = random.Random(f"{self._subject.seed} {drawn_from}")
+        return drawn_values(self._driver.declaration, rng)
+
     async def _act(self, action: str) -> None:
         before = self._watcher.look().acted
         if action not in self._driver.declaration.actions:
@@ -373,7 +378,7 @@ class _Session:
         for change in (self._peer.faults[fault], partial(self._peer.mended, fault)):
             await asyncio.to_thread(change)
             await asyncio.wait({task}, timeout=LATE_S)
-        self._fails, self._watcher.gap_s = False, 0.0
+        self._fails = False
         if task.done():
             error, self._task = task.exception(), None
             if not isinstance(error, FAILURES):
@@ -382,9 +387,8 @@ class _Session:
             await self._open()
             await self._run()
         if self._driver.declaration.channels:
-            rng = random.Random(f"{self._subject.seed} {fault}")
-            for _ in range(AGAIN):
-                await self._measure(drawn_values(self._driver.declaration, rng))
+            for number in range(AGAIN):
+                await self._measure(self._others(f"{fault} {number}"))
 
     async def _fail_for_long(self, fault: str) -> None:
         """Have the device fail, and no row come of it, nor an action be done."""
@@ -471,13 +475,13 @@ class _Session:
 
         async def tick() -> None:
             while True:
-                began_s, before_s, gap_s = time.monotonic(), queued_s(), self._watcher.gap_s
-                self._watcher.gap_s = 0.0
+                began_s, self._watcher.gap_s = time.monotonic(), 0.0
                 await asyncio.sleep(TICK_S)
-                took_s = time.monotonic() - began_s - (queued_s() - before_s)
+                took_s = time.monotonic() - began_s
+                if took_s > STUCK_S:
+                    took_s -= self._watcher.held.since(began_s)
                 if took_s > STUCK_S and self._watcher.gap_s < WITNESS_PART * took_s:
                     stalls.append(took_s)  # else this machine stood still
-                self._watcher.gap_s = max(gap_s, self._watcher.gap_s)
 
         ticking = asyncio.create_task(tick())
         try:
@@ -513,7 +517,7 @@ class _Session:
 
     async def _kill_and_open(self) -> None:
         """Ask, and end as if killed; another driver opens the device while it answers."""
-        self._task = asyncio.create_task(self._driver.run(self._emit))
+        self._begin()
         await self._cancel()
         await self._driver.close()
         self._new()

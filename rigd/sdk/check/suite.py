@@ -27,6 +27,8 @@ RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
 }
 #: So often a rule is applied that is broken: it counts if it is each time.
 TIMES: Final = 3
+#: Rules that play a sequence which fails again.
+PLAYED: Final = frozenset({*BLOCK_RULES, *SLOW_RULES, CYCLE_RULES[0]})
 #: Rules that end the examination when they are broken.
 GATES: Final = frozenset(
     {
@@ -101,7 +103,7 @@ def _confirmed(rule: Rule, subject: Subject) -> Iterator[str]:
                 subject.notes.append(f"{rule.name}: showed not each time: {first}")
             return
         first = first or problems[0]
-        if rule.fault is None or rule.name in GATES:  # it is sure, or was played again
+        if rule.fault is None or rule in PLAYED:  # it is sure, or was played again
             break
     yield from problems
 

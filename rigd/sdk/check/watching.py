@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Self
@@ -16,6 +17,51 @@ from rigd.sdk.check.peer import Observed, Peer
 
 #: Time between two looks at the device, in s.
 LOOK_S: Final = 0.001
+#: Time between two looks at what this machine holds back, in s, and how many are kept.
+HELD_LOOK_S: Final = 0.01
+HELD_LOOKS: Final = 6000
+#: This machine holds a sequence back if nothing looks at the device for so long, in s, or if
+#: threads of this process wait for a processor for more than this part of the time.
+STALL_S: Final = 0.025
+HELD_PART: Final = 0.05
+
+
+class HeldTime:
+    """For how long threads of this process have waited for a processor, in all.
+
+    What passes between two events, one of which causes the other in another thread, is at most so
+    much longer than on a machine that is free. 0 on a system that does not tell; ``threads`` is
+    the folder in which it does.
+    """
+
+    def __init__(self, threads: Path = Path("/proc/self/task")) -> None:
+        self._folder = threads
+        self._lock = threading.RLock()
+        self._threads: dict[str, int] = {}  # in ns
+        self._s = 0.0
+        self._looks: deque[tuple[float, float]] = deque(maxlen=HELD_LOOKS)
+        self.look()
+
+    def look(self) -> float:
+        """Return it, in s, and note it with the time."""
+        with self._lock:
+            now_s, threads = time.monotonic(), {}
+            for task in self._folder.glob("*/schedstat"):
+                with contextlib.suppress(OSError):  # it has ended
+                    threads[task.parent.name] = int(task.read_text("ascii").split()[1])
+            if self._looks:
+                self._s += 1e-9 * sum(
+                    max(0, waited - self._threads.get(name, 0)) for name, waited in threads.items()
+                )
+            self._threads = threads
+            self._looks.append((now_s, self._s))
+            return self._s
+
+    def since(self, time_s: float) -> float:
+        """Return how much of it was since a time of CLOCK_MONOTONIC, or some more, in s."""
+        with self._lock:
+            now_s = self.look()
+            return now_s - next((s for at_s, s in reversed(self._looks) if at_s <= time_s), 0.0)
 
 
 class Watcher:
@@ -28,8 +74,9 @@ class Watcher:
         self._lock = threading.Lock()
         #: Time and look.
         self.seen: list[tuple[float, Observed]] = [(time.monotonic(), peer.look())]
-        #: The longest time between two looks, in s: this machine may stall.
-        self.gap_s = 0.0
+        #: The longest time between two looks, in s: this machine may stall; and of all.
+        self.gap_s = self.longest_gap_s = 0.0
+        self.held = HeldTime()
         self._thread = threading.Thread(target=self._watch, name="watcher of the device")
         self._thread.daemon = True
 
@@ -68,6 +115,16 @@ class Watcher:
             at_s = time_s
         return at_s
 
+    def stalls(self, gap_s: float = STALL_S) -> bool:
+        """Return whether this machine held back what was done since the first look.
+
+        Nothing looked at the device for ``gap_s``, or threads waited for a processor.
+        """
+        began_s = self.seen[0][0]
+        held_s = self.held.since(began_s)
+        busy = held_s > gap_s + HELD_PART * (time.monotonic() - began_s)
+        return busy or self.longest_gap_s > gap_s
+
     def _index(self, time_s: float) -> int:
         index = len(self.seen) - 1
         while index > 0 and self.seen[index][0] > time_s:
@@ -75,7 +132,7 @@ class Watcher:
         return index
 
     def _watch(self) -> None:
-        last = time.monotonic()
+        last = held_s = time.monotonic()
         while not self._ended.wait(LOOK_S):
             try:
                 self.look()
@@ -84,26 +141,11 @@ class Watcher:
                 return
             now = time.monotonic()
             self.gap_s = max(self.gap_s, now - last)
+            self.longest_gap_s = max(self.longest_gap_s, now - last)
             last = now
-
-
-def queued_s() -> float:
-    """Return for how long this thread has waited for a processor, in s; 0 if nobody knows."""
-    with contextlib.suppress(OSError):  # another system
-        return int(Path("/proc/thread-self/schedstat").read_text("ascii").split()[1]) * 1e-9
-    return 0.0
-
-
-def all_queued_s() -> float:
-    """Return for how long all threads of this process have waited for a processor, in s.
-
-    0 if nobody knows.
-    """
-    waited_ns = 0
-    for task in Path("/proc/self/task").glob("*/schedstat"):
-        with contextlib.suppress(OSError):  # it has ended
-            waited_ns += int(task.read_text("ascii").split()[1])
-    return waited_ns * 1e-9
+            if now > held_s + HELD_LOOK_S:
+                self.held.look()
+                held_s = now
 
 
 def until(holds: Callable[[], bool], within_s: float) -> bool:
