@@ -235,9 +235,7 @@ class _Played:
         while blocks < count or late:  # what was late before a pause comes first
             if blocks % count == 0:
                 self._kept, self._ages = [], []
-            block = self._must("read_block", partial(self._driver.read_block, TIMEOUT_S))
-            if _rows_of(block) != 0 and block is not None:
-                self._check(block)
+            if self._read(TIMEOUT_S):
                 blocks += 1
                 late = self._late() if blocks % count == 0 else late
             if time.monotonic() > end:
@@ -256,14 +254,20 @@ class _Played:
                 f"the rows are {apart_s * 1e3:g} ms apart, and rate_hz is {rate_hz:g} Hz"
             )
 
+    def _read(self, timeout_s: float) -> bool:
+        """Read a block, and check it; return whether it has rows."""
+        block = self._must("read_block", partial(self._driver.read_block, timeout_s))
+        if block is None or _rows_of(block) == 0:
+            return False
+        self._check(block)
+        return True
+
     def _read_often(self) -> None:
         """Read with a short time-out: what the device has sent comes at once."""
         end, since_s, calls = time.monotonic() + OFTEN_S, 0.0, 0
         while time.monotonic() < end:
             began_s, due = time.monotonic(), self._readings.waiting
-            block = self._must("read_block", partial(self._driver.read_block, SHORT_S))
-            if _rows_of(block) != 0 and block is not None:
-                self._check(block)
+            if self._read(SHORT_S):
                 calls = 0
             elif due:
                 since_s, calls = since_s if calls else began_s, calls + 1
@@ -338,7 +342,7 @@ class _Played:
         for given in (block, shortest, rising):
             rows = len(given.times_ns)
             outcome = self._caller.call(partial(self._driver.newest_row, given), OPEN_S)
-            expect(f"newest_row of a block of {rows}", outcome.error)
+            expect(f"newest_row of a block of {rows}", outcome)
             if np.shape(outcome.value) != (columns,):
                 raise StepFailed(
                     f"newest_row gives {np.size(outcome.value)} values, expected {columns}"
@@ -373,7 +377,7 @@ class _Played:
 
     def _must(self, what: str, function: Callable[[], Any]) -> Any:
         outcome: CallOutcome = self._caller.call(function, OPEN_S)
-        expect(what, outcome.error)
+        expect(what, outcome)
         if what == "read_block":
             _in_time(outcome)
         return outcome.value

@@ -159,35 +159,16 @@ class Setpoints:
         last = low if math.isnan(last) else min(max(last, low), high)
         kind = self._deck.pop()
         if is_switch(channel):
-            kind = {
-                "any": "high",
-                "small": "high",
-                "step": "zero",
-                "below": "zero",
-                "above": "high",
-            }.get(kind, kind)
-        match kind:
-            case "zero":
-                return 0.0
-            case "again":
-                return last
-            case "step":
-                return last + span * rng.choice((-0.05, -0.02, -0.01, 0.01, 0.02, 0.05))
-            case "small":
-                return math.pow(10.0, -rng.uniform(1.0, 5.0)) * rng.choice((low, high))
-            case "low":
-                return low
-            case "high":
-                return high
-            case "below":
-                return low - span * rng.choice((0.05, rng.random(), 10.0))
-            case "above":
-                return high + span * rng.choice((0.05, rng.random(), 10.0))
-            case "endless":
-                return rng.choice((math.inf, -math.inf))
-            case "nan":
-                return math.nan
-        return low + span * rng.random()
+            kind = {"step": "zero", "below": "zero"}.get(kind, kind)
+            kind = "high" if kind in {"any", "small", "above"} else kind
+        beyond = span * rng.choice((0.05, rng.random(), 10.0))
+        return {
+            "zero": 0.0, "again": last, "low": low, "high": high, "nan": math.nan,
+            "step": last + span * rng.choice((-0.05, -0.02, -0.01, 0.01, 0.02, 0.05)),
+            "small": math.pow(10.0, -rng.uniform(1.0, 5.0)) * rng.choice((low, high)),
+            "below": low - beyond, "above": high + beyond,
+            "endless": rng.choice((math.inf, -math.inf)), "any": low + span * rng.random(),
+        }[kind]  # fmt: skip
 
 
 def near(channel: Channel, value: float, wanted: float, step: float | None = None) -> bool:
@@ -199,6 +180,22 @@ def near(channel: Channel, value: float, wanted: float, step: float | None = Non
     if step is not None:
         room = step * (1 + ROUNDED) + ROUNDED * abs(wanted) + LEAST
     return abs(value - wanted) <= room
+
+
+def stays_put(
+    channels: Sequence[Channel],
+    looks: Sequence[Observed],
+    stays: Sequence[float],
+    safe: Sequence[float],
+) -> None:
+    """Raise StepFailed if a device moves that was opened again, and is not armed."""
+    for look in looks:
+        for channel, value, *at in zip(channels, look.driven, stays, safe, strict=False):
+            if not any(near(channel, value, item) for item in at):
+                raise StepFailed(
+                    f"opened again, and not armed, it drives the device at {value:.4g} "
+                    f"{channel.unit}"
+                )
 
 
 def any_order(subject: Subject) -> Iterator[str]:
@@ -261,7 +258,7 @@ class _Played:
             try:
                 with self._walk.judged(self._stands):
                     if self._beside is not None:
-                        self._must("open", self._beside.open())
+                        expect("open", self._beside.open())
                     for step in self._walk:
                         self._step(step)
             finally:
@@ -315,11 +312,11 @@ class _Played:
     # The calls of each step.
 
     def _open(self) -> None:
-        self._must("open", self._found.open())
+        expect("open", self._found.open())
         check_identity(self._found.driver, self._found.look())
         self._safe_now("after open()")
         outcome = self._found.call_slowly(self._found.driver.preflight)
-        self._must("preflight", outcome)
+        expect("preflight", outcome)
         if reasons := list(outcome.value):
             raise StepFailed(f"preflight() finds fault with a healthy device: {reasons}")
         declared_s, there_s = self._found.driver.watchdog_s, self._found.look().watchdog_s
@@ -342,22 +339,15 @@ class _Played:
     def _close_and_open(self, setpoints: Sequence[float]) -> None:
         """Close it while it is armed, as after an error, and open it again: it is not armed."""
         self._wanted = self._safe
-        self._must("close", self._found.close())
-        self._must("open", self._found.open())
+        expect("close", self._found.close())
+        expect("open", self._found.open())
         self._opened_anew(setpoints)
 
     def _opened_anew(self, setpoints: Sequence[float]) -> None:
         """Write to what was opened again: the device stays as it was, or is safe; make it safe."""
         stays, began_s = self._found.look().driven, time.monotonic()
         self._write_for_nothing(setpoints)
-        for look in self._found.watcher.since(began_s) if self._observed else ():
-            for index, channel in enumerate(self._channels):
-                value = look.driven[index]
-                if not any(near(channel, value, at[index]) for at in (stays, self._safe)):
-                    raise StepFailed(
-                        f"opened again, and not armed, it drives the device at {value:.4g} "
-                        f"{channel.unit}"
-                    )
+        stays_put(self._channels, self._found.watcher.since(began_s), stays, self._safe)
         self._make_safe()
 
     def _prove_watchdog(self, times: str = "once") -> None:
@@ -372,7 +362,7 @@ class _Played:
         quiet = before.trips is None or found.look().trips != before.trips
         if isinstance(outcome.error, DeviceError) and not quiet:
             raise surely(f"prove_watchdog raises {described(outcome.error)}: it was not silent")
-        self._must("prove_watchdog", outcome)
+        expect("prove_watchdog", outcome)
         least_s, most_s = (1 - PROOF_PART) * (before.watchdog_s or 0.0), promised + ROOM_S / 4
         if before.trips is not None:
             # It took at most the time since the proof began, unless the driver has noticed it only
@@ -397,7 +387,7 @@ class _Played:
         self._cycle(self._last, refused=True)  # as before a run: its watchdog may have acted
         self._wanted = self._last
         self._passed.append(self._last)
-        self._must("arm", found.call_slowly(found.driver.arm))
+        expect("arm", found.call_slowly(found.driver.arm))
         self._listen(ARRIVES_S)  # no setpoint of write() hides what arm() sent
         self._become_ready()
         energised = found.look().energised
@@ -420,7 +410,7 @@ class _Played:
         began_s, declared = time.monotonic(), found.driver.declaration
         while True:
             ready = found.call(found.driver.ready)
-            self._must("ready", ready)
+            expect("ready", ready)
             if ready.value and (found.rows or not declared.channels):
                 break
             took_s = time.monotonic() - began_s
@@ -435,21 +425,22 @@ class _Played:
         found = self._found
         self._write(far(found.driver))
         self._passed += [self._safe, rest(found.driver)]
-        self._must("make_safe", found.call(found.driver.make_safe))
-        self._must("arm", found.call(found.driver.arm))
-        self._must("write", found.write(self._last))
+        expect("make_safe", found.call(found.driver.make_safe))
+        expect("arm", found.call(found.driver.arm))
+        expect("write", found.write(self._last))
         self._become_ready()
         self._settle()
 
     def _arm_and_at_once_make_safe(self) -> None:
         self._passed.append(rest(self._found.driver))
-        self._must("arm", self._found.call(self._found.driver.arm))
+        expect("arm", self._found.call(self._found.driver.arm))
         self._make_safe()
 
     def _write(self, setpoints: Sequence[float]) -> None:
         if any(map(math.isnan, setpoints)) and self._wanted == self._safe:
             self._write([each.high or each.low for each in self._channels])  # which NaN must leave
-        outcome = self._cycle(setpoints, refused=not self._within(setpoints))
+        beyond = self._clipped(setpoints) != tuple(setpoints)
+        outcome = self._cycle(setpoints, refused=beyond)
         if outcome.error is None:
             if any(map(math.isnan, setpoints)):
                 raise StepFailed("write() takes NaN as if it were a setpoint")
@@ -476,7 +467,7 @@ class _Played:
         )
         end = time.monotonic() + 3 * AGE_S
         while time.monotonic() < end:  # what is read then is the newest, and not the oldest
-            self._must("write", self._found.write(self._last))
+            expect("write", self._found.write(self._last))
             self._called_s = time.monotonic()
             time.sleep(AGE_S / 4)
         self._cycle(self._last)
@@ -559,8 +550,8 @@ class _Played:
             error = found.call(found.driver.make_safe).error  # it may raise, once
         if error is not None and not isinstance(error, FAILURES):
             raise StepFailed(f"while the device is {fault}, it raises {described(error)}")
-        self._must("close", found.close())
-        self._must("open once the fault is over", found.open())
+        expect("close", found.close())
+        expect("open once the fault is over", found.open())
         self._opened_anew(setpoints)
 
     def _cycle_without_a_write(self) -> None:
@@ -615,10 +606,10 @@ class _Played:
         found = self._found
         trips = found.look().trips
         self._wanted = self._safe
-        self._must("make_safe", found.call(found.driver.make_safe))
+        expect("make_safe", found.call(found.driver.make_safe))
         self._await_safe("after make_safe()", trips)
-        self._must("confirm_safe", found.call_slowly(found.driver.confirm_safe))
-        self._must("make_safe again", found.call(found.driver.make_safe))
+        expect("confirm_safe", found.call_slowly(found.driver.confirm_safe))
+        expect("make_safe again", found.call(found.driver.make_safe))
         if found.readings.sent:  # what is read then is not what was read before
             time.sleep(1.5 * AGE_S)
         self._cycle(())
@@ -626,8 +617,8 @@ class _Played:
 
     def _close(self) -> None:
         found = self._found
-        self._must("close", found.close())
-        self._must("close again", found.close())
+        expect("close", found.close())
+        expect("close again", found.close())
         self._safe_now("after close()")
 
     def _new_driver(self) -> None:
@@ -645,14 +636,11 @@ class _Played:
         found.close()
         found.replace()
         self._wanted = self._safe
-        self._must("rescue", found.call_slowly(found.driver.rescue))
+        expect("rescue", found.call_slowly(found.driver.rescue))
         self._await_safe("after rescue() over a new connection", trips)
         found.replace()  # it has closed what it opened
 
     # What must hold.
-
-    def _must(self, what: str, outcome: CallOutcome) -> None:
-        expect(what, outcome.error)
 
     def _cycle(
         self, setpoints: Sequence[float], *, refused: bool = False, pause_s: float = PERIOD_S
@@ -744,12 +732,6 @@ class _Played:
             for channel, value, want, step in zip(
                 self._channels, look.driven, self._wanted, steps, strict=False
             )
-        )
-
-    def _within(self, setpoints: Sequence[float]) -> bool:
-        return all(
-            channel.low <= value <= channel.high
-            for channel, value in zip(self._channels, setpoints, strict=True)
         )
 
     def _clipped(self, setpoints: Sequence[float]) -> tuple[float, ...]:

@@ -238,16 +238,7 @@ def wild(driver: Driver, cycle: int) -> Sequence[float]:
     values = []
     for number, setpoint in enumerate(driver.declaration.setpoints):
         far = 1e6 * (setpoint.high - setpoint.low)
-        jumps = (
-            setpoint.high,
-            setpoint.low,
-            far,
-            setpoint.low,
-            -far,
-            setpoint.high,
-            math.inf,
-            -math.inf,
-            math.nan,
-        )
+        low, high = setpoint.low, setpoint.high
+        jumps = (high, low, far, low, -far, high, math.inf, -math.inf, math.nan)
         values.append(jumps[(turn + number) % len(jumps)])
     return values

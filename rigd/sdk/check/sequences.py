@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from rigd.model.errors import DeviceError, ProtocolError
-from rigd.sdk.check.caller import Hung
+from rigd.sdk.check.caller import CallOutcome, Hung
 from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.rows import drawn_values
 from rigd.sdk.check.subject import Subject, UnfitSubject, described
@@ -188,9 +188,9 @@ def surely(problem: str) -> StepFailed:
     return failed
 
 
-def expect(what: str, error: BaseException | None) -> None:
+def expect(what: str, outcome: CallOutcome) -> None:
     """Raise StepFailed if a call has raised an error."""
-    if error is not None:
+    if (error := outcome.error) is not None:
         failed = StepFailed(f"{what} raises {described(error)}")
         failed.error = error if what == "open" else None
         raise failed

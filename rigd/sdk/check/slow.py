@@ -19,11 +19,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller, Hung
+from rigd.sdk.check.caller import Caller, CallOutcome, Hung
 from rigd.sdk.check.drawn import counted_s, intervals, too_often
-from rigd.sdk.check.fast import Setpoints, near
+from rigd.sdk.check.fast import Setpoints, near, stays_put
 from rigd.sdk.check.leaks import nothing_left, opens
-from rigd.sdk.check.peer import Observed, Peer
+from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
     VALUES,
@@ -565,15 +565,7 @@ class _Session:
         await self._run()
         await self._must("write", self._driver.write(setpoints))
         await self._wait_for_rows()
-        for look in self._watcher.since(began_s) if self._observed else ():
-            for channel, value, *at in zip(
-                self._setpoints, look.driven, stays, self._safe, strict=True
-            ):
-                if not any(near(channel, value, item) for item in at):
-                    raise StepFailed(
-                        f"opened again, and not armed, it drives the device at {value:.4g} "
-                        f"{channel.unit}"
-                    )
+        stays_put(self._setpoints, self._watcher.since(began_s), stays, self._safe)
         await self._make_safe()
 
     async def _make_safe(self) -> None:
@@ -619,7 +611,7 @@ class _Session:
         try:
             return await asyncio.wait_for(call, OPEN_S)
         except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
-            expect(what, error)
+            expect(what, CallOutcome(error=error))
 
     async def _settled(self, wanted: Sequence[Sequence[float]]) -> Sequence[float] | None:
         """Return which of ``wanted`` the device is driven with, each value one of them."""
@@ -642,14 +634,8 @@ class _Session:
         began_s = time.monotonic()
         await asyncio.sleep(ARRIVES_S)
         for look in self._watcher.since(began_s):
-            if look.energised or not self._is_safe(look):
+            if look.energised or not all(map(near, self._setpoints, look.driven, self._safe)):
                 raise StepFailed(f"{when} the device is driven at {look.driven}")
-
-    def _is_safe(self, look: Observed) -> bool:
-        return all(
-            near(channel, value, safe)
-            for channel, value, safe in zip(self._setpoints, look.driven, self._safe, strict=True)
-        )
 
 
 def _in_turn(*trials: tuple[tuple[Any, ...], ...]) -> Callable[[Subject], Iterator[str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -36,11 +37,16 @@ class HeldTime:
 
     def __init__(self, threads: Path = Path("/proc/self/task")) -> None:
         self._folder = threads
+        self._without = ""
         self._lock = threading.RLock()
         self._threads: dict[str, int] = {}  # in ns
         self._s = 0.0
         self._looks: deque[tuple[float, float]] = deque(maxlen=HELD_LOOKS)
         self.look()
+
+    def leave_out(self) -> None:
+        """Leave this thread out: nothing that is judged waits for it."""
+        self._without = str(threading.get_native_id())
 
     def look(self) -> float:
         """Return it, in s, and note it with the time."""
@@ -49,6 +55,7 @@ class HeldTime:
             for task in self._folder.glob("*/schedstat"):
                 with contextlib.suppress(OSError):  # it has ended
                     threads[task.parent.name] = int(task.read_text("ascii").split()[1])
+            threads.pop(self._without, None)
             if self._looks:
                 self._s += 1e-9 * sum(
                     max(0, waited - self._threads.get(name, 0)) for name, waited in threads.items()
@@ -104,7 +111,8 @@ class Watcher:
 
     def since(self, began_s: float) -> Sequence[Observed]:
         """Return all that the device did since a time, beginning with what it did then."""
-        return [look for _, look in self.seen[self._index(began_s) :]]
+        first = bisect_right([at_s for at_s, _ in self.seen], began_s) - 1
+        return [look for _, look in self.seen[max(0, first) :]]
 
     def when(self, holds: Callable[[Observed], bool]) -> float:
         """Return the first time since when something holds up to now."""
@@ -125,13 +133,8 @@ class Watcher:
         busy = held_s > gap_s + HELD_PART * (time.monotonic() - began_s)
         return busy or self.longest_gap_s > gap_s
 
-    def _index(self, time_s: float) -> int:
-        index = len(self.seen) - 1
-        while index > 0 and self.seen[index][0] > time_s:
-            index -= 1
-        return index
-
     def _watch(self) -> None:
+        self.held.leave_out()
         last = held_s = time.monotonic()
         while not self._ended.wait(LOOK_S):
             try:
