@@ -439,7 +439,8 @@ class _Played:
     def _write(self, setpoints: Sequence[float]) -> None:
         if any(map(math.isnan, setpoints)) and self._wanted == self._safe:
             self._write([each.high or each.low for each in self._channels])  # which NaN must leave
-        beyond = self._clipped(setpoints) != tuple(setpoints)
+        bounds = zip(self._channels, setpoints, strict=True)
+        beyond = not all(channel.low <= value <= channel.high for channel, value in bounds)
         outcome = self._cycle(setpoints, refused=beyond)
         if outcome.error is None:
             if any(map(math.isnan, setpoints)):
