@@ -16,13 +16,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, beyond_range
 from rigd.sdk.check.sequences import (
     VALUES,
-    DrawnStep,
     DrawnTrial,
     KindOfStep,
     RandomWalk,
@@ -31,6 +30,7 @@ from rigd.sdk.check.sequences import (
     check_identity,
     expect,
     first_failure,
+    in_turn,
     made,
     surely,
 )
@@ -38,8 +38,6 @@ from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.check.watching import Watcher, until
 from rigd.sdk.driver import Block, BlockDriver
 
-#: Time limit of open(), in s: it may wait for a device that does not answer.
-OPEN_S: Final = 30.0
 #: The time-out given to read_block, and how much longer it may take, in s.
 TIMEOUT_S: Final = 0.2
 ROOM_S: Final = 0.6
@@ -129,9 +127,13 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 }
 
 
+#: What comes before a fault.
+SAMPLES: Final = (("open",), ("start",), ("read blocks",))
+
+
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    values = {**VALUES, "pause": VALUES["measure"]}
+    values = {"pause": VALUES["measure"]}
     trials = SequenceDrawing(subject, CALLS, values, FAULTS_THAT_END).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
@@ -256,7 +258,9 @@ class _Played:
 
     def _read(self, timeout_s: float) -> bool:
         """Read a block, and check it; return whether it has rows."""
-        block = self._must("read_block", partial(self._driver.read_block, timeout_s))
+        outcome = self._caller.call(partial(self._driver.read_block, timeout_s), OPEN_S)
+        block = expect("read_block", outcome)
+        _in_time(outcome)
         if block is None or _rows_of(block) == 0:
             return False
         self._check(block)
@@ -376,11 +380,7 @@ class _Played:
         return self._driver.declaration.oldest_s
 
     def _must(self, what: str, function: Callable[[], Any]) -> Any:
-        outcome: CallOutcome = self._caller.call(function, OPEN_S)
-        expect(what, outcome)
-        if what == "read_block":
-            _in_time(outcome)
-        return outcome.value
+        return expect(what, self._caller.call(function, OPEN_S))
 
     def _check(self, block: Block) -> None:
         """Check a block that came just now."""
@@ -440,13 +440,6 @@ def _rising(block: Block, channels: int) -> Block:
     return Block(block.times_ns[-1] - np.arange(rows)[::-1], values)
 
 
-def _fails(fault: str, subject: Subject) -> Iterator[str]:
-    """Play the sequence in which a device that samples begins to fail."""
-    steps = (("open",), ("start",), ("read blocks",), ("fail for long", fault))
-    trial = DrawnTrial(tuple(DrawnStep(*step) for step in steps), seed=fault)
-    yield from first_failure(partial(_play, subject), [trial], subject.notes)
-
-
 #: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
@@ -460,7 +453,7 @@ RULES: Final = (
         "",
     ),
     *(
-        Rule(fault, demand, partial(_fails, fault), fault)
+        Rule(fault, demand, in_turn(_play, (*SAMPLES, ("fail for long", fault)), seed=fault), fault)
         for fault, demand in {
             "dead": "with the device gone read_block() raises a LinkError or DeviceError within 2 "
             "silent_s",

@@ -11,9 +11,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
+from rigd.sdk.link import Link
+
 #: Functions of C by which bytes leave this computer, and by which they come.
 SENDS: Final = frozenset({"send", "sendto", "sendall", "sendmsg", "write", "writev"})
 RECEIVES: Final = frozenset({"recv", "recvfrom", "recvmsg", "recv_into", "recvfrom_into", "read"})
+#: Time limit of open(), in s: it may wait for a device that does not answer.
+OPEN_S: Final = 30.0
+#: A call of a cycle that takes longer does not return, in s: the machine may stall.
+HANGS_S: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,32 @@ class Caller:
             except BaseException as error:  # noqa: BLE001  # whatever a driver raises is a finding
                 value, failure = None, error
             self._outcomes.put(CallOutcome(value, failure, time.perf_counter() - start))
+
+
+class LinkedBench:
+    """A driver with its link, both called from one thread."""
+
+    link: Any
+    driver: Any
+
+    def __init__(self, caller: Caller) -> None:
+        self._caller = caller
+
+    def call(self, function: Callable[[], Any], within_s: float = HANGS_S) -> CallOutcome:
+        """Return how a call ended; see :meth:`Caller.call`."""
+        return self._caller.call(function, within_s)
+
+    def open_link(self) -> CallOutcome:
+        """Open the link, if there is one."""
+        opens = self.link.open if isinstance(self.link, Link) else lambda: None
+        return self.call(opens, OPEN_S)
+
+    def close(self) -> CallOutcome:
+        """Close the driver, then the link; return how the driver's ended."""
+        closed = self.call(self.driver.close)
+        if isinstance(self.link, Link):
+            self.call(self.link.close)
+        return closed
 
 
 @contextmanager

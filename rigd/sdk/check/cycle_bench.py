@@ -10,25 +10,25 @@ from dataclasses import replace
 from typing import Any, Final
 
 from rigd.model.channels import Channel
-from rigd.sdk.check.caller import SENDS, Caller, CallOutcome, hearing
+from rigd.sdk.check.caller import OPEN_S, SENDS, Caller, CallOutcome, LinkedBench, hearing
 from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed, Peer
 from rigd.sdk.check.rows import Matching, row_problems
-from rigd.sdk.check.sequences import StepFailed
-from rigd.sdk.check.subject import Subject, UnfitSubject, described
-from rigd.sdk.check.watching import Watcher
+from rigd.sdk.check.sequences import StepFailed, expect, surely
+from rigd.sdk.check.subject import Subject, UnfitSubject
+from rigd.sdk.check.watching import Watcher, until
 from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
 from rigd.sdk.plant import Plant
 
-#: Time limit of open(), in s: it may wait for a device that does not answer.
-OPEN_S: Final = 30.0
-#: A call of a cycle that takes no longer is no error of the driver: the machine may stall, in s.
-STALL_S: Final = 1.0
 #: Time limit for enabling a drive, in s: it passes through states, a cycle or more each.
 READY_S: Final = 10.0
+#: The first row comes within this time after arm(), and 3 silent_s, in s.
+ROWS_S: Final = 2.0
 #: An actuator follows its setpoint within this time, in s.
 FOLLOWS_S: Final = 0.3
+#: What a device may take until it is safe, in s.
+SAFE_S: Final = 1.0
 #: Time from one cycle to the next, in s.
 PERIOD_S: Final = 0.002
 #: A call of a cycle that takes longer waits for something, in s, if the machine goes on meanwhile.
@@ -42,12 +42,12 @@ OLD_S: Final = 0.12
 HELD_S: Final = 0.004
 
 
-class Bench:
+class Bench(LinkedBench):
     """One driver with one simulated device, called as the cycle calls it."""
 
     def __init__(self, subject: Subject, peer: Peer, caller: Caller) -> None:
+        super().__init__(caller)
         self._subject = subject
-        self._caller = caller
         self._all: list[Driver] = []  # what one of them leaves open stays to be seen
         self.peer = peer
         self.took: dict[str, list[float]] = {}  # how long each read and write took, in s
@@ -66,7 +66,7 @@ class Bench:
 
     def replace(self) -> None:
         """Put a new driver, on a new link, in the place of the present one."""
-        self.link: Any = self.peer.link()
+        self.link = self.peer.link()
         self.driver: Driver = self._subject.make(self.peer, self.link)
         self._all.append(self.driver)
 
@@ -85,10 +85,6 @@ class Bench:
             )
         return seen
 
-    def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> CallOutcome:
-        """Make one call; see :meth:`Caller.call`."""
-        return self._caller.call(function, within_s)
-
     def call_slowly(self, function: Callable[[], Any]) -> CallOutcome:
         """Make a call that may wait, and look at the device after each thing that it sends."""
 
@@ -103,27 +99,15 @@ class Bench:
 
         return self.call(watched if self.peer.observed is not None else function, OPEN_S)
 
-    def must(self, what: str, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Any:
-        """Return the value of a call that must not fail.
-
-        Raises:
-            UnfitSubject: it does.
-        """
-        outcome = self.call(function, within_s)
-        if outcome.error is not None:
-            raise UnfitSubject(f"{what} raises {described(outcome.error)}")
-        return outcome.value
-
     def run(self) -> None:
         """Open the device, arm it and drive it, as in the middle of a run.
 
         Raises:
-            UnfitSubject: a call fails, or its actuators do not follow.
+            StepFailed: a call fails.
         """
-        outcome = self.open()
-        if outcome.error is not None:
-            raise UnfitSubject(f"open raises {described(outcome.error)}")
-        self.arm()
+        expect("open", self.open())
+        expect("arm", self.call(self.driver.arm))
+        self.become_ready(lambda: self.check_row(expect("a cycle", self.cycle())))
         wanted = far(self.driver)
         end = time.monotonic() + FOLLOWS_S
         while self.cycle(wanted).error is None and self.look().driven not in ((), wanted):
@@ -134,18 +118,8 @@ class Bench:
         """Open the link, if there is one, then the driver."""
         self.rows, self._last_ns = 0, None
         self.readings.begin()
-        if isinstance(self.link, Link):
-            opened = self.call(self.link.open, OPEN_S)
-            if opened.error is not None:
-                return opened
-        return self.call_slowly(self.driver.open)
-
-    def close(self) -> CallOutcome:
-        """Close the driver, then the link; return how the driver's ended."""
-        closed = self.call(self.driver.close)
-        if isinstance(self.link, Link):
-            self.call(self.link.close)
-        return closed
+        opened = self.open_link()
+        return self.call_slowly(self.driver.open) if opened.error is None else opened
 
     def cycle(
         self, setpoints: Sequence[float] | None = None, pause_s: float = PERIOD_S
@@ -203,6 +177,20 @@ class Bench:
         self.waits[name] += outcome.took_s > WAITS_S
         return outcome
 
+    def unsafe(self, trips: int | None) -> str:
+        """Return why the driver has not made the device safe; "" if it has, or nobody sees it.
+
+        ``trips`` is how often its watchdog had acted before.
+        """
+        within_s, watchdog_s = SAFE_S, self.driver.watchdog_s
+        if trips is None and watchdog_s is not None:
+            within_s = watchdog_s / 2  # what its watchdog does cannot be told apart
+        until(lambda: not self.look().energised, within_s)
+        after = self.look()
+        if after.trips != trips:
+            return "only the watchdog of the device has made it safe"
+        return f"the device is still driven at {after.driven}" if after.energised else ""
+
     def check_row(self, row: Any) -> None:
         """Check a row of a healthy device that was read just now; None is none.
 
@@ -227,19 +215,23 @@ class Bench:
         for problem in self.readings.newest_first(row, age_s, stamp_s):
             raise StepFailed(problem)
 
-    def arm(self) -> None:
-        """Arm the device and go through cycles until it is ready."""
-        self.must("arm", self.driver.arm)
-        end = time.monotonic() + READY_S
-        while not self.must("ready", self.driver.ready):
-            outcome = self.cycle()
-            if outcome.error is not None:
-                raise UnfitSubject(
-                    f"before it was ready, a cycle raises {described(outcome.error)}"
-                )
-            self.check_row(outcome.value)
-            if time.monotonic() > end:
-                raise UnfitSubject(f"it is not ready {READY_S:g} s after arm()")
+    def become_ready(self, cycle: Callable[[], object], *, rows: bool = False) -> None:
+        """Make cycles until the device is ready, and with ``rows`` gives rows, if it has any.
+
+        Raises:
+            StepFailed: it does not become so.
+        """
+        began_s, declared = time.monotonic(), self.driver.declaration
+        while True:
+            ready = expect("ready", self.call(self.driver.ready))
+            if ready and (self.rows or not rows or not declared.channels):
+                break
+            took_s = time.monotonic() - began_s
+            if took_s > READY_S and not ready:
+                raise surely("it never becomes ready")
+            if took_s > ROWS_S + 3 * declared.silent_s and ready:
+                raise surely("it has channels, and read() gave no row")
+            cycle()
 
 
 def rest(driver: Driver) -> tuple[float, ...]:

@@ -21,12 +21,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.sdk.check.caller import RECEIVES, hearing
-from rigd.sdk.check.cycle_bench import OPEN_S, Bench, bench, far
+from rigd.sdk.check.caller import OPEN_S, RECEIVES, hearing
+from rigd.sdk.check.cycle_bench import SAFE_S, Bench, bench, far
 from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import any_order, near
 from rigd.sdk.check.rows import row_problems
-from rigd.sdk.check.sequences import StepFailed
+from rigd.sdk.check.sequences import StepFailed, expect
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.check.watching import until
 
@@ -50,8 +50,6 @@ TAIL_S: Final = 0.5
 TAIL_CYCLES: Final = 50
 #: For so long, and 2 silent_s, a fault is looked at, in s.
 FAULT_S: Final = 0.7
-#: What a device may take until it is safe, in s.
-SAFE_S: Final = 1.0
 #: arm() only sends: it takes no longer, in s, if the machine goes on meanwhile.
 ORDER_S: Final = 0.15
 #: make_safe() and confirm_safe() end within this time, in s; the latter within 0.5 s and some more.
@@ -217,18 +215,8 @@ def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[st
             yield f"{step.__name__}() raises {described(outcome.error)}"
     if raised or not at_once or not found.driver.declaration.setpoints:
         return
-    if found.look().trips is not None or found.driver.watchdog_s is None:
-        until(lambda: not found.look().energised, SAFE_S)
-    else:
-        until(lambda: not found.look().energised, found.driver.watchdog_s / 2)
-    after = found.look()
-    if after.trips != trips:
-        yield (
-            "make_safe() and confirm_safe() return, and only the watchdog of the device has made "
-            "it safe"
-        )
-    elif after.energised:
-        yield f"make_safe() and confirm_safe() return, and the device drives {after.driven}"
+    if problem := found.unsafe(trips):
+        yield f"make_safe() and confirm_safe() return, and {problem}"
 
 
 def _locked(subject: Subject) -> Iterator[str]:
@@ -236,12 +224,12 @@ def _locked(subject: Subject) -> Iterator[str]:
         if not found.driver.declaration.setpoints:
             return
         found.run()  # what it was told before is of no account
-        found.must("make_safe", found.driver.make_safe)
+        expect("make_safe", found.call(found.driver.make_safe))
         found.peer.faults["locked"]()
         armed = found.call(found.driver.arm)
         end = time.monotonic() + LOCKED_S
         while armed.error is None and time.monotonic() < end:
-            if found.must("ready", found.driver.ready):
+            if expect("ready", found.call(found.driver.ready)):
                 yield "ready() returns True, and the device is not energised"
                 return
             outcome = found.cycle()
@@ -289,7 +277,8 @@ def _rescued(subject: Subject, fault: str) -> Iterator[str]:
             trips = found.look().trips
             found.peer.faults[fault]()
             if fault == "stuck" and turn and trips is not None:
-                until(partial(_tripped, found, trips), (found.driver.watchdog_s or 0.0) + SAFE_S)
+                within_s = (found.driver.watchdog_s or 0.0) + SAFE_S
+                until(lambda was=trips: found.look().trips != was, within_s)  # type: ignore[misc]
             if rescues:
                 found.close()
                 found.replace()
@@ -310,10 +299,6 @@ def _rescued(subject: Subject, fault: str) -> Iterator[str]:
                 yield f"after rescue() the device is driven at {after.driven}"
             if fault == "silent":
                 return  # a device that does not obey while it is silent is not rescued either
-
-
-def _tripped(found: Bench, before: int) -> bool:
-    return found.look().trips != before
 
 
 def _armed_silent(found: Bench) -> Iterator[str]:

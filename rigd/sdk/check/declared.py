@@ -27,8 +27,6 @@ from rigd.sdk.options import options_of
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Every call on a driver that is not open must return at once; machines stall, so in s:
 AT_ONCE_S: Final = 2.0
-#: Time limit of open(), in s: it may wait for a device that does not answer.
-OPEN_S: Final = 30.0
 #: Two addresses of this computer; simulated devices are at the first.
 HERE: Final = "127.0.0.1"
 THERE: Final = "127.0.0.2"

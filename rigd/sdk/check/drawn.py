@@ -15,7 +15,6 @@ from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
 from rigd.model.units import format_quantity
@@ -109,18 +108,11 @@ def _value(field: FieldInfo, rng: random.Random, end: int | None) -> Iterator[An
 
 def _number(field: FieldInfo, default: float, rng: random.Random, end: int | None) -> float:
     """Return a number of the sign of its default: within its bounds, or at that ``end``."""
-    ends = sorted((default / SPREAD, default * SPREAD))
-    low, high = ends
+    low, high = sorted((default / SPREAD, default * SPREAD))
+    inside = 1e-3 * abs(default)
     for item in field.metadata:
-        match item:
-            case Ge(ge=bound):
-                low = max(low, float(bound))  # type: ignore[arg-type]
-            case Gt(gt=bound):
-                low = max(low, float(bound) + 1e-3 * abs(default))  # type: ignore[arg-type]
-            case Le(le=bound):
-                high = min(high, float(bound))  # type: ignore[arg-type]
-            case Lt(lt=bound):
-                high = min(high, float(bound) - 1e-3 * abs(default))  # type: ignore[arg-type]
+        low = max(low, getattr(item, "ge", low), getattr(item, "gt", -math.inf) + inside)
+        high = min(high, getattr(item, "le", high), getattr(item, "lt", math.inf) - inside)
     if end is not None:
         return (low, high)[end]
     if low * high <= 0:

@@ -20,12 +20,10 @@ from typing import Final
 
 from rigd.model.channels import Channel
 from rigd.model.errors import DeviceError
-from rigd.sdk.check.caller import Caller, CallOutcome
+from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
 from rigd.sdk.check.cycle_bench import (
     AGE_S,
-    OPEN_S,
     PERIOD_S,
-    READY_S,
     Bench,
     far,
     is_switch,
@@ -36,7 +34,6 @@ from rigd.sdk.check.leaks import nothing_left
 from rigd.sdk.check.peer import Observed
 from rigd.sdk.check.rows import LEAST, ROUNDED
 from rigd.sdk.check.sequences import (
-    VALUES,
     DrawnStep,
     DrawnTrial,
     DrawValue,
@@ -68,8 +65,6 @@ FOLLOWS_S: Final = 1.0
 ROOM_S: Final = 1.0
 #: A fault of the device in mid-run is reported within this time, in s.
 REPORTED_S: Final = 1.5
-#: The first row comes within this time after arm(), and 3 silent_s, in s.
-ROWS_S: Final = 2.0
 #: Room for a time that a device keeps in its own unit, in s.
 NUDGE: Final = 1e-3
 #: An action ends within this time, in s.
@@ -207,7 +202,6 @@ def any_order(subject: Subject) -> Iterator[str]:
 
     decks = [(Setpoints(), names) for names in WRITES]  # of each the kinds come equally often
     values: dict[str, DrawValue] = {
-        **VALUES,
         "go on": lambda _, rng: rng.choice((0.0, PERIOD_S)),
         "prove watchdog": lambda *_: None if next(proofs) else "twice",
         **{name: partial(written, item) for item, names in decks for name in names},
@@ -405,20 +399,7 @@ class _Played:
         self._settle()
 
     def _become_ready(self) -> None:
-        """Go through cycles with the last setpoint until the device is ready, and gives rows."""
-        found = self._found
-        began_s, declared = time.monotonic(), found.driver.declaration
-        while True:
-            ready = found.call(found.driver.ready)
-            expect("ready", ready)
-            if ready.value and (found.rows or not declared.channels):
-                break
-            took_s = time.monotonic() - began_s
-            if took_s > READY_S and not ready.value:
-                raise surely("it never becomes ready")
-            if took_s > ROWS_S + 3 * declared.silent_s and ready.value:
-                raise surely("it has channels, and read() gave no row")
-            self._cycle(self._last)
+        self._found.become_ready(lambda: self._cycle(self._last), rows=True)
 
     def _arm_anew(self) -> None:
         """Make it safe, arm it and write, in one cycle: what was sent before is of no account."""
@@ -706,17 +687,8 @@ class _Played:
 
     def _await_safe(self, when: str, trips: int | None) -> None:
         """Check that the device becomes safe, and not by its watchdog."""
-        if not self._observed or not self._channels:
-            return
-        within_s, watchdog_s = FOLLOWS_S, self._found.driver.watchdog_s
-        if trips is None and watchdog_s is not None:
-            within_s = watchdog_s / 2  # what its watchdog does cannot be told apart
-        until(lambda: not self._found.look().energised, within_s)
-        after = self._found.look()
-        if after.trips != trips:
-            raise StepFailed(f"{when} only the watchdog of the device has made it safe")
-        if after.energised:
-            raise StepFailed(f"{when} the device is still driven at {self._shown(after.driven)}")
+        if problem := self._found.unsafe(trips):
+            raise StepFailed(f"{when} {problem}")
 
     def _let_it_act(self) -> None:
         """Wait until the watchdog has switched the device off; nothing is called meanwhile."""

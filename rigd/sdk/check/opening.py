@@ -9,15 +9,13 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller, CallOutcome
-from rigd.sdk.check.leaks import nothing_left, opens
+from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome, LinkedBench
+from rigd.sdk.check.leaks import OpenedItem, nothing_left, opens
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.driver import DriverConfig
 from rigd.sdk.link import Link
 
-#: Time limit of a call, in s: open() may wait for a device that does not answer.
-OPEN_S: Final = 30.0
 #: What opens successfully although it should not, for each fault with which that is a mistake.
 SUCCEEDS: Final = {
     "dead": "open() succeeds although nothing is connected",
@@ -25,16 +23,16 @@ SUCCEEDS: Final = {
 }
 
 
-class AnyBench:
+class AnyBench(LinkedBench):
     """One driver of any kind, with its link; coroutines run on a loop of its own."""
 
     def __init__(
         self, subject: Subject, peer: Peer, caller: Caller, config: DriverConfig | None = None
     ) -> None:
-        self.link: Any = peer.link()
-        self.driver: Any = subject.driver_class(config or subject.config(peer.options), self.link)
+        super().__init__(caller)
+        self.link = peer.link()
+        self.driver = subject.driver_class(config or subject.config(peer.options), self.link)
         self._runner = asyncio.Runner()
-        self._caller = caller
 
     def call(self, function: Callable[[], Any], within_s: float = OPEN_S) -> CallOutcome:
         """Return how a call ended; see :meth:`Caller.call`."""
@@ -47,10 +45,9 @@ class AnyBench:
 
     def open(self) -> CallOutcome:
         """Open the link, if there is one, then the driver."""
-        if isinstance(self.link, Link):
-            opened = self.call(self.link.open)
-            if opened.error is not None:
-                return opened
+        opened = self.open_link()
+        if opened.error is not None:
+            return opened
         opened = self.call(self.driver.open)
         if opened.error is not None and isinstance(self.link, Link):
             self.call(self.link.close)
@@ -58,26 +55,17 @@ class AnyBench:
 
     def opened(self) -> list[str]:
         """Return what open() opens, whether it succeeds or not."""
-        seen: list[str] = []
+        kept: list[list[OpenedItem]] = []
 
         def listened() -> None:
             with opens() as found:
-                try:
-                    result = self.driver.open()
-                    if inspect.iscoroutine(result):
-                        self._runner.run(result)
-                finally:
-                    seen.extend(each.words for each in found)
+                kept.append(found)
+                result = self.driver.open()
+                if inspect.iscoroutine(result):
+                    self._runner.run(result)
 
         self._caller.call(listened, OPEN_S)
-        return seen
-
-    def close(self) -> CallOutcome:
-        """Close the driver, then the link; return how the driver's ended."""
-        closed = self.call(self.driver.close)
-        if isinstance(self.link, Link):
-            self.call(self.link.close)
-        return closed
+        return [each.words for each in kept[0]]
 
     def tasks(self) -> list[str]:
         """Return the names of the tasks that go on in the loop."""

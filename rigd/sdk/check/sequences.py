@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 from rigd.model.errors import DeviceError, ProtocolError
@@ -32,8 +33,6 @@ DESCRIBES: Final = (
     "; if this option describes the device itself, as its scale does, give it to check_driver: "
     "what is given is not drawn"
 )
-#: More steps than a sequence has.
-STEPS: Final = 10**6
 #: With these errors a driver refuses a device that answers, and is not one of the options drawn.
 REFUSALS: Final = (ProtocolError, DeviceError)
 #: Until each kind of step was drawn so often, this part of the steps are of those that were not.
@@ -99,7 +98,7 @@ class KindOfStep(NamedTuple):
 DrawValue = Callable[[Subject, random.Random], Any]
 
 
-def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> Mapping[str, KindOfStep]:
+def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> dict[str, KindOfStep]:
     """Return the calls that are possible with a driver of the present options."""
     declared = subject.declare()
     has = {
@@ -110,11 +109,10 @@ def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> Mapping[str, 
         "channels": bool(declared.channels),
         "faults": bool(subject.faults),
     }
-    return {
-        name: call
-        for name, call in calls.items()
-        if call.weight and all(map(has.get, call.needs.split()))
+    needed = {
+        name: (each.weight, *map(has.get, each.needs.split())) for name, each in calls.items()
     }
+    return {name: calls[name] for name, each in needed.items() if all(each)}
 
 
 #: What steps of each kind of driver are given.
@@ -163,19 +161,31 @@ class SequenceDrawing:
             seldom = [name for name in names if self.used[name] < least[name]]
             names = seldom if seldom and rng.random() < SELDOM_PART else names
             (name,) = rng.choices(names, [calls[name].weight for name in names])
-            value = self.values[name](subject, rng) if name in self.values else None
-            if name == "fail":
-                value = faults[self.used[name] % len(faults)]
+            draw = {**VALUES, **self.values}.get(name)
+            value = faults[self.used[name] % len(faults)] if name == "fail" else None
+            value = draw(subject, rng) if draw is not None else value
             yield DrawnStep(name, value)
             left[name] -= 1
             self.used[name] += 1
             state = calls[name].after or state
 
 
+def in_turn(
+    play: Callable[[Subject, DrawnTrial], None], *trials: Sequence[tuple[Any, ...]], seed: str = ""
+) -> Callable[[Subject], Iterator[str]]:
+    """Return the check that plays sequences which are not drawn, each of steps with its value."""
+
+    def check(subject: Subject) -> Iterator[str]:
+        drawn = (DrawnTrial(tuple(DrawnStep(*item) for item in each), {}, seed) for each in trials)
+        yield from first_failure(partial(play, subject), drawn, subject.notes)
+
+    return check
+
+
 class StepFailed(Exception):
     """What was seen breaks a promise; the message states what."""
 
-    at = STEPS  #: how many steps were made before; without a number, all
+    at = 10**6  #: how many steps were made before: more than there are if all were
     error: BaseException | None = None  #: what open() raised
     sure = False  #: whether no stall of this machine shows the same
     doubtful = False  #: whether this machine held the sequence back: that may show the same
@@ -188,12 +198,13 @@ def surely(problem: str) -> StepFailed:
     return failed
 
 
-def expect(what: str, outcome: CallOutcome) -> None:
-    """Raise StepFailed if a call has raised an error."""
+def expect(what: str, outcome: CallOutcome) -> Any:
+    """Return what a call returned; raise StepFailed if it has raised an error."""
     if (error := outcome.error) is not None:
         failed = StepFailed(f"{what} raises {described(error)}")
         failed.error = error if what == "open" else None
         raise failed
+    return outcome.value
 
 
 def check_identity(driver: Any, look: Observed) -> None:
@@ -335,28 +346,24 @@ def _words(failed: StepFailed) -> str:
 
 def _shortened(play: Play, trial: DrawnTrial, failed: StepFailed) -> tuple[DrawnTrial, StepFailed]:
     """Return the shortest trial that was found to fail, and how it fails."""
-    end = time.monotonic() + SHORTEN_S
-    trial = trial.until(failed.at)
-    for less in _less(trial):
-        shorter = replace(trial, **less)
-        if time.monotonic() < end and shorter != trial and (now := _fails(play, shorter, failed)):
-            trial, failed = shorter.until(now.at), now
-    size = len(trial.steps) // 2
-    while size and time.monotonic() < end:
-        first = len(trial.steps) - 1 - size  # the last step is what fails
-        while first >= 0 and time.monotonic() < end:
-            shorter = replace(trial, steps=trial.steps[:first] + trial.steps[first + size :])
-            if now := _fails(play, shorter, failed):
-                trial, failed = shorter.until(now.at), now
-                first = min(first, len(trial.steps) - 1)
-            first -= size
-        size //= 2
+    end, trial = time.monotonic() + SHORTEN_S, trial.until(failed.at)
+    shorter = _less(trial)
+    while (less := next(shorter, None)) is not None and time.monotonic() < end:
+        if now := _fails(play, less, failed):
+            trial, failed = less.until(now.at), now
+            shorter = _less(trial)
     return trial, failed
 
 
-def _less(trial: DrawnTrial) -> Iterator[dict[str, Any]]:
-    """Yield what of a trial may be left out: the other driver, all options, all but one."""
-    yield {"beside": False}
-    yield {"options": {}}
-    for name in trial.options if len(trial.options) > 1 else ():
-        yield {"options": {name: trial.options[name]}}
+def _less(trial: DrawnTrial) -> Iterator[DrawnTrial]:
+    """Yield the trial without the other driver, with fewer options, with fewer steps."""
+    if trial.beside:
+        yield replace(trial, beside=False)
+    fewer = [{name: trial.options[name]} for name in trial.options if len(trial.options) > 1]
+    for options in ({}, *fewer) if trial.options else ():
+        yield replace(trial, options=options)
+    size = len(trial.steps) // 2
+    while size:
+        for first in range(len(trial.steps) - 1 - size, -1, -size):  # the last step is what fails
+            yield replace(trial, steps=trial.steps[:first] + trial.steps[first + size :])
+        size //= 2

@@ -13,21 +13,19 @@ import math
 import random
 import sys
 import time
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller, CallOutcome, Hung
+from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
 from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import Setpoints, near, stays_put
 from rigd.sdk.check.leaks import nothing_left, opens
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
-    VALUES,
-    DrawnStep,
     DrawnTrial,
     KindOfStep,
     RandomWalk,
@@ -37,6 +35,7 @@ from rigd.sdk.check.sequences import (
     check_identity,
     expect,
     first_failure,
+    in_turn,
     made,
     surely,
 )
@@ -48,8 +47,6 @@ from rigd.sdk.driver import SlowDriver
 SCENE_S: Final = 120.0
 #: A connection that is closed has ended after this time, in s.
 SCENE_ENDS_S: Final = 1.0
-#: Time limit of open(), in s: it may wait for a device that does not answer.
-OPEN_S: Final = 30.0
 #: A driver that is cancelled must end within this time, in s.
 CANCEL_S: Final = 3.0
 #: So often two rows are awaited while the loop is watched.
@@ -60,11 +57,9 @@ ROOM_S: Final = 0.25
 STALLS: Final = 3
 STANDS_S: Final = 0.5
 #: Time between two ticks of the loop, in s; one that does not tick for so long, beside the time for
-#: which it waits for a processor, stands still, if the thread beside it never waited for more than
-#: this part of the time.
+#: which threads wait for a processor, stands still.
 TICK_S: Final = 0.005
 STUCK_S: Final = 0.03
-WITNESS_PART: Final = 0.5
 #: Most rows per second of a slow device; a driver that ignores its interval gives many more.
 MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
@@ -91,20 +86,6 @@ AGAIN: Final = 3
 ARRIVES_S: Final = 0.06
 #: For so long what is closed is looked at, twice, in s.
 ENDS_S: Final = 0.15
-
-
-def _played(subject: Subject, play: Callable[[Peer], Coroutine[Any, Any, None]]) -> None:
-    """Play a coroutine on a loop of its own, before a new device.
-
-    Raises:
-        StepFailed: something is left open after it.
-        Exception: what the coroutine raises.
-    """
-    with nothing_left():
-        with subject.fresh_peer() as peer, Caller() as caller:
-            outcome = caller.call(lambda: asyncio.run(_whole(play(peer))), SCENE_S)
-        if outcome.error is not None:
-            raise outcome.error
 
 
 async def _whole(main: Coroutine[Any, Any, None]) -> None:
@@ -173,7 +154,6 @@ def any_order(subject: Subject) -> Iterator[str]:
         )
 
     values = {
-        **VALUES,
         "write": written,
         "close and open": written,
         "run and at once act": lambda subject, rng: rng.choice([*subject.declare().actions]),
@@ -195,12 +175,13 @@ def _play(subject: Subject, trial: DrawnTrial) -> None:
                 kept.append(_Session(other, beside))
             await kept[0].play(trial, *kept[1:])
 
-    try:
-        _played(drawn, main)
-    except (StepFailed, Unjudged, UnfitSubject, Hung):
-        raise
-    except Exception as error:
-        raise StepFailed(described(error)) from error
+    with nothing_left():
+        with drawn.fresh_peer() as peer, Caller() as caller:
+            error = caller.call(lambda: asyncio.run(_whole(main(peer))), SCENE_S).error
+        if isinstance(error, StepFailed | Unjudged | UnfitSubject):
+            raise error
+        if error is not None:
+            raise StepFailed(described(error)) from error
 
 
 class _Session:
@@ -288,10 +269,8 @@ class _Session:
         await asyncio.wait({task}, timeout=CANCEL_S)
         if not task.done():
             raise StepFailed(f"it goes on {CANCEL_S:g} s after it was cancelled")
-        for _ in range(2):  # it opens again
-            await self._must("close", self._driver.close())
-            await self._must("open", self._driver.open())
-        await self._must("close", self._driver.close())
+        for call in (*("close", "open") * 2, "close"):  # it opens again
+            await self._must(call, getattr(self._driver, call)())
 
     async def _run_and_cancel(self, steps: int) -> None:
         """Cancel it twice while it asks; then what the device has answered is old, and no row."""
@@ -475,13 +454,11 @@ class _Session:
 
         async def tick() -> None:
             while True:
-                began_s, self._watcher.gap_s = time.monotonic(), 0.0
+                began_s = time.monotonic()
                 await asyncio.sleep(TICK_S)
                 took_s = time.monotonic() - began_s
-                if took_s > STUCK_S:
-                    took_s -= self._watcher.held.since(began_s)
-                if took_s > STUCK_S and self._watcher.gap_s < WITNESS_PART * took_s:
-                    stalls.append(took_s)  # else this machine stood still
+                if took_s > STUCK_S < (own_s := took_s - self._watcher.held.since(began_s)):
+                    stalls.append(own_s)
 
         ticking = asyncio.create_task(tick())
         try:
@@ -495,7 +472,7 @@ class _Session:
             ticking.cancel()
             await asyncio.wait({ticking})
             if len(stalls) >= STALLS or sum(stalls) >= STANDS_S:
-                raise surely(
+                raise StepFailed(
                     f"the event loop stood still {len(stalls)} times, {max(stalls):.2f} s at most"
                 )
         await self._cancel()
@@ -638,20 +615,10 @@ class _Session:
                 raise StepFailed(f"{when} the device is driven at {look.driven}")
 
 
-def _in_turn(*trials: tuple[tuple[Any, ...], ...]) -> Callable[[Subject], Iterator[str]]:
-    """Return the check that plays sequences which are not drawn, each of steps with its value."""
-
-    def check(subject: Subject) -> Iterator[str]:
-        drawn = [DrawnTrial(tuple(DrawnStep(*step) for step in steps)) for steps in trials]
-        yield from first_failure(partial(_play, subject), drawn, subject.notes)
-
-    return check
-
-
 def _often(subject: Subject) -> Iterator[str]:
     """Count the rows of a while, with each interval and with that of the author."""
     for other, apart_s in ((subject, 0.0), *intervals(subject)):
-        yield from _in_turn((("open",), ("run",), ("count rows", apart_s)))(other)
+        yield from in_turn(_play, (("open",), ("run",), ("count rows", apart_s)))(other)
 
 
 #: If the first rule is broken, the others are not checked.
@@ -668,7 +635,7 @@ RULES: Final = (
     Rule(
         "never blocks",
         "await whatever waits: one blocking call stops every other device of the daemon",
-        _in_turn((("watch the loop",),)),
+        in_turn(_play, (("watch the loop",),)),
         "",
     ),
     Rule(
@@ -681,7 +648,7 @@ RULES: Final = (
     Rule(
         "dead",
         "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
-        _in_turn((*RUNS, ("fail for long", "dead"))),
+        in_turn(_play, (*RUNS, ("fail for long", "dead"))),
         "dead",
     ),
     Rule(
@@ -689,7 +656,8 @@ RULES: Final = (
         "with the device silent run() raises a DeviceError, or emits nothing: no row is made up; "
         "it lets CancelledError pass while it waits for an answer; act() raises a DeviceError if "
         "none comes within a bound",
-        _in_turn(
+        in_turn(
+            _play,
             (*RUNS, ("fail for long", "silent")),
             (*RUNS, ("be silent and cancel",)),
             (*RUNS, ("lose answers, early and late",)),
@@ -699,21 +667,21 @@ RULES: Final = (
     Rule(
         "late",
         "an answer that is late is waited for within a bound, or raises a DeviceError",
-        _in_turn((*RUNS, ("fail for long", "late"))),
+        in_turn(_play, (*RUNS, ("fail for long", "late"))),
         "late",
     ),
     Rule(
         "garbled",
         "damaged answers are thrown away or raise a ProtocolError; they never become rows, and "
         "act() returns only what the device answers if it did it",
-        _in_turn((*RUNS, ("fail for long", "garbled"))),
+        in_turn(_play, (*RUNS, ("fail for long", "garbled"))),
         "garbled",
     ),
     Rule(
         "action refused",
         "act() returns if the device says that it has done the action; else it raises a "
         "DeviceError, whatever the words of the refusal are",
-        _in_turn((*RUNS, ("refuse",))),
+        in_turn(_play, (*RUNS, ("refuse",))),
         "refusing",
     ),
 )

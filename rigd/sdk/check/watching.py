@@ -37,16 +37,12 @@ class HeldTime:
 
     def __init__(self, threads: Path = Path("/proc/self/task")) -> None:
         self._folder = threads
-        self._without = ""
+        self.without = ""  # the number of a thread for which nothing waits that is judged
         self._lock = threading.RLock()
         self._threads: dict[str, int] = {}  # in ns
         self._s = 0.0
         self._looks: deque[tuple[float, float]] = deque(maxlen=HELD_LOOKS)
         self.look()
-
-    def leave_out(self) -> None:
-        """Leave this thread out: nothing that is judged waits for it."""
-        self._without = str(threading.get_native_id())
 
     def look(self) -> float:
         """Return it, in s, and note it with the time."""
@@ -55,7 +51,7 @@ class HeldTime:
             for task in self._folder.glob("*/schedstat"):
                 with contextlib.suppress(OSError):  # it has ended
                     threads[task.parent.name] = int(task.read_text("ascii").split()[1])
-            threads.pop(self._without, None)
+            threads.pop(self.without, None)
             if self._looks:
                 self._s += 1e-9 * sum(
                     max(0, waited - self._threads.get(name, 0)) for name, waited in threads.items()
@@ -92,10 +88,6 @@ class Watcher:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop()
-
-    def stop(self) -> None:
-        """Look no more, unless asked."""
         self._ended.set()
         self._thread.join()
 
@@ -129,12 +121,11 @@ class Watcher:
         Nothing looked at the device for ``gap_s``, or threads waited for a processor.
         """
         began_s = self.seen[0][0]
-        held_s = self.held.since(began_s)
-        busy = held_s > gap_s + HELD_PART * (time.monotonic() - began_s)
-        return busy or self.longest_gap_s > gap_s
+        most_s = gap_s + HELD_PART * (time.monotonic() - began_s)
+        return self.longest_gap_s > gap_s or self.held.since(began_s) > most_s
 
     def _watch(self) -> None:
-        self.held.leave_out()
+        self.held.without = str(threading.get_native_id())
         last = held_s = time.monotonic()
         while not self._ended.wait(LOOK_S):
             try:
