@@ -33,6 +33,13 @@ def test_mutant_is_found_by_its_rule(kind: str, mutant: Mutant, tmp_path: Path) 
     assert {finding.rule for finding in report.findings} == {mutant.rule}
 
 
+def test_answer_to_cancelled_question_is_no_row(tmp_path: Path) -> None:
+    (mutant,) = (each for each in KINDS["slow"] if each.name == "answer to a cancelled question")
+    with made("slow", mutant, tmp_path) as package:
+        report = package.examine(["any order of calls"])
+    assert "a row shows what the device measured" in str(report)
+
+
 def test_rules_skipped_without_an_observer_are_reported() -> None:
     @contextmanager
     def refusing() -> Iterator[Peer]:
