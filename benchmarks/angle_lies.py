@@ -8,6 +8,8 @@
                         of another simulator (angle_world.py), with a table of its own
     python benchmarks/angle_lies.py --runs 200 --world foreign --table whole.jsonl
                         campaigns of so many runs: 24, 40, 100 or 200
+    python benchmarks/angle_lies.py --runs 200 --middle --world foreign --table whole.jsonl
+                        the middle size of each kind alone
     python benchmarks/angle_lies.py --good 200 --world foreign --table good.jsonl
                         good campaigns alone, so many
 
@@ -17,7 +19,9 @@ the two highest voltages, 24 runs, or another of ``DESIGNS``. A fault is put int
 counts if it moves a maximum from the truth by more than the U that the good campaign has; it is
 then seen if the interval that is reported holds the truth, or if something is named that the good
 campaign has not: a shared error, a warning, a run that is left out or marked, a maximum that is
-refused. How many of the published maxima hold the truth is counted whatever is named.
+refused. How many of the published maxima hold the truth is counted whatever is named. If a table
+has campaigns of several numbers of runs, the same maxima of the same rigs and faults are compared:
+more runs are not to be worse than fewer.
 
 The plant is rigd's own, or with `--world foreign` one written from the physics text alone, with
 another integration scheme, friction law, normal force, noise and sensors; there the kinds go round
@@ -27,6 +31,7 @@ the rigs, so that each rig has some of them. The analysis shares no code with ei
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -456,6 +461,7 @@ def judged(result: CampaignResult) -> Row:
             if s.budget is not None
         },
         "statistical": {s.name: s.statistical_u for s in result.sets},
+        "unseen": {s.name: s.shared_u for s in result.sets},
         "shared": [error.code for error in result.shared],
         "left_out": sum(run.excluded for run in result.runs),
         "runs": len(result.runs),
@@ -474,8 +480,8 @@ def true_mu(row: Row) -> dict[str, float]:
     return {name: float(getattr(limits, name)) for name in row["sets"]}
 
 
-def plan(world: str, rigs: int, only: str) -> list[Case]:
-    """Return the cases: each rig without a fault first.
+def plan(world: str, rigs: int, only: str, *, middle: bool = False) -> list[Case]:
+    """Return the cases: each rig without a fault first; of each kind all sizes or the ``middle``.
 
     Of the foreign world each kind has one rig, in turn; of rigd's own each rig has all kinds.
     """
@@ -487,7 +493,7 @@ def plan(world: str, rigs: int, only: str) -> list[Case]:
             (rig, name, size)
             for place, (name, sizes) in enumerate(kinds.items())
             if only in name and (world != "foreign" or place % rigs == rig - 1)
-            for size in sizes
+            for size in (sizes[1:2] if middle else sizes)
         ]
     return cases
 
@@ -542,11 +548,37 @@ def misses(row: Row) -> dict[str, float]:
 
 def report(rows: Sequence[Row]) -> None:
     """Print what became of each kind, and the figures, for each number of runs."""
+    _report_more(rows)
     for count in sorted({row["runs"] for row in rows}):
         some = [row for row in rows if row["runs"] == count]
         print(f"campaigns of {count} runs:")
         _report_faults(some)
         _report_good([row for row in some if row["kind"] == "good"])
+
+
+def _report_more(rows: Sequence[Row]) -> None:
+    """Print what more runs make of the same maxima, of the same rigs and faults."""
+    found: dict[tuple[object, ...], dict[int, tuple[float, float]]] = {}
+    for row in rows:
+        true = true_mu(row)
+        for name, miss in misses(row).items():
+            of = found.setdefault((row["rig"], row["kind"], row["size"], name), {})
+            of[row["runs"]] = (miss, row["sets"][name][1] / true[name])
+    counts = sorted({count for of in found.values() for count in of})
+    for fewer, more in itertools.pairwise(counts):
+        both = {case: of for case, of in found.items() if fewer in of and more in of}
+        if not both:
+            continue
+        for count in (fewer, more):
+            miss, u = np.array([of[count] for of in both.values()]).T
+            rms = float(np.sqrt(np.mean((miss * u) ** 2)))
+            print(f"{count} runs, {len(both)} maxima that {fewer} and {more} runs give: "
+                  f"{np.mean(np.abs(miss) <= 1.0):.1%} within U, rms error {rms:.2%}, "
+                  f"median U {np.median(u):.2%}")  # fmt: skip
+        lost = [case for case, of in both.items() if abs(of[more][0]) > 1.0 >= abs(of[fewer][0])]
+        at_most(f"maxima that {fewer} runs hold and {more} do not", len(lost), 0.02 * len(both), "")
+        for rig, kind, size, name in lost:
+            print(f"  lost: rig {rig}, {kind} {size:g}, {name}")
 
 
 def _report_faults(rows: Sequence[Row]) -> None:
@@ -596,6 +628,16 @@ def _report_good(rows: Sequence[Row]) -> None:
           100 * inside, "%")  # fmt: skip
     noted("good campaigns: rms of error over U (0.5 wanted)",
           float(np.sqrt(np.mean(np.square(ratios)))), "")  # fmt: skip
+    alone = [
+        miss / math.sqrt(1.0 - share**2)
+        for row in rows
+        if "unseen" in row
+        for n, miss in misses(row).items()
+        if (share := 2.0 * row["unseen"][n] * row["sets"][n][0] / row["sets"][n][1]) < 1.0
+    ]
+    if alone:  # fmt: skip
+        noted("the same without what the balance cannot exclude",
+              float(np.sqrt(np.mean(np.square(alone)))), "")  # fmt: skip
     out, runs = (sum(row[key] for row in rows) for key in ("left_out", "runs"))
     at_most("good runs left out", 100 * out / runs, 1, "%")
     alarms = sum(bool(row["shared"]) for row in rows)
@@ -621,6 +663,7 @@ def main() -> int:
     parser.add_argument(
         "--good", type=int, default=0, metavar="N", help="N good campaigns alone, of rigs 1 to N"
     )
+    parser.add_argument("--middle", action="store_true", help="the middle size of each kind alone")
     parser.add_argument("--table", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--report", action="store_true", help="of the table alone")
     arguments = parser.parse_args()
@@ -628,7 +671,7 @@ def main() -> int:
     known = table.read_text().splitlines() if table is not None and table.exists() else []
     rows: list[Row] = [json.loads(line) for line in known]
     if not arguments.report:
-        cases = plan(arguments.world, arguments.rigs, arguments.only)
+        cases = plan(arguments.world, arguments.rigs, arguments.only, middle=arguments.middle)
         if arguments.good:
             cases = [(rig, "good", 0.0) for rig in range(1, arguments.good + 1)]
         play(arguments.world, cases, arguments.runs, rows, table)

@@ -22,7 +22,8 @@ from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetRe
 from rigd_analyses.approach_angle.sets import evaluate_set
 from rigd_analyses.approach_angle.shared.balance import balance_errors, excluded_errors
 from rigd_analyses.approach_angle.shared.load import load_errors
-from rigd_analyses.approach_angle.shared.share import share_errors
+from rigd_analyses.approach_angle.shared.share import gauge_errors
+from rigd_analyses.approach_angle.shared.travel import travel_errors
 from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
 from rigd_analyses.approach_angle.stops import stops_of
 from rigd_analyses.approach_angle.trend import trend
@@ -54,7 +55,8 @@ def analyse_campaign(
         *balanced,
         *excluded_errors(runs, results),
         *load_errors(runs, results),
-        *share_errors(runs, results),
+        *gauge_errors(runs, results),
+        *travel_errors(runs, results),
     )
     cells = _cells(runs)
     expected = max([k.run.repeat for k in runs], default=1) if repeats is None else repeats

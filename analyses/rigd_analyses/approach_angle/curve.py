@@ -31,8 +31,9 @@ PARAMETERS = 3
 GRID = 60
 #: Share of the points left out at either end of the range on which the curve is quoted.
 ENDS = 0.05
-#: How far beyond the edge a maximum that was not reached may lie: a factor of 2 in speed.
-BEYOND = math.log10(2.0)
+#: How far beyond the edge a maximum that was not reached may lie: a factor of 2.5 in speed, the
+#: most of 47 such sets of 26 simulated rigs.
+BEYOND = math.log10(2.5)
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,9 @@ def pool(
     widening = _widening(int(np.unique(run[weights > 0.0]).size))
     relative_u = widening * math.sqrt(float(row @ cov @ row))
     if edge:
+        # A slope that falls to 0 over the distance d adds slope d/2; d is between 0 and BEYOND.
         slope = abs(float(q[1] + 2.0 * q[2] * peak))
-        relative_u = math.hypot(relative_u, slope * BEYOND / math.sqrt(3.0))
+        relative_u = math.hypot(relative_u, 0.5 * slope * BEYOND / math.sqrt(3.0))
     maximum = math.exp(float(row @ q))
 
     grid = np.linspace(low, high, GRID)

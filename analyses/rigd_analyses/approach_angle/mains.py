@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import AngleCalibration, AngleRun, Flag, FloatArray, Severity
 from rigd_analyses.approach_angle.flags import REST_S, whole
 from rigd_analyses.approach_angle.limits import Limits
@@ -37,8 +38,6 @@ RATIO: Final = 2.0
 #: Of the torque, and of the least movement that counts as one: smaller hum changes nothing.
 SHARE_OF_TORQUE: Final = 0.1
 SHARE_OF_MOVEMENT: Final = 0.5
-#: From here on the breakaway is over, s.
-STEADY_S: Final = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class _Signal:
         inside[half : volts.size - half] = True
         margin_s = half * period_s
         rests = inside & (run.t_s < REST_S - margin_s)
-        driven = inside & (run.t_s > STEADY_S) & (run.t_s < run.stop_s - margin_s)
+        driven = inside & (run.t_s > BetterSettings.start_s) & (run.t_s < run.stop_s - margin_s)
         return _Signal(run.t_s, fast, rests, driven, size * period_s)
 
     @property
@@ -105,10 +104,11 @@ class _Signal:
 
 def without_mains(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> AngleRun:
     """Return ``run`` without a hum that changes results, with a flag that names it."""
-    if not whole(run) or not run.t_s[0] < -STEADY_S < STEADY_S < run.stop_s:
+    start_s = BetterSettings.start_s
+    if not whole(run) or not run.t_s[0] < -start_s < start_s < run.stop_s:
         return run
     torque = run.gauge_a_v - run.gauge_b_v
-    level = abs(float(np.mean(torque[run.t_s > STEADY_S]) - np.mean(torque[run.t_s < 0.0])))
+    level = abs(float(np.mean(torque[run.t_s > start_s]) - np.mean(torque[run.t_s < 0.0])))
     tested = (
         ("the gauges", torque, SHARE_OF_TORQUE * level, ("gauge_a_v", "gauge_b_v")),
         ("the wheel's potentiometer", run.wheel_v,

@@ -44,7 +44,8 @@ from rigd_analyses.approach_angle.evaluation import known_runs, settings_of
 from rigd_analyses.approach_angle.known import calibration_of
 from rigd_analyses.approach_angle.paper.settings import PaperSettings
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult
-from rigd_analyses.approach_angle.shared.balance import EXCLUDED_SHARE, LEVEL, MOUNTING_U
+from rigd_analyses.approach_angle.shared.balance import EXCLUDED_SHARE, MOUNTING_U
+from rigd_analyses.approach_angle.shared.result import CHANCE
 
 TITLE: Final = "Validation of friction over the approach angle"
 FRICTION, SPEED = "friction", "speed"
@@ -296,7 +297,7 @@ def _verdict(trials: Sequence[ValidatedTrial], mean: float, u: float) -> tuple[M
         f"F_r/N is {mean:+.1%} from the model in the mean of {len(trials)} runs, at most "
         f"{limit:.1%} is explained; {failed} runs are beyond their own limits"
     )
-    if abs(mean) > limit or chance < LEVEL:
+    if abs(mean) > limit or chance < CHANCE:
         return ModelOutcome.REJECTED, f"{told}: the friction is another one, or the rig is."
     if limit > TELLING:
         return ModelOutcome.UNTESTED, f"{told}: that does not tell one floor from another."

@@ -77,6 +77,8 @@ def test_maximum_beyond_speeds_is_reported_and_widens_interval(
     assert found.at_edge == edge
     assert slow <= found.curve.peak_speed_m_s <= fast
     assert 0.0 < MU - found.maximum < 2.0 * found.maximum_u
+    # A slope that falls to 0 adds half of what it would add if it went on.
+    assert found.maximum_u < MU - found.maximum
 
 
 def test_curve_is_quoted_on_range_of_data_only() -> None:

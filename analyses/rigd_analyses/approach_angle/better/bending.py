@@ -26,6 +26,7 @@ import numpy as np
 from rigd_analyses.approach_angle.better.forces import bearing_torque
 from rigd_analyses.approach_angle.better.motion import Means, Motion
 from rigd_analyses.approach_angle.better.result import BoolArray
+from rigd_analyses.approach_angle.curve import HUBER
 from rigd_analyses.approach_angle.data import FloatArray
 
 NUISANCE = 3  #: smooth terms of each run
@@ -33,8 +34,7 @@ START_S = 0.16  #: the load still swings from the start before, in step with the
 #: The spread between runs times this is the uncertainty: what all runs have in common (the same
 #: start, the same angle) makes the true error of c and s three times their spread.
 IN_COMMON = 3.0
-MIN_RUNS = 8  #: fewer do not separate crosstalk from chance
-HUBER = 1.345  #: 95 % efficient for a normal distribution (Huber 1981)
+MIN_RUNS = 8  #: fewer do not separate what runs have in common from chance
 ITERATIONS = 10
 
 

@@ -24,10 +24,9 @@ from rigd_analyses.approach_angle.better.result import Smoothed
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.better.smoother import Track, smooth
 from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
+from rigd_analyses.approach_angle.flags import REST_S
 from rigd_analyses.approach_angle.samples import readable
 
-#: Until this time after the command all is at rest: the relay takes 8 ms to pick up.
-REST_S = 0.005
 #: Times further apart than this, of the usual, are a gap.
 GAP = 1.5
 

@@ -25,13 +25,14 @@ class Blocks:
     sliding_speed_m_s: FloatArray  #: v_r = R_eff w - V cos(alpha)
     mu: FloatArray
     normal_force_n: FloatArray
+    travel_m: FloatArray  #: of the platform since the start
     sliding: BoolArray
 
     @classmethod
     def none(cls) -> Blocks:
         """Return no blocks at all, as of a run that cannot be evaluated."""
         empty = np.empty(0)
-        return cls(empty, empty, empty, empty, np.empty(0, dtype=np.bool_))
+        return cls(empty, empty, empty, empty, empty, np.empty(0, dtype=np.bool_))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ import numpy as np
 
 from rigd.analysis.calibration.line import straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
+from rigd.analysis.noise import MAD_TO_SIGMA
 from rigd.analysis.result import FloatArray
 
 #: Spins, and how far the speeds must lie apart: as much as the slowest of them.
@@ -26,8 +27,6 @@ MOST_CHANGE = 0.1
 #: Torque that a spin may lie off the line, in standard deviations as the median of all gives them:
 #: one spin far off widens those of a mean so much that it passes.
 OUTLIER = 6.0
-#: Standard deviation over median magnitude, of a normal distribution.
-NORMAL = 1.4826
 #: A value known to no better than half of itself is not known.
 KNOWN_AT = 2.0
 
@@ -76,7 +75,7 @@ def calibrate_bearings(spins: Sequence[Spin], bench: BearingBench) -> Calibratio
         "Torque of the lifted wheel", "speed, rad/s", "torque, N m", speed, torque, line.fitted
     )
     scatter = float(np.sqrt(line.residuals @ line.residuals / (len(spins) - 2)))
-    typical = NORMAL * float(np.median(np.abs(line.residuals)))
+    typical = MAD_TO_SIGMA * float(np.median(np.abs(line.residuals)))
     if line.worst > OUTLIER * typical:
         refusals = (
             f"a spin lies {1e3 * line.worst:.1f} mN m off the straight line, more than {OUTLIER:g} "

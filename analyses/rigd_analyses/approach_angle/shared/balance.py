@@ -16,10 +16,13 @@ If the residuals scatter more than V about the error, S is as many times larger 
 chi^2 that of n - 1 degrees of freedom (Paule and Mandel, J. Res. NBS 87, 1982): what the equations
 leave out is scatter of single runs, so that an error is the better known the more runs there are.
 
-The candidates and "none of them" have the weights exp(d^2/(2 u(d)^2) - 1) and 1, over their sum
-(Akaike's: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, 2.9). The maximum
-of a set is uncertain by the effects of d and u(d), each with its weight: what the balance only just
-misses at this number of runs is so in the interval, and what it shows is there whole.
+The m candidates and "none of them" have the weights exp(d^2/(2 u(d)^2) - 1)/m and 1, over their
+sum (Akaike's: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, 2.9; before the
+data, one of the candidates is as likely as none). The maximum of a set is uncertain by the effects
+of d and u(d), each with its weight: what the balance only just misses at this number of runs is so
+in the interval. If one is significant, each that explains the data as well (:data:`AS_GOOD`) is
+there whole: rails that brake and torque that is lost differ by 1/cos(alpha) only, and shapes that
+are only nearly right do not tell them apart.
 
 Runs that the balance alone has excluded are part of the evidence: an error that is the same in all
 runs excludes those in which chance adds to it. If more runs are excluded than chance allows, the
@@ -37,36 +40,34 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
+from rigd_analyses.approach_angle.better.bending import MIN_RUNS
 from rigd_analyses.approach_angle.better.result import BalanceRow
+from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import FloatArray, KnownRun, Severity
 from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
+from rigd_analyses.approach_angle.shared.result import (
+    AS_GOOD,
+    CHANCE,
+    SIGNIFICANT,
+    SharedError,
+)
 
-#: Fewer runs do not show their scatter.
-MIN_RUNS: Final = 8
 #: The least scatter of a residual over N: noise of the gauges' zero and of the speeds at the ends.
 LEAST_SCATTER: Final = 4e-4
-#: Times the least scatter beyond which residuals are larger than the forces themselves.
-MOST_SCATTER: Final = 1e5
-#: Flags of runs that the force balance has excluded, and the share of good runs that it excludes:
-#: that of a normal distribution beyond 3 standard deviations.
+#: Flags of runs that the force balance has excluded, and the share of good runs that it excludes.
 BY_BALANCE: Final = frozenset({"rubbing", "torque_missing"})
-EXCLUDED_SHARE: Final = 0.0027
-#: More excluded runs than these have so small a chance if nothing is wrong with all of them.
-LEVEL: Final = 1e-4
+EXCLUDED_SHARE: Final = 2.0 * float(norm.sf(BetterSettings.balance_coverage))
 #: What the equations leave out of a force, relative, from e times less load to more: on good
 #: simulated rigs the residuals change with the load by up to 1 %.
 LOAD_U: Final = 0.02
 TYPICAL_N: Final = 55.0
 #: What differs from mounting to mounting, by which a force is wrong in a whole set: relative
-#: (on good simulated rigs sets differ by 0.3 to 1.5 %), and the angle.
+#: (on good simulated rigs sets differ by 0.3 to 1.5 %).
 MOUNTING_U: Final = 0.01
-ANGLE_U_RAD: Final = math.radians(0.2)
-#: Errors that explain the data as well as the best one, by so much in chi^2, are named beside it.
-AS_GOOD: Final = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,10 @@ class _Weighed:
         """Its size over its uncertainty."""
         return abs(self.size) / self.u
 
+    def does(self, there: NDArray[np.bool_]) -> float:
+        """Return by how much F_r/N is wrong for it in the runs that are ``there``, (n,)."""
+        return math.hypot(self.size, self.u) * float(np.mean(self.of.effect[there]))
+
 
 def balance_errors(
     known: Sequence[KnownRun], results: Sequence[RunResult]
@@ -117,7 +122,8 @@ def balance_errors(
     scatter = LEAST_SCATTER * np.array([row.normal_n for row in rows])
     candidates = [item for item in _candidates(runs, rows) if np.any(item.shape)]
     sizes = [_estimate(residual, item.shape, scatter, explained) for item in candidates]
-    odds = np.array([0.0, *(0.5 * (size / u) ** 2 - 1.0 for size, u in sizes)])
+    prior = math.log(len(candidates))
+    odds = np.array([0.0, *(0.5 * (size / u) ** 2 - 1.0 - prior for size, u in sizes)])
     weights = np.exp(odds - np.max(odds))
     weights /= np.sum(weights)
     found = [
@@ -126,32 +132,25 @@ def balance_errors(
     ]
     # A wheel that rolls shows the error, and no maximum that it is in.
     names = [r.run.set_name if _slides(r) else None for _, _, r in chosen]
-    effect = {n: _effect(found, [name == n for name in names]) for n in dict.fromkeys(names) if n}
     best = max(found, key=lambda item: item.pull)
-    if best.pull < SIGNIFICANT:
-        return [], effect
-    also = "".join(
-        f" As well possible: {item.of.words(item.size, item.u)}"
-        for item in found
-        if item is not best and item.pull**2 > best.pull**2 - AS_GOOD
+    named = (
+        [best, *(i for i in found if i is not best and i.pull**2 > best.pull**2 - AS_GOOD)]
+        if best.pull >= SIGNIFICANT
+        else []
     )
+    effect = {}
+    for name in dict.fromkeys(name for name in names if name is not None):
+        there = np.array([of == name for of in names])
+        weighed = math.hypot(*(math.sqrt(item.weight) * item.does(there) for item in found))
+        effect[name] = max([weighed, *(item.does(there) for item in named)])
+    if not named:
+        return [], effect
+    also = "".join(f" As well possible: {i.of.words(i.size, i.u)}" for i in named[1:])
     sentence = (
         f"The force balance of all runs together shows {best.of.words(best.size, best.u)}{also} "
         "The intervals are widened for it."
     )
     return [SharedError(best.of.code, sentence, best.size, best.u, best.of.unit, effect)], effect
-
-
-def _effect(found: Sequence[_Weighed], there: Sequence[bool]) -> float:
-    """Return the relative standard uncertainty of F_r/N in the runs that are ``there``, (n,)."""
-    return math.hypot(
-        *(
-            math.sqrt(item.weight)
-            * math.hypot(item.size, item.u)
-            * float(np.mean(item.of.effect[np.array(there)]))
-            for item in found
-        )
-    )
 
 
 def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:
@@ -162,7 +161,7 @@ def excluded_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> 
     chosen = _evidence(known, results)
     count = sum(r.excluded for _, _, r in chosen)
     chance = float(binom.sf(count - 1, max(len(chosen), 1), EXCLUDED_SHARE))
-    if len(chosen) < MIN_RUNS or chance > LEVEL:
+    if len(chosen) < MIN_RUNS or chance > CHANCE:
         return []
     shares: dict[str, list[float]] = {}
     for _, row, r in chosen:
@@ -208,9 +207,11 @@ def _estimate(
         size = float(shape @ weighted[:, 1]) / information
         return float(residual @ weighted[:, 1]) - size**2 * information, size, information
 
-    times = 1.0
-    if at(times)[0] > len(residual) - 1:
-        times = brentq(lambda x: at(x)[0] - (len(residual) - 1), 1.0, MOST_SCATTER)
+    times, freedom = 1.0, len(residual) - 1
+    if at(times)[0] > freedom:
+        # With S alone chi^2 is not smaller, and such that n - 1 remain at the most.
+        most = float(np.linalg.norm(residual / scatter)) / math.sqrt(freedom)
+        times = brentq(lambda x: at(x)[0] - freedom, 1.0, most + 1.0)
     _, size, information = at(times)
     return size, 1.0 / math.sqrt(information)
 
@@ -245,7 +246,8 @@ def _of_mounting(runs: Sequence[KnownRun], rows: Sequence[BalanceRow]) -> FloatA
     names = [k.run.set_name for k in runs]
     size = np.array(
         [
-            abs(row.force_n) * math.hypot(MOUNTING_U, ANGLE_U_RAD * math.tan(k.run.alpha_rad))
+            abs(row.force_n)
+            * math.hypot(MOUNTING_U, BetterSettings.angle_u_rad * math.tan(k.run.alpha_rad))
             for k, row in zip(runs, rows, strict=True)
         ]
     )
@@ -277,7 +279,8 @@ def _candidates(runs: Sequence[KnownRun], rows: Sequence[BalanceRow]) -> list[_C
             lambda size, u: f"{abs(size):.3f} N m (± {2 * u:.3f} N m) too {_much(size)} torque, "
             "the same at any force: "
             + ("something rubs between gauges and wheel in every run, or " if size > 0 else "")
-            + "the gauges' zero moves from the start to the run.",
+            + "the gauges' zero moves from the start to the run, or the wheel's bearings brake "
+            "otherwise than by the calibration.",
         ),
         _Candidate(
             "roller_drag", "1", normal * np.tan(alpha), none,

@@ -21,7 +21,7 @@ import numpy as np
 
 from rigd_analyses.approach_angle.data import FloatArray, KnownRun
 from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
+from rigd_analyses.approach_angle.shared.result import AS_GOOD, SIGNIFICANT, SharedError
 
 #: Fewer settings show neither.
 MIN_SETTINGS: Final = 3
@@ -31,8 +31,6 @@ SETTING_FREEDOM: Final = 10
 #: What all settings of the bolts have in common, relative, and the zero of a scale that was tared.
 SPAN_U: Final = 0.003
 ZERO_U_KG: Final = 0.01
-#: The other of the two is as good an explanation if its chi^2 is within this of the best.
-AS_GOOD: Final = 4.0
 
 
 def load_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> list[SharedError]:

@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from scipy.stats import norm
+
 #: An error is reported if it is this many times what it is uncertain by: 5 of 10 000 by chance.
 SIGNIFICANT: Final = 3.5
+CHANCE: Final = 2.0 * float(norm.sf(SIGNIFICANT))
+#: Errors that explain the data as well as the best one, by so much in chi^2, are named beside it.
+AS_GOOD: Final = 4.0
 
 
 @dataclass(frozen=True)
