@@ -558,7 +558,7 @@ def report(rows: Sequence[Row]) -> None:
 
 def _report_more(rows: Sequence[Row]) -> None:
     """Print what more runs make of the same maxima, of the same rigs and faults."""
-    found: dict[tuple[object, ...], dict[int, tuple[float, float]]] = {}
+    found: dict[tuple[int, str, float, str], dict[int, tuple[float, float]]] = {}
     for row in rows:
         true = true_mu(row)
         for name, miss in misses(row).items():
