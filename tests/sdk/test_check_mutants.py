@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 from support.cases import some
+from support.fresh_mutants.kinds import AUTHORS
 from support.memory_motor import Good, motor
-from support.mutants import Mutant, made
+from support.mutants import Mutant, made, texts
 from support.mutants.kinds import KINDS
 
 from rigd.sdk.check import Observed, Peer, examine_driver
@@ -68,6 +69,15 @@ def test_watchdog_that_acts_unarmed_is_no_mistake(
     with made("fast", None, tmp_path) as package:
         report = package.examine(["any order of calls"])
     assert not report.findings
+
+
+@pytest.mark.parametrize("author", AUTHORS)
+def test_fresh_mutants_fit_what_new_writes(author: str) -> None:
+    for kind, mutants in AUTHORS[author].items():
+        module, class_name, files = texts(kind, None)
+        for mutant in mutants:
+            text = files[f"{module}/{mutant.file}.py"]
+            assert mutant.applied(text, class_name) != text
 
 
 def test_text_that_is_not_there_is_no_mutant(tmp_path: Path) -> None:

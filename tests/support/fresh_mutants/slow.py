@@ -79,16 +79,24 @@ MUTANTS = (
         "the late answer is taken for that of the next question: from then on each row is old",
         (
             (
-                "            writer.write(command)\n            try:\n"
+                "            writer.write(command)\n"
+                "            self._owed += 1\n"
+                "            try:\n"
                 "                async with asyncio.timeout(REPLY_S):\n"
-                "                    line = await reader.readuntil(protocol.END)\n"
+                "                    while self._owed:  # those to questions that were cancelled "
+                "come first\n"
+                "                        line = await reader.readuntil(protocol.END)\n"
+                "                        self._owed -= 1\n"
                 "            except TimeoutError as error:\n",
+                "            self._owed += 1\n"
                 "            try:\n"
                 "                for left in (2, 1, 0):\n"
                 "                    writer.write(command)\n"
                 "                    try:\n"
                 "                        async with asyncio.timeout(REPLY_S):\n"
-                "                            line = await reader.readuntil(protocol.END)\n"
+                "                            while self._owed:\n"
+                "                                line = await reader.readuntil(protocol.END)\n"
+                "                                self._owed -= 1\n"
                 "                        break\n"
                 "                    except TimeoutError:\n"
                 "                        if not left:\n"

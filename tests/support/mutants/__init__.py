@@ -66,9 +66,8 @@ class Package:
     examine: Callable[[Collection[str]], Report]
 
 
-@contextmanager
-def made(kind: str, mutant: Mistake | None, folder: Path) -> Iterator[Package]:
-    """Write the package of a driver of ``kind`` into ``folder``, with the mistake, and import it.
+def texts(kind: str, mutant: Mistake | None) -> tuple[str, str, dict[str, str]]:
+    """Return the module of a package, the name of its class, and its files with the mistake.
 
     Raises:
         ValueError: the text to replace is not there.
@@ -78,9 +77,21 @@ def made(kind: str, mutant: Mistake | None, folder: Path) -> Iterator[Package]:
     module = module_name(name)
     class_name = "".join(part.capitalize() for part in name.split("-"))
     files = sensor.rendered(module, class_name) if kind == "sensor" else rendered(name, kind)
+    if mutant is not None:
+        path = f"{module}/{mutant.file}.py"
+        files = {**files, path: mutant.applied(files[path], class_name)}
+    return module, class_name, dict(files)
+
+
+@contextmanager
+def made(kind: str, mutant: Mistake | None, folder: Path) -> Iterator[Package]:
+    """Write the package of a driver of ``kind`` into ``folder``, with the mistake, and import it.
+
+    Raises:
+        ValueError: the text to replace is not there.
+    """
+    module, class_name, files = texts(kind, mutant)
     for path, text in files.items():
-        if mutant is not None and path == f"{module}/{mutant.file}.py":
-            text = mutant.applied(text, class_name)
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text, "utf-8")
