@@ -391,6 +391,7 @@ def simulated() -> Iterator[Peer]:
         supply.stop()
 
 
+@pytest.mark.timeout(900)  # 5 minutes beside a hog on each core
 def test_it_keeps_what_a_slow_driver_promises() -> None:
     volts = {"voltage": {**VOLTS["voltage"], "high": "30 V"}}  # the most that it gives
     options = {**SUPPLY, "setpoints": volts, "errors": None}
