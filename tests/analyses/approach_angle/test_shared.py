@@ -214,7 +214,7 @@ def sliding(result: RunResult, place: int, rise: float, rng: np.random.Generator
     mu = 0.3 * np.exp(-0.1 * np.log10(speed / 0.5) ** 2 + rise * travel)
     mu *= (1.0 + 0.015 * rng.standard_normal()) * (1.0 + 0.01 * rng.standard_normal(12))
     full = np.ones(12)
-    blocks = Blocks(travel, speed, mu, full, travel, full > 0.0)
+    blocks = Blocks(0.1 + travel, speed, mu, full, travel, full > 0.0)
     return replace(result, better=replace(result.better, blocks=blocks))
 
 

@@ -109,8 +109,8 @@ def _turn_error(
     sentence = (
         f"The shaft bends once in {1.0 / (1.0 + size):.3f} turns that the wheel's potentiometer "
         f"shows: it shows {abs(size):.1%} (± {2 * u:.1%}) too {'little' if size > 0 else 'much'}. "
-        "Its scale is wrong, or the supply of all sensors, with which the torque is wrong by as "
-        "much. The intervals are widened for it."
+        "Its scale is wrong, or gauges and potentiometers are not of one time, or the supply of "
+        "all sensors, with which the torque is wrong by as much. The intervals are widened for it."
     )
     yield SharedError("wheel_turn", sentence, size, u, "1", dict.fromkeys(sets, abs(size)))
 
