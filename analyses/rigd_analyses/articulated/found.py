@@ -40,6 +40,8 @@ WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
 SOUGHT_S: Final = (1.0, 2.0, 4.0, math.inf)
 CLOSE: Final = tuple(np.exp(0.02 * np.arange(-4, 5)))  #: shares of it that are tried
 CLOSE_RATIOS: Final = tuple(np.exp(0.02 * np.arange(1, 47)))  #: with as many mu_s over it
+LONGER: Final = 1.25  #: times: by how much the next begin of the sliding trials is longer
+AROUND: Final = tuple(np.exp(0.005 * np.arange(-12, 13)))  #: shares of the mu_s of the one before
 KINETIC: Final = (0.1, 0.15, 0.22, 0.33, 0.45, 0.55, 0.65, 0.8, 1.0, 1.4)  #: sought mu_d
 RATIOS: Final = (1.05, 1.2, 1.35, 1.5, 1.7, 2.0, 2.5)  #: and mu_s over it
 #: Shares of the mu_s that a fit has found, which are tried besides.
@@ -101,10 +103,7 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         gripping = point
         point = _begin_sliding(system, sliding, gripping, SLIDING_S)
     branch = _fitted(system, _theta(system, point))
-    counted = sum(
-        2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen)
-        for k, item in enumerate(system.trials)
-    )
+    counted = _counted(system)
 
     def is_wrong(ended: Fit) -> bool:
         return 2.0 * ended.cost > WRONG * counted
@@ -115,13 +114,17 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
 
     if sliding and is_elsewhere(branch):
         kinetic = _begin_sliding(system, sliding, gripping, SOUGHT_S[0])[FRICTION[0]]
+        close, points = kinetic * np.array(CLOSE), list[FloatArray]()
         for seconds in SOUGHT_S:
-            close = kinetic * np.array(CLOSE)
             point = _begin_sliding(system, sliding, gripping, seconds, close, CLOSE_RATIOS)
+            points.append(point)
             other = _fitted(system, _theta(system, point))
             branch = min(branch, other, key=lambda item: item[1].cost)
             if not is_elsewhere(branch):
                 break
+        else:
+            other = _lengthened(system, sliding, points[0], branch)
+            branch = min(branch, other, key=lambda item: item[1].cost)
     if not sliding:
         return RobotFound(system, conclude(*branch, SCORES), (), grip)
     for _ in range(MOST_FURTHER):
@@ -372,6 +375,43 @@ def _begin_sliding(
         if (cost := _cost(model, _theta(part, other), least)) < least:
             best, least = other, cost
     return best
+
+
+def _lengthened(
+    system: RobotSystem, sliding: Sequence[int], point: FloatArray, found: Branch
+) -> Branch:
+    """Return the fit by longer and longer begins of the sliding trials, each from the one before.
+
+    A contact that slides a little earlier moves the end of a long trial by more than its slopes
+    tell: a fit of all of it leaves a good point. So mu_s is sought again before each. It is
+    ``found`` if the model does not fit one of these parts.
+    """
+    theta, seconds = _theta(system, point), SLIDING_S
+    longest = max(float(system.trials[k].t_s[-1]) for k in sliding)
+    while True:
+        part = replace(system, trials=tuple(
+            item.first(seconds) if k in sliding else item for k, item in enumerate(system.trials)
+        ))  # fmt: skip
+        model, best, least = OutputErrorModel(part, noise_at(part, theta)), theta, math.inf
+        for share in AROUND:
+            other = theta.copy()
+            other[FRICTION[1]] = max(theta[FRICTION[1]] * share, 1.0)
+            if (cost := _cost(model, other, least)) < least:
+                best, least = other, cost
+        branch = _fitted(part, best)
+        if 2.0 * branch[1].cost > WRONG * _counted(part):
+            return found
+        if seconds >= longest:
+            return branch
+        theta, seconds = branch[1].theta, LONGER * seconds
+
+
+def _counted(system: RobotSystem) -> int:
+    """Return how many samples count."""
+    return sum(
+        int(2 * np.count_nonzero(system.torque_counts(k)) + np.count_nonzero(item.seen))
+        for k, item in enumerate(system.trials)
+    )
 
 
 def _rescanned(
