@@ -28,7 +28,7 @@ from rigd.model.errors import ConfigError, DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
 from rigd.procedure.program import IdentifyPlan
-from rigd.record import Event, Recording, RunInfo, TrialInfo, run_info
+from rigd.record import Event, Recording, RunInfo, TrialInfo
 from rigd.record.info import COMPLETE
 from rigd.record.trials import held
 
@@ -364,7 +364,7 @@ def open_sweep(path: Path, otherwise: IdentifyPlan | None = None) -> RecordedSwe
             hint=_instead(recording),
         )
     trials = needed_trials(recording, plan.signals)
-    sweep = RecordedSweep(recording, replace(run_info(recording), trials=trials), plan)
+    sweep = RecordedSweep(recording, replace(recording.info, trials=trials), plan)
     if not sweep.info.trials:
         raise DataError(
             f"{path} has no trial" + _damaged(recording),

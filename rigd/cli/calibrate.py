@@ -127,7 +127,7 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
     from rigd.config.loader import load_rig
     from rigd.daemon.calibrate import check_calibrates
     from rigd.model.errors import ConfigError
-    from rigd.record import Recording, run_info
+    from rigd.record import Recording
 
     if args.recording is None:
         if args.procedure is None:
@@ -146,7 +146,7 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
             f"{', '.join(of_runs)} would change nothing: --from runs no procedure",
             hint="remove it, or run the procedure again",
         )
-    info = run_info(Recording.open(args.recording))
+    info = Recording.open(args.recording).info
     rig = load_rig(args.rig or info.rig)
     check_calibrates(info, rig)
     return rig

@@ -125,7 +125,7 @@ def execute(args: argparse.Namespace) -> int:
         require("export", f"rigd export --to {args.to}")
     from rigd.analysis.run_page import Selection, parse_selection
     from rigd.model.errors import ConfigError
-    from rigd.record import Recording, run_info
+    from rigd.record import Recording
     from rigd.record.export import export
 
     if args.between and args.rate is None and args.on is None:
@@ -143,7 +143,7 @@ def execute(args: argparse.Namespace) -> int:
     selection = Selection() if args.trials is None else parse_selection(args.trials)
     for file, target in zip(files, targets, strict=True):
         recording = Recording.open(file, partial=True)
-        info = run_info(recording)
+        info = recording.info
         selection.check(info)
         _require_columns(info)
         written = export(

@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Print each summary; a file that cannot be read does not stop the others."""
     from rigd.model.errors import ConfigError, Exit, RecordingError
-    from rigd.record import info_json, run_info
+    from rigd.record import info_json
 
     files: list[Path] = list(dict.fromkeys(args.files))
     if args.attachments is not None and len(files) > 1:
@@ -53,7 +53,7 @@ def execute(args: argparse.Namespace) -> int:
     for file in files:
         try:
             recording = _opened(file)
-            info = run_info(recording)
+            info = recording.info
         except RecordingError as error:
             if len(files) == 1:
                 raise

@@ -21,7 +21,7 @@ from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.model.folders import make_folder
 from rigd.procedure.program import CompiledProcedure
-from rigd.record import Recording, TrialInfo, run_info
+from rigd.record import Recording, TrialInfo
 
 if TYPE_CHECKING:
     from rigd.analysis.measures import MeasureResult
@@ -163,7 +163,7 @@ def write_junit(path: Path, suite: Suite) -> None:
 
 
 def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: JunitCase, ended: str) -> Suite:
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     played = {trial.number: trial for trial in info.trials}  # the last attempt counts
     cases = [
         _trial(plan.number, trial_label(plan, procedure), played.get(plan.number), ended)

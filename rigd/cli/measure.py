@@ -53,7 +53,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.cli.measures_view import print_measures
     from rigd.model.errors import Exit
     from rigd.procedure.loader import load_procedure
-    from rigd.record import Recording, run_info
+    from rigd.record import Recording
 
     if args.junit is not None:
         check_writable(args.junit)
@@ -61,13 +61,13 @@ def execute(args: argparse.Namespace) -> int:
     recordings = [Recording.open(file) for file in args.files]
     result = measured(recordings, plan)
     if args.junit is not None:
-        name = plan.name if plan is not None else run_info(recordings[0]).procedure
+        name = plan.name if plan is not None else recordings[0].info.procedure
         write_junit(args.junit, Suite(name or "measure", cases_of_measures(result)))
     if args.json:
         print(json.dumps(result_json(result), indent=2, ensure_ascii=False, allow_nan=False))
     else:
         print_measures(result)
     for recording in recordings:
-        for loss in run_info(recording).losses:
+        for loss in recording.info.losses:
             print(f"warning: {loss}", file=sys.stderr)
     return int(Exit.OK if result.is_right else Exit.REJECTED)

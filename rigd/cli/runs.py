@@ -119,9 +119,9 @@ def _progress(number: int, total: int) -> None:
 
 
 def _json(folder: Path, line: Listing) -> dict[str, object]:
-    from rigd.record import Recording, info_json, run_info
+    from rigd.record import Recording, info_json
 
-    about = info_json(run_info(Recording.open(folder / line.file)))
+    about = info_json(Recording.open(folder / line.file).info)
     return {**about, "recorded": datetime.fromtimestamp(line.started, UTC).isoformat()}
 
 

@@ -19,7 +19,7 @@ from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
 from rigd.daemon.calibration import instrument_of
 from rigd.model.errors import ConfigError, DataError
-from rigd.record import Recording, RunInfo, run_info
+from rigd.record import Recording, RunInfo
 from rigd.record.info import COMPLETE
 from rigd.sdk.shipped import shipped_folder
 
@@ -166,7 +166,7 @@ def evaluated(
     Raises:
         ConfigError, DataError: it calibrates nothing on ``rig``.
     """
-    check_calibrates(run_info(Recording.open(recording)), rig)
+    check_calibrates(Recording.open(recording).info, rig)
     known = None if place.old is None else place.old.path
     evaluation = evaluate([recording], Options(calibration=known), passed_over=passed_over)
     if not isinstance(evaluation, CalibrationEvaluation):

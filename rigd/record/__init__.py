@@ -7,7 +7,7 @@ Rows are written in bulk and read as columns. To export a recording, import
 from rigd.record.amend import add_metadata, add_note
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.gaps import Gap
-from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
+from rigd.record.info import RunInfo, StreamInfo, info_json
 from rigd.record.notes import Note
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
@@ -39,7 +39,6 @@ __all__ = [
     "add_note",
     "info_json",
     "recover",
-    "run_info",
     "steps",
     "trials",
     "verification_json",

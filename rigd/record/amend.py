@@ -20,7 +20,6 @@ from rigd.model.about import MOST_LETTERS, MOST_NOTE_LETTERS, check_text
 from rigd.model.system import copy_mode, sync_folder
 from rigd.record.access import has_locks, how_to_recover, require_regular
 from rigd.record.file import open_locked, write_error
-from rigd.record.info import run_info
 from rigd.record.moment import DATE_KEY, recorded_at
 from rigd.record.notes import NOTES_METADATA, Note, note_content
 from rigd.record.reader import Recording
@@ -48,7 +47,7 @@ def add_note(path: Path, text: str, author: str, at: datetime | None = None) -> 
     moment = (at or datetime.now(UTC)).astimezone(UTC)
     note = Note(f"{moment:%Y-%m-%dT%H:%M:%S.%fZ}", author, text)
     added = {NOTES_METADATA: {note.at: note_content(note)}}
-    recorded = recorded_at(run_info(Recording.open(path)))
+    recorded = recorded_at(Recording.open(path).info)
     if recorded.of == "file":  # which is new once the note is in it
         added["run"] = {DATE_KEY: recorded.at.isoformat()}
     add_metadata(path, added)

@@ -26,7 +26,7 @@ from rigd.record.contents import parse_footer
 from rigd.record.crc import crc32
 from rigd.record.events import MESSAGE_FIELDS, Event, parse_event
 from rigd.record.index import bytes_at, record_in
-from rigd.record.info import RunInfo, info_of, run_info
+from rigd.record.info import RunInfo, info_of
 from rigd.record.prefix import FORMAT_METADATA, RECOVERY_METADATA, START_KEY
 from rigd.record.reader import Recording
 from rigd.record.schema import EVENTS_TOPIC
@@ -69,7 +69,7 @@ def brief_info(path: Path) -> RunInfo:
         with path.open("rb", buffering=0) as file:
             return _read(file.fileno(), path)
     except (_Unusual, Malformed, OSError, struct.error, UnicodeDecodeError, RecordingError):
-        return run_info(Recording.open(path))
+        return Recording.open(path).info
 
 
 def _read(fd: int, path: Path) -> RunInfo:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -13,7 +13,6 @@ from rigd.record.events import Event
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.notes import Note, notes_in
 from rigd.record.prefix import RECOVERY_METADATA
-from rigd.record.reader import Recording
 from rigd.record.topics import Topic
 from rigd.record.trials import INTERRUPTED, TrialInfo
 
@@ -106,40 +105,6 @@ class RunInfo:
     def trials_done(self) -> int:
         """Number of trials that were completed, each counted once."""
         return len({trial.number for trial in self.trials if trial.complete})
-
-
-def run_info(recording: Recording) -> RunInfo:
-    """Return the summary of a recording.
-
-    Raises:
-        RecordingError: its events are damaged.
-
-    """
-    return replace(
-        info_of(
-            recording.path,
-            recording.metadata,
-            recording.all_events,
-            [trial.info for trial in recording.trials],
-            recording.start_ns,
-            recording.end_ns,
-            recording.size,
-        ),
-        problem=recording.problem,
-        streams=tuple(_stream_info(recording, name) for name in recording.streams),
-        attachments=tuple(index.name for index in recording.contents.attachments),
-        gaps=recording.gaps,
-        topics=tuple(recording.topics.others),
-        condition=recording.condition,
-        foreign=recording.foreign,
-        state=_state(recording),
-    )
-
-
-def _state(recording: Recording) -> str:
-    """Return the state of the run; a file of another program may have none."""
-    state, _ = run_state(recording.all_events)
-    return NO_RUN if recording.foreign is not None and not recording.all_events else state
 
 
 def info_of(
@@ -240,13 +205,6 @@ def run_state(events: Sequence[Event]) -> tuple[str, str]:
         if event.kind == "run_start":
             break
     return INTERRUPTED, ""
-
-
-def _stream_info(recording: Recording, name: str) -> StreamInfo:
-    rows, span = recording.count(name), recording.span_ns(name)
-    spread = span[1] - span[0] if span is not None else 0
-    rate_hz = (rows - 1) / (spread * 1e-9) if spread > 0 else 0.0
-    return StreamInfo(recording.streams[name], rows, rate_hz)
 
 
 def stated_metadata(

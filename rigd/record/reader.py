@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from rigd.record.index import (
     opened,
     walked,
 )
+from rigd.record.info import NO_RUN, RunInfo, StreamInfo, info_of, run_state
 from rigd.record.prefix import (
     FORMAT_METADATA,
     START_KEY,
@@ -45,9 +46,6 @@ from rigd.record.topics import Topics, topics_in
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
 from rigd.record.wire import Malformed
-
-if TYPE_CHECKING:
-    from rigd.record.info import RunInfo
 
 #: Under this name a run attaches its procedure.
 PROCEDURE_FILE: Final = "procedure.yaml"
@@ -161,9 +159,33 @@ class Recording:
         Raises:
             RecordingError: the events are damaged.
         """
-        from rigd.record.info import run_info  # it reads recordings
+        state, _ = run_state(self.all_events)
+        return replace(
+            info_of(
+                self.path,
+                self.metadata,
+                self.all_events,
+                [trial.info for trial in self.trials],
+                self.start_ns,
+                self.end_ns,
+                self.size,
+            ),
+            problem=self.problem,
+            streams=tuple(self._stream_info(name) for name in self.streams),
+            attachments=tuple(index.name for index in self.contents.attachments),
+            gaps=self.gaps,
+            topics=tuple(self.topics.others),
+            condition=self.condition,
+            foreign=self.foreign,
+            state=NO_RUN if self.foreign is not None and not self.all_events else state,
+        )
 
-        return run_info(self)
+    def _stream_info(self, name: str) -> StreamInfo:
+        rows, span = self.count(name), self.span_ns(name)
+        spread = span[1] - span[0] if span is not None else 0
+        return StreamInfo(
+            self.streams[name], rows, (rows - 1) / (spread * 1e-9) if spread > 0 else 0.0
+        )
 
     @property
     def rig(self) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rigd.analysis.heading import heading
-from rigd.record import Recording, RecordingWriter, RunInfo, run_info
+from rigd.record import Recording, RecordingWriter, RunInfo
 from rigd.record.moment import recorded_at
 
 MADE = datetime(2026, 11, 22, 12, 30, tzinfo=UTC)
@@ -27,7 +27,7 @@ def info_of(path: Path, run: Mapping[str, str], **metadata: Mapping[str, str]) -
         sync_interval_s=None,
     ).close()  # fmt: skip
     os.utime(path, (FILE_DATE.timestamp(),) * 2)
-    return run_info(Recording.open(path))
+    return Recording.open(path).info
 
 
 def test_simulated_data_carry_a_badge(tmp_path: Path) -> None:

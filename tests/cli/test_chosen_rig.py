@@ -17,7 +17,6 @@ from rigd.model import ConfigError
 from rigd.model.errors import RigdError
 from rigd.procedure.chosen_rig import chosen_rig, try_rig
 from rigd.procedure.loader import load_procedure
-from rigd.record import run_info
 from rigd.sdk.shipped import shipped_folder
 
 SHORT = """\
@@ -166,7 +165,7 @@ def test_last_stands_for_recordings_of_each_command(
 def test_python_runs_without_a_rig(folder: Path) -> None:
     told: list[str] = []
     recording = rigd.run("short.yaml", notify=told.append)
-    assert run_info(recording).rig == "lugre-1"
+    assert recording.info.rig == "lugre-1"
     assert told == ["no --rig: simulated on lugre-1, nothing moves"]
 
 

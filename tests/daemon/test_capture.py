@@ -13,7 +13,7 @@ from rigd.engine.control import Control
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 RIG = load_rig("lugre-1")
 MS = 1_000_000  #: in ns
@@ -75,7 +75,7 @@ def test_only_rows_around_condition_are_recorded(tmp_path: Path) -> None:
     ones = [item["recorded"] for item in events if item["stream"] == "own"]
     assert ones == [True, False, True, False, True][: len(ones)]
     assert len(ones) >= 4
-    assert run_info(recording).gaps == ()
+    assert recording.info.gaps == ()
 
 
 def test_end_of_run_does_not_cut_what_follows(tmp_path: Path) -> None:

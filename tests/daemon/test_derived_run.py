@@ -15,7 +15,7 @@ from rigd.engine.control import Control
 from rigd.engine.result import Progress
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 RIG = load_rig("lugre-1")
 TEXT = """\
@@ -78,7 +78,7 @@ def test_stopped_run_resumes_with_its_channels(tmp_path: Path) -> None:
             control.end_after_trial("one is enough")
 
     perform(request(path, way="30 mm"), control, watch=end)
-    assert run_info(Recording.open(path)).trials_done == 1
+    assert Recording.open(path).info.trials_done == 1
     point = read_resume_point(path)
     rest = compile_procedure(
         parse_procedure(TEXT, Path("far.yaml")), RIG, point.overrides, done=point.done
@@ -99,7 +99,7 @@ def test_dry_run_ends_where_the_run_does(tmp_path: Path) -> None:
     assert not found.refusals
     assert found.steps[0].ends[0] == "cart.over > 0 m"
     run = perform(made, Control())
-    seconds = run_info(Recording.open(run.path)).duration_s
+    seconds = Recording.open(run.path).info.duration_s
     assert abs(found.duration_s - seconds) < 0.1
 
 

@@ -22,7 +22,7 @@ from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.procedure.program import Answer, Prompt
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 #: Rig, procedure and two or more of its trials, of each kind of simulated rig.
 CAMPAIGNS = {
@@ -123,7 +123,7 @@ def test_answers_of_person_are_given_again(tmp_path: Path) -> None:
     whole, resumed = (trial_rows(tmp_path / f"{name}.mcap", 2) for name in ("whole", "broken"))
     assert whole["daq"].tobytes() == resumed["daq"].tobytes()
     for name in ("whole", "broken"):
-        trials = run_info(Recording.open(tmp_path / f"{name}.mcap")).trials
+        trials = Recording.open(tmp_path / f"{name}.mcap").info.trials
         assert trials[-1].answers["load"] == 5.0
         assert trials[-2].answers == {
             "angle": 0.0, "wheel": "clean", "platform": "start", "load": 4.1, "voltage": 10.0

@@ -9,7 +9,7 @@ from rigd.daemon.execute import RunRequest, execute
 from rigd.engine import clock
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 
 @pytest.mark.parametrize("seed", [79_999, 99_999, 2**31])
@@ -18,7 +18,7 @@ def test_no_seed_runs_past_end_of_int64_nanoseconds(tmp_path: Path, seed: int) -
     request = RunRequest(
         compile_procedure(source, rig, {}), source.file.text, rig, seed, output=tmp_path / "q.mcap"
     )
-    info = run_info(Recording.open(execute(request).path))
+    info = Recording.open(execute(request).path).info
     assert info.state == "complete"
     assert info.trials
     for trial in info.trials:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from support.imported import MAP, Import
 
 from rigd.model import ConfigError
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 START_NS = 1_457_085_600_000_000_000
 MS = 1_000_000
@@ -66,7 +66,7 @@ def test_rows_of_a_stamp_are_spread_evenly(
     assert times.tolist() == [START_NS + i * MS for i in range(first, 198)]
     stated = f"samples: {198 - first} rows at 50 different times, spread evenly between them"
     assert recording.metadata["import"]["times"] == stated
-    assert run_info(recording).metadata["import"]["times"] == stated
+    assert recording.info.metadata["import"]["times"] == stated
 
 
 def test_gap_between_coarse_stamps_stays_a_gap(bring_in: Import) -> None:

@@ -9,7 +9,7 @@ from support.imported import MAP
 
 from rigd.catalogue import parse_where, search
 from rigd.cli.main import main
-from rigd.record import Recording, run_info, verify
+from rigd.record import Recording, verify
 
 SAID = ["--operator", "B. Klein", "--note", "from the old logger", "--meta", "batch=3"]
 
@@ -31,7 +31,7 @@ def test_imported_tests_state_specimen_and_are_found(command: list[str]) -> None
     assert main([*command, *SAID, "--specimen", "S7"]) == 0
     for name in ("one", "two"):
         recording = Recording.open(f"runs/{name}.mcap")
-        run = run_info(recording).metadata["run"]
+        run = recording.info.metadata["run"]
         assert (run["operator"], run["note"]) == ("B. Klein", "from the old logger")
         assert recording.metadata["specimen"] == {"name": "S7", "coating": "PTFE"}
         assert recording.metadata["meta"] == {"batch": "3"}

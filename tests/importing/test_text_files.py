@@ -12,7 +12,7 @@ from support.imported import MAP, Import
 
 from rigd.analysis.heading import heading
 from rigd.model import ConfigError
-from rigd.record import run_info, verify
+from rigd.record import verify
 
 TABLE = "t,F,v\n" + "".join(f"{i / 1000},{i * 0.5},{i}\n" for i in range(40))
 START_NS = 1_457_085_600_000_000_000
@@ -27,7 +27,7 @@ def test_values_become_si_at_their_times(bring_in: Import) -> None:
 
 def test_recording_states_its_origin(bring_in: Import, tmp_path: Path) -> None:
     recording = bring_in(TABLE)
-    info = run_info(recording)
+    info = recording.info
     assert (info.mode, info.state, info.procedure, info.rig) == (
         *("imported", "complete", "bench", "old_bench"),
     )

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Note, Recording, RecordingWriter, add_note, run_info, verify
+from rigd.record import Note, Recording, RecordingWriter, add_note, verify
 from rigd.record.moment import recorded_at
 from rigd.record.wire import DATA_END
 
@@ -38,7 +38,7 @@ def test_notes_are_added_and_samples_stay(path: Path) -> None:
     add_note(path, "wheel worn\nas seen later", "A. Miller", AT)
     add_note(path, "µ and \u65e5", "B", AT.replace(hour=7))
     after = Recording.open(path)
-    assert run_info(after).notes == (
+    assert after.info.notes == (
         Note("2026-11-27T07:00:00.000000Z", "B", "µ and \u65e5"),
         Note("2026-11-27T08:00:00.000000Z", "A. Miller", "wheel worn\nas seen later"),
     )
@@ -62,10 +62,10 @@ def test_a_note_keeps_the_date_of_a_simulation(create: Create, tmp_path: Path) -
         pass
     path = tmp_path / "run.mcap"
     os.utime(path, (1e9, 1e9))
-    before = recorded_at(run_info(Recording.open(path)))
+    before = recorded_at(Recording.open(path).info)
     for text in ("first", "second"):
         add_note(path, text, "B")
-        assert recorded_at(run_info(Recording.open(path))) == before
+        assert recorded_at(Recording.open(path).info) == before
 
 
 def killed_after(calls: int, path: Path) -> bool:
@@ -102,12 +102,12 @@ def test_a_killed_note_leaves_the_recording_whole(path: Path) -> None:
     before, killed = path.read_bytes(), 0
     while killed_after(killed, path):
         killed += 1
-        assert run_info(Recording.open(path)).notes or path.read_bytes() == before
+        assert Recording.open(path).info.notes or path.read_bytes() == before
         assert verify(path).sound
         path.write_bytes(before)
         assert killed < 100
     assert killed > 5
-    assert len(run_info(Recording.open(path)).notes) == 1
+    assert len(Recording.open(path).info.notes) == 1
     assert list(path.parent.glob("*.adding")) == []
 
 

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Attachment, Recording, RecordingWriter, recover, run_info, verify
+from rigd.record import Attachment, Recording, RecordingWriter, recover, verify
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -82,7 +82,7 @@ def test_a_recovered_recording_is_continued(
     with RecordingWriter.append(path, streams=(servo, force)) as writer:
         writer.write("wheel_servo", given[2_000:])
     assert Recording.open(path).read("wheel_servo").tobytes() == given.tobytes()
-    assert run_info(Recording.open(path)).recovered
+    assert Recording.open(path).info.recovered
 
 
 def test_other_streams_are_refused(

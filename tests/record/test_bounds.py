@@ -90,7 +90,7 @@ CHILD = """
 import json, resource, sys, time
 from pathlib import Path
 from rigd.model import RecordingError
-from rigd.record import Recording, recover, run_info
+from rigd.record import Recording, recover
 from rigd.record.brief import brief_info
 from rigd.record.verify import verify
 

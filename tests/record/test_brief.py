@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, recover, run_info
+from rigd.record import Recording, RecordingWriter, recover
 from rigd.record.brief import brief_info
 
 Create = Callable[..., RecordingWriter]
@@ -20,7 +20,7 @@ MakeRows = Callable[..., NDArray[np.void]]
 
 def same(path: Path) -> None:
     """Check both summaries of a recording against one another."""
-    whole = run_info(Recording.open(path))
+    whole = Recording.open(path).info
     assert replace(brief_info(path), streams=whole.streams, attachments=whole.attachments) == whole
 
 
@@ -81,7 +81,7 @@ def test_every_damaged_end_is_refused_alike(
         spoilt[at] ^= 0x55
         path.write_bytes(spoilt)
         try:
-            expected = run_info(Recording.open(path))
+            expected = Recording.open(path).info
         except RecordingError:
             with pytest.raises(RecordingError):
                 brief_info(path)

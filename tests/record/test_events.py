@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Event, Recording, RecordingWriter, recover, run_info
+from rigd.record import Event, Recording, RecordingWriter, recover
 from rigd.record.openchunk import EVENTS_SPAN_NS, MIN_BYTES
 
 Create = Callable[..., RecordingWriter]
@@ -97,7 +97,7 @@ def test_torn_file_keeps_events_before_damage(
     os.truncate(path, int(path.stat().st_size * share))
     recover(path)
     recording = Recording.open(path)
-    kept, info = recording.read("wheel_servo"), run_info(recording)
+    kept, info = recording.read("wheel_servo"), recording.info
     assert kept.tobytes() == given[: len(kept)].tobytes()
     assert (info.state, info.recovered) == ("interrupted", True)
     known_ns = recording.events()[-1].t_ns

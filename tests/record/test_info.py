@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigd.cli.main import main
 from rigd.model import Stream
-from rigd.record import Event, Recording, RecordingWriter, run_info, trials
+from rigd.record import Event, Recording, RecordingWriter, trials
 from rigd.record.info import run_state
 
 Create = Callable[..., RecordingWriter]
@@ -39,7 +39,7 @@ def test_run_info_summarises_a_recording(
 ) -> None:
     with create() as writer:
         play(writer, rows(servo, 4_001))
-    info = run_info(Recording.open(tmp_path / "run.mcap"))
+    info = Recording.open(tmp_path / "run.mcap").info
     assert (info.procedure, info.rig, info.mode) == ("sweep", "bench", "simulated")
     assert (info.state, info.reason, info.recovered) == ("done", "all", False)
     assert (info.trials_done, len(info.trials)) == (1, 2)
@@ -71,7 +71,7 @@ def test_only_an_armed_run_takes_time(
             writer.event(start, "run_start")
         writer.write("wheel_servo", rows(servo, 4_001))
         writer.event(start + 4_000_000_000, "run_end", None, {"state": "stopped"})
-    took_s = run_info(Recording.open(tmp_path / "run.mcap")).took_s
+    took_s = Recording.open(tmp_path / "run.mcap").info.took_s
     assert took_s == (pytest.approx(4.0) if armed else None)
     assert main(["runs", str(tmp_path)]) == 0
     *_, seconds, _megabytes = capsys.readouterr().out.splitlines()[1].split()

@@ -22,7 +22,7 @@ from support.odd_mcap import messages_in
 
 from rigd.cli.main import main
 from rigd.model import RecordingError
-from rigd.record import Recording, recover, run_info, verify
+from rigd.record import Recording, recover, verify
 from rigd.record.condition import FileCondition
 
 COUNT = 300
@@ -97,7 +97,7 @@ def test_file_without_any_column_exports_nothing(
     assert f"/cbor (cbor, {COUNT} messages)" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert verify(path).condition is FileCondition.VALID
-    assert run_info(Recording.open(path)).state == "no run"
+    assert Recording.open(path).info.state == "no run"
 
 
 def test_repair_keeps_what_rigd_cannot_decode(tmp_path: Path) -> None:

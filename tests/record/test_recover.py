@@ -20,7 +20,7 @@ from support.cases import some
 
 from rigd.catalogue import search
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, recover, run_info, verify
+from rigd.record import Recording, RecordingWriter, recover, verify
 from rigd.record.journal import journal_path
 
 Create = Callable[..., RecordingWriter]
@@ -66,7 +66,7 @@ def test_any_truncation_keeps_every_whole_chunk(
             read = Recording.open(path).read(name)
             assert len(read) == report.rows_kept.get(f"/{name}", 0)
             assert read.tobytes() == given[: len(read)].tobytes()
-        assert run_info(Recording.open(path)).recovered
+        assert Recording.open(path).info.recovered
         assert_strictly_sound(path)
 
 
@@ -82,7 +82,7 @@ def test_a_cut_file_can_be_looked_into(
     recording = Recording.open(path, partial=True)
     assert "ends within a record" in recording.problem
     assert recording.read("wheel_servo").tobytes() == given[:3_000].tobytes()
-    assert run_info(recording).problem == recording.problem
+    assert recording.info.problem == recording.problem
 
 
 @pytest.mark.parametrize("portion", [100, 1_050])
@@ -259,4 +259,4 @@ def test_kill_9_loses_no_flushed_row(tmp_path: Path, reports: int) -> None:
     read = Recording.open(path).read("fast")
     assert len(read) >= flushed
     assert (read["c0"] == np.arange(len(read))).all()
-    assert run_info(Recording.open(path)).state == "interrupted"
+    assert Recording.open(path).info.state == "interrupted"

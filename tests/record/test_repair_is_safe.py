@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import rigd.record.rebuild
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, recover, run_info, verify
+from rigd.record import Recording, RecordingWriter, recover, verify
 from rigd.record.journal import journal_path
 from rigd.record.moment import recorded_at
 
@@ -246,7 +246,7 @@ def test_two_recordings_in_a_file_are_never_mixed(
     kept = Recording.open(path).read("wheel_servo")
     assert len(kept) >= 1_000
     assert kept.tobytes() == rows(servo, 2_500, seed=1)[: len(kept)].tobytes()
-    assert run_info(Recording.open(path)).state == "interrupted"
+    assert Recording.open(path).info.state == "interrupted"
     assert recover(path).intact
     path.write_bytes(joined[report.another :])
     behind = Recording.open(path).read("wheel_servo")

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import Channel, Stream
-from rigd.record import Recording, RecordingWriter, recover, run_info, verify
+from rigd.record import Recording, RecordingWriter, recover, verify
 from rigd.record.schema import TRIAL_CHANNEL
 
 Create = Callable[..., RecordingWriter]
@@ -149,6 +149,6 @@ def test_recording_without_series_is_read_and_continued(
         play(writer, start_ns, first=5)
     recording = Recording.open(path)
     assert recording.count("trial") == 10
-    assert run_info(recording).state == "complete"
+    assert recording.info.state == "complete"
     assert TRIAL_CHANNEL not in recording.contents.channels
     assert verify(path).sound

@@ -16,7 +16,7 @@ import pytest
 from support.command import Ended, rigd
 from support.terminal import Terminal
 
-from rigd.record import Event, Recording, run_info
+from rigd.record import Event, Recording
 from rigd.sdk.shipped import shipped_folder
 
 ONE = ("--set", "set=clean_30", "--set", "load=5 kg", "--set", "voltage=10 V")
@@ -101,7 +101,7 @@ def test_prompts_follow_changes_and_answers_are_verified(whole: Path) -> None:
 
 def test_each_run_is_sampled_from_command_to_stop(whole: Path) -> None:
     recording = recorded(whole)
-    trials = run_info(recording).trials
+    trials = recording.info.trials
     assert [trial.number for trial in trials if trial.complete] == list(range(1, 5))
     taken = 0
     for trial in trials:
@@ -240,7 +240,7 @@ def test_dead_potentiometer_is_stopped_by_longest_drive(tmp_path: Path) -> None:
     assert recording.read("relay")["closed_setpoint"][-1] == 0.0
     # The trial is over, the rig comes to rest, and the run ends as one that lacks a trial.
     assert steps(recording)[-3:] == ["drive", "come to rest", "open"]
-    assert not any(trial.complete for trial in run_info(recording).trials)
+    assert not any(trial.complete for trial in recording.info.trials)
 
 
 def test_interlock_opens_relay_if_procedure_does_not(tmp_path: Path) -> None:
@@ -287,12 +287,12 @@ def test_resumed_simulation_asks_no_set_up_again(
     terminal.expect("Where do they stand?")  # in trial 3
     os.kill(terminal.process.pid, signal.SIGINT)
     assert terminal.end() == 5
-    before = {trial.number for trial in run_info(recorded(tmp_path)).trials if trial.complete}
+    before = {trial.number for trial in recorded(tmp_path).info.trials if trial.complete}
     assert before == {1, 2}
     done = rigd("run", "--resume", "run.mcap", cwd=tmp_path)
     assert done.code == 0, done.err + done.out
     recording = recorded(tmp_path)
-    complete = [trial.number for trial in run_info(recording).trials if trial.complete]
+    complete = [trial.number for trial in recording.info.trials if trial.complete]
     assert sorted(complete) == list(range(1, 9))
     mounted = [event for event in recording.events() if _asks(event, "mount_angle")]
     assert [event.trial for event in mounted] == [1]  # the bench is as trial 2 left it

@@ -23,7 +23,7 @@ from support.stalls import witnessed
 from support.wire import WireRig, free_ports, wire_rig
 
 from rigd.model.errors import Exit
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.remote.protocol.limits import LEASE_S
 
 #: A crowded machine does everything within this.
@@ -181,7 +181,7 @@ def test_a_client_that_is_killed_stops_the_run(daemon: Daemon, bench: WireRig) -
     last = ending(daemon, recording, steered=False)
     assert last["ending"] == "stopped", last["reason"]
     assert "alice, who steered this run, gave no sign of life" in last["reason"]
-    assert run_info(Recording.open(recording)).state == "stopped"
+    assert Recording.open(recording).info.state == "stopped"
 
 
 def test_one_rig_has_one_daemon_and_one_run(daemon: Daemon, bench: WireRig, tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_a_signal_ends_the_run_then_the_daemon(
     assert daemon.ended() == 0
     daemon.notified("STOPPING=1")
     until_gone(pids)
-    info = run_info(Recording.open(recording))
+    info = Recording.open(recording).info
     assert info.state == ending
     assert info.reason.startswith("stopped by SIGTERM")
     assert gaps(Recording.open(recording), "wheel_servo") == 0
@@ -234,14 +234,14 @@ def test_killed_daemon_leaves_safe_rig_for_next(start: Start, bench: WireRig) ->
     killed = Recording.open(recording)
     assert gaps(killed, "wheel_servo") == 0
     assert last_row_ns(killed) > killed_ns  # the way to rest is in the file
-    assert run_info(killed).state == "interrupted"
+    assert killed.info.state == "interrupted"
 
     again.request("cmd", "lease_take")
     assert again.request("cmd", "resume_run", run=recording.name)["run"] == recording.name
     status = again.until(lambda status: status["last"])
     assert status["last"]["ending"] == "complete", status["last"]
     assert status["interrupted"] == []
-    done = [trial.number for trial in run_info(Recording.open(recording)).trials if trial.complete]
+    done = [trial.number for trial in Recording.open(recording).info.trials if trial.complete]
     assert sorted(done) == [1, 2, 3]
 
 

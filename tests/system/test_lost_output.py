@@ -16,7 +16,7 @@ from support import warm
 from support.command import rigd
 from support.terminal import Terminal
 
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 SHORT = """\
 procedure: short
@@ -94,7 +94,7 @@ def test_run_is_played_without_a_screen(folder: Path, form: str, lost: str) -> N
     with LOST[lost]() as screen:
         code = ended(FORMS[form], folder, screen, screen)
     (path,) = (folder / "runs").glob("*.mcap")
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     # At a pace, a loaded machine may miss so many cycles that the run does not count as complete.
     assert (code, info.state) in {(0, "complete"), (6, "incomplete")}
     assert info.trials_done == 1
@@ -106,7 +106,7 @@ def test_calibration_is_measured_without_a_screen(folder: Path) -> None:
     with full_disk() as screen:
         assert ended(words, folder, screen, screen) == 0
     (path,) = (folder / "runs").glob("*.mcap")
-    assert run_info(Recording.open(path)).state == "complete"
+    assert Recording.open(path).info.state == "complete"
 
 
 def test_failed_run_keeps_its_exit_code(folder: Path) -> None:
@@ -128,7 +128,7 @@ def test_terminal_closed_at_the_beginning_stops_with_5(folder: Path) -> None:
     finally:
         terminal.process.kill()
     (path,) = (folder / "runs").glob("*.mcap")
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     assert info.state == "stopped"
     assert info.reason.startswith("stopped by SIGHUP (the terminal is gone)")
 

@@ -14,7 +14,7 @@ from support.daemon import Daemon
 from support.served_lugre import RIG, served_lugre
 from support.terminal import Terminal
 
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.remote import Client
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.limits import LEASE_S
@@ -53,7 +53,7 @@ def test_terminal_can_start_and_answer_a_run(folder: Path) -> None:
         terminal.close()
     name = rigd("remote", "runs", "--limit", "1", "--json", cwd=folder).json["runs"][0]["run"]
     path = rigd("remote", "fetch", name, "--to", "data", cwd=folder).out.strip()
-    info = run_info(Recording.open(folder / path))
+    info = Recording.open(folder / path).info
     assert (info.state, info.trials_done) == ("complete", 2)
 
 
@@ -66,7 +66,7 @@ def test_script_can_start_and_watch_a_run(folder: Path) -> None:
         last = rig.wait(run)
         assert (last.ending, last.exit_code) == ("complete", 0)
         recording = Recording.open(rig.fetch(run, folder))
-    parameters = run_info(recording).metadata["overrides"]
+    parameters = recording.info.metadata["overrides"]
     assert parameters == {"current": "0.2 A"}
 
 

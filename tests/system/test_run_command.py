@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.command import rigd
 
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 
 
 def test_quick_run_records_every_cycle_and_names_next(tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_quick_run_records_every_cycle_and_names_next(tmp_path: Path) -> None:
     assert np.all(np.diff(times) == 1_000_000)
     for name in recording.streams:
         assert np.array_equal(recording.read(name)["t_ns"], times), name
-    info = run_info(recording)
+    info = recording.info
     assert (info.state, info.trials_done) == ("complete", 1)
     assert set(info.attachments) >= {"procedure.yaml", "rig.yaml"}
 

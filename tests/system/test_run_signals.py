@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.command import rigd, start
 
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.sdk.shipped import shipped_folder
 
 #: A cycle that a loaded machine misses does no harm: nothing moves.
@@ -39,7 +39,7 @@ def states(path: Path) -> tuple[str, list[str]]:
     """Return the ending of a recording and the names of the steps it played."""
     recording = Recording.open(path)
     steps = [str(e.data["name"]) for e in recording.events() if e.kind == "step"]
-    return run_info(recording).state, steps
+    return recording.info.state, steps
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_signal_stops_run_safe_with_its_file_finished(tmp_path: Path, name: str,
     # At a pace, cycles that a loaded machine misses could end it early.
     resumed = rigd("run", "--resume", path, "--pace", "virtual", "--json", cwd=tmp_path)
     assert resumed.code == 0, resumed.err
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     assert (info.state, info.trials_done) == ("complete", 4)
     # The first trial was complete and is not played again.
     assert [trial.number for trial in info.trials] == [1, 2, 2, 3, 4]
@@ -97,7 +97,7 @@ def test_pause_waits_between_trials_and_resume_continues(tmp_path: Path) -> None
     run.wait_for("trial 2/3")
     run.signal(signal.SIGINT)
     assert run.end().code == 5
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     assert info.trials[0].complete
 
 
@@ -114,7 +114,7 @@ def test_killed_run_is_resumed_from_its_torn_file(tmp_path: Path) -> None:
     assert rigd("info", path, cwd=tmp_path).code == 0
     resumed = rigd("run", "--resume", path, cwd=tmp_path)
     assert resumed.code == 0, resumed.err
-    info = run_info(Recording.open(path))
+    info = Recording.open(path).info
     assert (info.state, info.trials_done) == ("complete", 10)
     times = Recording.open(path).read("carriage")["t_ns"]
     assert np.all(np.diff(times) > 0)

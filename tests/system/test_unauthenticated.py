@@ -14,7 +14,7 @@ from support.daemon import Daemon, Refused
 from support.served_rig import free_port
 from support.wire import ROOT
 
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.remote.tls import SERVER, setup_tls
 
 #: The wheel turns to and fro until it is stopped.
@@ -96,7 +96,7 @@ def test_a_run_ends_in_order_among_unauthenticated_connections(
         assert audited(daemon, "stop") == ["done"]
         assert audited(daemon, "lease_release") == ["done"]
         assert audited(daemon, "audit") == []  # no line is missing
-    assert run_info(Recording.open(recording)).state == "stopped"
+    assert Recording.open(recording).info.state == "stopped"
     until_others_connect(daemon)
     told = daemon.status["daemon"]
     assert told["descriptors"] < told["descriptors_most"] < DESCRIPTORS

@@ -24,7 +24,7 @@ from rigd.sdk import (
     wrong_entry,
 )
 from rigd_drivers.device_file import FromFile
-from rigd_drivers.modbus.client import Client
+from rigd_drivers.modbus.client import TRYING_S, Client
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
@@ -320,7 +320,7 @@ class ModbusServo(ModbusDevice[ServoConfig]):
         words: dict[int, int] = {}
         while True:
             for read in reads:
-                within_s = max(end_s - time.monotonic(), client.longest_s(read.request))
+                within_s = max(TRYING_S, client.longest_s(read.request))
                 words |= read.words(client.ask(read.request, within_s))
             if not all_hold(self._map.enabled, words):
                 return

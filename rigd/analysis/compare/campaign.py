@@ -25,7 +25,7 @@ from rigd.analysis.result import Curve, FloatArray, Verdict
 from rigd.analysis.source import open_sweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.units import parse_unit, si_symbol
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.record.moment import recorded_at
 
 #: What stands behind a measure in place of a model.
@@ -224,7 +224,7 @@ def of_measures(name: str, paths: Sequence[Path]) -> Campaign:
         DataError: there is nothing to measure, or the recordings do not measure the same.
     """
     recordings = [Recording.open(path) for path in paths]
-    origins = tuple(ResultOrigin.of(run_info(recording), MEASURES) for recording in recordings)
+    origins = tuple(ResultOrigin.of(recording.info, MEASURES) for recording in recordings)
     return campaign_of_measures(name, origins, measured(recordings))
 
 
@@ -298,7 +298,7 @@ def grouped(paths: Sequence[Path], by: str) -> dict[str, list[Path]]:
         )
     found: dict[str, list[Path]] = {}
     for path in paths:
-        info = run_info(Recording.open(path, partial=True))
+        info = Recording.open(path, partial=True).info
         if by == "recording":
             name = str(path)
         elif by in dated:

@@ -13,7 +13,7 @@ from rigd.analysis.heading import heading
 from rigd.analysis.provenance import attachments_of, facts_of
 from rigd.analysis.report import Facts, Provenance
 from rigd.model.errors import ConfigError, DataError
-from rigd.record import Recording, RunInfo, run_info
+from rigd.record import Recording, RunInfo
 
 _RANGE: Final = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
 
@@ -71,7 +71,7 @@ def run_report(
     """
     # Every byte is checked: a page that looks whole is not made of a file that is not.
     recording = Recording.open(path, partial=True)
-    info = run_info(recording)
+    info = recording.info
     chosen = selection or Selection()
     chosen.check(info)
     for loss in info.losses:

@@ -26,7 +26,7 @@ from rigd.engine.shared.scarce import insist
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.folders import make_folder
 from rigd.model.pages import page_of
-from rigd.record import Recording, RunInfo, info_json, run_info
+from rigd.record import Recording, RunInfo, info_json
 from rigd.record.index import DamagedRecording
 from rigd.record.moment import is_virtual, recorded_at
 from rigd.record.trials import INTERRUPTED
@@ -248,7 +248,7 @@ def interrupted(info: RunInfo) -> Interrupted | None:
 def _info(path: Path) -> RunInfo:
     if os.path.lexists(path) and not _is_regular(path):
         raise RecordingError(f"{path.name} is no file of its own, but a link, a pipe or a folder")
-    return run_info(Recording.open(path))
+    return Recording.open(path).info
 
 
 def _total(info: RunInfo) -> int:

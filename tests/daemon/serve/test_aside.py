@@ -245,6 +245,7 @@ def test_comparison_is_kept_until_recording_changes(tmp_path: Path) -> None:
         pages.piece(recordings, 0, 1)
 
 
+@pytest.mark.timeout(900)  # at low priority, beside others that compute
 def test_recordings_that_differ_in_kind_are_not_compared(tmp_path: Path) -> None:
     for name in ("a", "b"):
         RecordingWriter.create(

@@ -19,7 +19,7 @@ from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
-from rigd.record import Recording, run_info
+from rigd.record import Recording
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
 from rigd.sdk.shipped import shipped_folder
@@ -33,7 +33,7 @@ def children() -> list[int]:
 
 def trials_of(path: Path) -> list[int]:
     """Return the numbers of the complete trials of a recording."""
-    return sorted(t.number for t in run_info(Recording.open(path)).trials if t.complete)
+    return sorted(t.number for t in Recording.open(path).info.trials if t.complete)
 
 
 def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
         assert "trial_start" in {event.kind for event in served.outlet.events}
         assert served.outlet.frames > 10
         assert "axis.position" in served.ask("latest")["values"]
-    info = run_info(Recording.open(tmp_path / "runs" / run))
+    info = Recording.open(tmp_path / "runs" / run).info
     assert (info.state, info.trials_done) == ("complete", 3)
     assert info.metadata["run"]["operator"] == "alice"
     assert info.metadata["run"]["note"] == "wheel cleaned"
@@ -122,7 +122,7 @@ def test_person_behind_a_shared_client_is_recorded(tmp_path: Path) -> None:
     assert [(line["who"], line["user"], line["what"]) for line in served.audited()] == [
         ("panel", "Ada", "lease_take"), ("panel", "Ada", "start"), ("panel", "Olga", "abort"),
     ]  # fmt: skip
-    began = run_info(Recording.open(served.runs / run)).metadata["run"]
+    began = Recording.open(served.runs / run).info.metadata["run"]
     assert began["operator"] == "Ada (panel)"
 
 
@@ -431,7 +431,7 @@ def test_daemon_that_ends_stops_run_and_begins_nothing(tmp_path: Path) -> None:
         served.steering.close()
         with pytest.raises(Refusal, match="the daemon is ending: stopped by SIGTERM"):
             served.start(SWEEP)
-    assert run_info(Recording.open(served.runs / run)).reason == "stopped by SIGTERM"
+    assert Recording.open(served.runs / run).info.reason == "stopped by SIGTERM"
 
 
 def test_description_has_the_constant_data(tmp_path: Path) -> None:
@@ -485,4 +485,4 @@ def test_folder_removed_during_run_spoils_no_later_run(tmp_path: Path) -> None:
         last = served.until(lambda status: status.last and status.last.run == again).last
         assert last is not None
         assert (last.ending, last.exit_code) == ("complete", 0), (last, ended)
-        assert run_info(Recording.open(served.runs / again)).state == "complete"
+        assert Recording.open(served.runs / again).info.state == "complete"

@@ -41,7 +41,7 @@ OVEN: dict[str, Any] = {
     "safe": "OUTP OFF",
     "state": {"ask": "OUTP?", "safe": "0", "ready": "1"},
     "period": "0.05 s",
-    "timeout": "0.2 s",
+    "timeout": "1 s",  # this computer may stall
     "silence": "1 s",
 }  # fmt: skip
 Scene = Callable[[Scpi, SimOven], Awaitable[None]]
@@ -328,7 +328,7 @@ SUPPLY = {
     "state": {"ask": "OUTP?", "safe": "0", "ready": "1"},
     "period": "0.05 s",
     "silence": "1 s",
-    "timeout": "0.2 s",
+    "timeout": "1 s",  # this computer may stall
 }  # fmt: skip
 
 

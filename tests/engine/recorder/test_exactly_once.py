@@ -17,7 +17,7 @@ from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import EventRing, Job, RowRing, RunFolder
 from rigd.model import RecordingError
 from rigd.model.rows import row_dtype
-from rigd.record import Event, Recording, RecordingWriter, run_info
+from rigd.record import Event, Recording, RecordingWriter
 
 
 class Source:
@@ -107,7 +107,7 @@ def test_kill_between_any_two_steps_loses_nothing(step: int, folder: RunFolder, 
     assert drain_leftovers(folder) == job.recording
     check(job, source.count)
     assert not folder.has_job
-    info = run_info(Recording.open(job.recording))
+    info = Recording.open(job.recording).info
     assert info.state == "interrupted"
     assert again or "killed" in info.reason
 

@@ -24,7 +24,7 @@ from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.shared import Job, Phase, RecorderState, RunFolder, Word
 from rigd.model import RecordingError
 from rigd.model.errors import Blocked
-from rigd.record import Recording, RecordingWriter, run_info
+from rigd.record import Recording, RecordingWriter
 
 #: Stands for the cycle: numbered rows at about 4 kHz into three rings, until SIGTERM.
 WRITER = """
@@ -184,7 +184,7 @@ def test_repeatedly_killed_recorder_loses_nothing(bench: Bench) -> None:
     bench.board[Word.PHASE] = Phase.ENDED
     bench.recorder.finish()
     bench.check()
-    info = run_info(Recording.open(bench.job.recording))
+    info = Recording.open(bench.job.recording).info
     assert (info.state, info.reason) == ("done", "played")
     assert [path.name for path in bench.folder.path.iterdir()] == ["lock"]
 
@@ -229,7 +229,7 @@ def test_after_writer_and_recorder_die_next_start_completes(bench: Bench) -> Non
     counts = {name: ring.head for name, ring in bench.rings.items()}
     check_numbered(bench.job.recording, counts)
     assert own_events(bench.job.recording, "note") == [0]
-    info = run_info(Recording.open(bench.job.recording))
+    info = Recording.open(bench.job.recording).info
     assert (info.state, info.reason) == ("interrupted", "all processes of the run were killed")
 
 
@@ -269,7 +269,7 @@ def test_recorder_ends_when_daemon_and_cycle_are_gone(bench: Bench) -> None:
         wait_until(lambda: bench.recorder.poll() is Health.ENDED)
     counts = {name: ring.head for name, ring in bench.rings.items()}
     check_numbered(bench.job.recording, counts)
-    info = run_info(Recording.open(bench.job.recording))
+    info = Recording.open(bench.job.recording).info
     assert (info.state, info.reason) == ("interrupted", "the processes of the run were killed")
     assert not bench.folder.has_job
 
@@ -298,7 +298,7 @@ def test_full_disk_is_reported_and_no_row_released(bench: Bench) -> None:
         bench.recorder.finish()
     assert "Free space" in (caught.value.hint or "")
     assert f"rigd run --resume {bench.job.recording}" in (caught.value.hint or "")
-    assert run_info(Recording.open(bench.job.recording)).state == "interrupted"
+    assert Recording.open(bench.job.recording).info.state == "interrupted"
     # There is room again: the next start, or `rigd recover`, adds what the rings still hold.
     drain_leftovers(bench.folder)
     bench.check()
