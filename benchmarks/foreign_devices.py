@@ -55,7 +55,7 @@ from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
 from rigd_drivers.cia402_servo.rotary import RotaryServo, RotaryServoConfig
 from rigd_drivers.modbus.servo import ModbusServo, ServoConfig
 from rigd_sim.wire.can.disturbance import CAN_FRAME
-from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.can.hub import CanHub
 
 HERE: Final = Path(__file__).parent
 #: Cycles of rigd's own rate are not what is judged here.

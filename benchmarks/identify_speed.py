@@ -32,12 +32,13 @@ from rigd.analysis.model import scaled_bounds, to_natural, to_scaled
 from rigd.analysis.output_error import ENOUGH
 from rigd.analysis.source import open_sweep
 from rigd.analysis.whitened import OutputErrorModel, noise_at
+from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.reading import arrays, rig_constants
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.outputs import DYNAMIC, WHEEL_DELAY, outputs
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import RigSystem

@@ -177,3 +177,13 @@ def matrix_columns(
             return part
 
         yield ArrayColumn(f"{name}.{index + 1}", unit, rows, whole, nth)
+
+
+def not_read(path: Path, name: str) -> ConfigError:
+    """Return the error for a variable that only MATLAB can read."""
+    return ConfigError(
+        f"the variable {name!r} in {path} is an object of MATLAB, such as a timeseries, a table or "
+        "a Dataset of Simulink, which only MATLAB reads",
+        hint=f"save its numbers in MATLAB: s.t = {name}.Time; s.x = {name}.Data; "
+        "save('new.mat', '-struct', 's')",
+    )

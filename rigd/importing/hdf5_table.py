@@ -12,7 +12,7 @@ from typing import Any, Final
 import h5py
 
 from rigd.config.problems import suggest
-from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
+from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns, not_read
 from rigd.importing.bounds import require_chunk
 from rigd.importing.parquet_table import unreadable
 from rigd.model.errors import ConfigError, Place
@@ -90,8 +90,6 @@ def _is_object(item: Any) -> bool:
 
 
 def _refuse_object(path: Path, file: Any) -> None:
-    from rigd.importing.mat_table import not_read
-
     for name, item in file.items():
         if not name.startswith("#") and _is_object(item):
             raise not_read(path, name)

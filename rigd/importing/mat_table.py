@@ -15,7 +15,7 @@ import scipy.io
 from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from rigd.config.problems import suggest
-from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns
+from rigd.importing.array_table import ArrayColumn, ArrayTable, matrix_columns, not_read
 from rigd.importing.bounds import require_held, unpacked_sizes
 from rigd.importing.parquet_table import unreadable
 from rigd.model.errors import ConfigError
@@ -108,16 +108,6 @@ def is_object(item: object) -> bool:
     kinds = (MatlabOpaque, MatlabFunction)
     return isinstance(item, kinds) or (
         isinstance(item, np.ndarray) and item.dtype.names == ("s0", "s1", "s2", "arr")
-    )
-
-
-def not_read(path: Path, name: str) -> ConfigError:
-    """Return the error for a variable that only MATLAB can read."""
-    return ConfigError(
-        f"the variable {name!r} in {path} is an object of MATLAB, such as a timeseries, a table or "
-        "a Dataset of Simulink, which only MATLAB reads",
-        hint=f"save its numbers in MATLAB: s.t = {name}.Time; s.x = {name}.Data; "
-        "save('new.mat', '-struct', 's')",
     )
 
 

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.observers.model import Filter, ObserverPlan
+from rigd.observers.model import Filter, Matrix, ObserverPlan
 
 if TYPE_CHECKING:
     from rigd.observers.memory import Memory
 
 Floats = NDArray[np.float64]
-Matrix = tuple[tuple[float, ...], ...]
 
 #: A matrix counts as singular below this ratio of its singular values, rows and columns scaled.
 _SINGULAR = 1e-9
@@ -43,7 +42,10 @@ class LinearPlan(ObserverPlan):
         """Return the filter on ``memory``."""
         from rigd.observers.linear_filter import LinearFilter  # it loads numba
 
-        return LinearFilter(self, memory)
+        return LinearFilter(
+            memory, f=self.f, g=self.g, h=self.h, d=self.d, q=self.q, r=self.r, x0=self.x0,
+            p0=self.p0,
+        )  # fmt: skip
 
 
 def discretised(a: Floats, b: Floats, q: Floats, period_s: float) -> tuple[Floats, Floats, Floats]:

@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from rigd.observers.kernel import Floats, Times, step_linear
-from rigd.observers.linear import LinearPlan, Matrix
 from rigd.observers.memory import Memory
+from rigd.observers.model import Matrix
 
 
 class LinearFilter:
-    """A linear Kalman filter with its state."""
+    """A linear Kalman filter with its state; the matrices are those of its plan."""
 
-    def __init__(self, plan: LinearPlan, memory: Memory) -> None:
-        n, inputs, measured = len(plan.x0), memory.inputs, memory.measured
+    def __init__(
+        self,
+        memory: Memory,
+        *,
+        f: Matrix,
+        g: Matrix,
+        h: Matrix,
+        d: Matrix,
+        q: Matrix,
+        r: Matrix,
+        x0: Sequence[float],
+        p0: Matrix,
+    ) -> None:
+        n, inputs, measured = len(x0), memory.inputs, memory.measured
         self._tables = memory.join(
             (
                 np.full(n, math.nan), np.zeros((n, n)), np.zeros(measured), np.zeros((n, n)),
-                _array(plan.f, n, n), _array(plan.g, n, inputs), _array(plan.h, measured, n),
-                _array(plan.d, measured, inputs), _array(plan.q, n, n),
-                _array(plan.r, measured, measured), np.array(plan.x0), _array(plan.p0, n, n),
+                _array(f, n, n), _array(g, n, inputs), _array(h, measured, n),
+                _array(d, measured, inputs), _array(q, n, n),
+                _array(r, measured, measured), np.array(x0), _array(p0, n, n),
                 np.ones(n),
             )
         )  # fmt: skip

@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # a rig file is checked without numba
     from rigd.observers.kernel import Times
     from rigd.observers.memory import Memory
 
+#: A matrix as plain data, row by row.
+Matrix = tuple[tuple[float, ...], ...]
+
 
 class Filter(Protocol):
     """A filter with its state."""

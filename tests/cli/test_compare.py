@@ -15,11 +15,11 @@ import pytest
 from matplotlib.text import Annotation
 
 import rigd
+from rigd.analysis.compare import plots
 from rigd.analysis.compare.campaign import files_of, grouped
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.front import ResultOrigin
 from rigd.analysis.plain import plain_object
-from rigd.analysis.report.plots import compared
 from rigd.cli.main import main
 from rigd.model.errors import ConfigError, DataError
 
@@ -166,13 +166,13 @@ def test_open_side_is_drawn_as_arrow(tmp_path: Path) -> None:
         files.append(result(tmp_path / f"m{k}.json", given, day=f"2026-0{k}-15"))
     found = rigd.compare(*files)
     campaigns = found.evaluation.comparison.campaigns
-    (trend,) = compared.trend(found["V_s"], campaigns).axes
+    (trend,) = plots.trend(found["V_s"], campaigns).axes
     low, high = trend.get_ylim()
     assert low < 0.004 * (1.0 - 0.0196) < 0.004 * 1.0196 < high
     (arrow,) = (item for item in trend.texts if isinstance(item, Annotation))
     assert arrow.xy[1] == pytest.approx(0.004)
     assert arrow.xyann == (arrow.xy[0], 1.0)
-    (changes,) = compared.changes([("V_s", (0.1, -0.2, math.inf), False)]).axes
+    (changes,) = plots.changes([("V_s", (0.1, -0.2, math.inf), False)]).axes
     lines = [np.asarray(item.get_xdata()).tolist() for item in changes.lines]
     assert [-20.0, 10.0] in [[round(x, 9) for x in line] for line in lines]
     (arrow,) = (item for item in changes.texts if isinstance(item, Annotation))

@@ -13,9 +13,9 @@ from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive
 from rigd_sim.wire.can.encoder import Cia406Encoder
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.misbehaviour import FAULTS
 from rigd_sim.wire.can.transmitter import Cia404Transmitter
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.labjack import SimLabjack
 from rigd_sim.wire.lines import SimLines
 from rigd_sim.wire.modbus.part import LINE_FAULTS

@@ -20,7 +20,7 @@ from rigd.sdk.check import Peer, check_driver
 from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_drivers.can_message import CanMessage, CanMessageConfig
 from rigd_sim.wire.can.dbc import SimDbcSensor
-from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.can.hub import CanHub
 
 DBC = """VERSION ""
 NS_ :

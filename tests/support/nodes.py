@@ -11,9 +11,9 @@ from support.can import Client
 
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.traits import read_make
-from rigd_sim.wire.hub import CanHub
 
 SERVO, ENCODER = 1, 11
 #: Rated torque 50 mN m: 1000 per mille of object 6077 are 1 A.

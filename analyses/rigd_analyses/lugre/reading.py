@@ -10,19 +10,20 @@ from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.fit import Loss
 from rigd.analysis.result import FloatArray, IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
-from rigd_analyses.lugre.analysis import LugreAnalysis
 from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.checked import checked
+from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings, identify_lugre
+from rigd_analyses.lugre.needs import DRIVE, NEEDS
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, identify_output_error
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 #: What a person calls a trial, by its parameters.
 Named = Callable[[RecordedSweep, TrialInfo], str]
 
-CONSTANTS = LugreAnalysis.needs.constants
+CONSTANTS = NEEDS.constants
 MASS = "mass"
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
@@ -31,11 +32,7 @@ GUIDE_LIFT = "guide_lift"
 WITH_MASS = ("guide_friction", "bearing_torque", GUIDE_LIFT)
 OUTPUT_ERROR = "output-error"
 SLIP_FORCE = "slip-force"
-#: What the simulation of the rig takes besides; relative u of one that states none.
-DRIVE = (
-    *("torque_constant", "gear_ratio", "gear_efficiency", "no_load_torque", "no_load_viscous"),
-    *("motor_inertia", "wheel_inertia", "bearing_torque", "roller_transitions"),
-)
+#: Relative u of a constant that states none.
 UNSTATED_U = {
     "mass": 1e-3,
     "wheel_radius": 2e-3,

@@ -17,18 +17,19 @@ from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep
 from rigd_analyses.lugre.by_law import LUGRE
+from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.model import PARAMETERS
+from rigd_analyses.lugre.needs import DRIVE
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC
 from rigd_analyses.lugre.reading import (
     CONSTANTS,
-    DRIVE,
     FRICTION_MASS,
     GUIDE_LIFT,
     MASS,
     SLIP_FORCE,
     as_stated,
 )
-from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group
+from rigd_analyses.lugre.rig.identify import FirstFit
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 
 OF_THE_FLOOR = "rolling_resistance"

@@ -76,7 +76,7 @@ class CalibrationEvaluation(Evaluation):
     def report(self) -> str:
         """Return the report as a self-contained HTML page."""
         # Here: matplotlib takes longer to import than a calibration to evaluate.
-        from rigd.analysis.report.calibration_view import build_view
+        from rigd.analysis.calibration.view import build_view
         from rigd.analysis.report.page import render
 
         return render(

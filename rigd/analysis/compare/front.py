@@ -17,12 +17,8 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.compare.campaign import files_of, grouped, read_campaigns, short_names
 from rigd.analysis.compare.comparison import Compared
 from rigd.analysis.compare.comparison import compare as compare_campaigns
-from rigd.analysis.compare.evaluation import (
-    ComparisonEvaluation,
-    change_texts,
-    named,
-    value_text,
-)
+from rigd.analysis.compare.evaluation import ComparisonEvaluation
+from rigd.analysis.compare.texts import change_texts, named, value_text
 from rigd.analysis.corrections import Corrections
 from rigd.analysis.front import (
     Recorded,

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.analysis.compare import evaluation as shown
+from rigd.analysis.compare import plots, texts
 from rigd.analysis.compare.comparison import CampaignComparison
-from rigd.analysis.report.plots import compared
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.terminal import TerminalTable
 
@@ -33,29 +32,30 @@ class ComparisonView:
     method: str
 
 
-def build_view(evaluation: shown.ComparisonEvaluation) -> ComparisonView:
+def build_view(
+    found: CampaignComparison, sentences: tuple[str, ...], table: TerminalTable
+) -> ComparisonView:
     """Return the view of a comparison, for :func:`rigd.analysis.report.page.render`."""
-    found = evaluation.comparison
     lists = (
-        ("Trends", shown.trend_lines(found)),
-        ("Not compared", shown.not_compared(found)),
+        ("Trends", texts.trend_lines(found)),
+        ("Not compared", texts.not_compared(found)),
         ("Refused", [f"{item.name}: {why}" for item in found.campaigns for why in item.refused]),
         ("Constants", found.constants),
     )
     return ComparisonView(
-        evaluation.sentences,
-        evaluation.table,
+        sentences,
+        table,
         tuple((title, lines) for title, lines in lists if lines),
         _changes(found),
         _curves(found),
         _trends(found),
-        shown.METHOD,
+        texts.METHOD,
     )
 
 
 def _changes(found: CampaignComparison) -> tuple[Drawing, ...]:
     rows = [
-        (shown.named(item), item.change(difference), item.differs)
+        (texts.named(item), item.change(difference), item.differs)
         for item in found.compared
         for difference in item.differences.values()
         if item.log
@@ -65,7 +65,7 @@ def _changes(found: CampaignComparison) -> tuple[Drawing, ...]:
     alt = "Relative difference of each parameter with its 95 % interval."
     is_open = any(not math.isfinite(end) for _, change, _ in rows for end in change)
     caption = f"{alt} Filled: it differs.{OPEN if is_open else ''}"
-    return (draw(compared.changes(rows), "changes", alt, caption),)
+    return (draw(plots.changes(rows), "changes", alt, caption),)
 
 
 def _curves(found: CampaignComparison) -> tuple[Drawing, ...]:
@@ -79,7 +79,7 @@ def _curves(found: CampaignComparison) -> tuple[Drawing, ...]:
                 f"{alt} Bands: 95 %, each with the uncertainty of constants that all share, which "
                 "the differences above do not have."
             )
-            drawings.append(draw(compared.curves(curves), f"curves-{index}", alt, caption))
+            drawings.append(draw(plots.curves(curves), f"curves-{index}", alt, caption))
     return tuple(drawings)
 
 
@@ -90,8 +90,8 @@ def _trends(found: CampaignComparison) -> tuple[Drawing, ...]:
     for index, item in enumerate(found.compared):
         if item.test is None:
             continue
-        alt = f"{shown.named(item)} over the time of the recordings."
-        figure = compared.trend(item, found.campaigns)
+        alt = f"{texts.named(item)} over the time of the recordings."
+        figure = plots.trend(item, found.campaigns)
         ends = [e for e in item.estimates.values() if e is not None and e.value is not None]
         is_open = any(None in (e.low, e.high) for e in ends)
         caption = f"{alt} Dashed: another calibration begins.{OPEN if is_open else ''}"

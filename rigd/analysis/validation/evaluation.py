@@ -14,10 +14,10 @@ from rigd.analysis.plan import analysis_of
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined
-from rigd.analysis.report.validation_tables import overview, published_table, summary
 from rigd.analysis.source import Correction
 from rigd.analysis.validation.result import ModelOutcome, Validation
 from rigd.analysis.validation.saved import read_models
+from rigd.analysis.validation.tables import overview, published_table, summary
 from rigd.config.registry import ANALYSES, FRICTION_LAWS, installed
 from rigd.model.errors import ConfigError, DataError
 
@@ -68,7 +68,7 @@ class ValidationEvaluation(Evaluation):
         """Return the report as a self-contained HTML page."""
         # Here, so that a command that only names this module does not wait for matplotlib.
         from rigd.analysis.report.page import render
-        from rigd.analysis.report.validation_view import build_view
+        from rigd.analysis.validation.view import build_view
 
         return render(
             "validation.html.jinja",

@@ -37,7 +37,7 @@ def show_rigs(found: list[DiscoveredRig]) -> None:
 
     from rigd.cli.screen import folding_table, open_console, print_table
     from rigd.config.remote import DEFAULT_ENDPOINT
-    from rigd.remote.client.target import list_path
+    from rigd.remote.client.address import list_path
 
     console = open_console()
     if not found:

@@ -24,7 +24,7 @@ from rigd.config.document import read_document
 from rigd.config.problems import Problems
 from rigd.config.remote import DEFAULT_ENDPOINT, TlsFiles
 from rigd.config.source import Identity, Source, TlsSource
-from rigd.remote.client.target import Remote, list_path
+from rigd.remote.client.address import Remote, list_path
 
 
 class RemoteLine(Source):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import getpass
 import json
-import os
 import re
 import time
 from collections.abc import Mapping
@@ -12,12 +11,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any, Final, Self
+from typing import Final
 
 from rigd import __version__
 from rigd.config.problems import suggest
 from rigd.config.remote import DEFAULT_ENDPOINT, Endpoint, TlsFiles
 from rigd.model.errors import ConfigError
+from rigd.remote.client.address import Remote, list_path, rigd_folder
 from rigd.remote.protocol.keys import check_name
 from rigd.remote.protocol.limits import MAX_NAME
 
@@ -42,38 +42,8 @@ class Target:
     """Why this address was tried; for the error if no rig is found."""
 
 
-@dataclass(frozen=True)
-class Remote:
-    """A rig of the list."""
-
-    endpoint: str = DEFAULT_ENDPOINT
-    tls: TlsFiles | None = None
-    identity: str | None = None
-
-    @classmethod
-    def of(cls, line: Mapping[str, Any]) -> Self:
-        """Return the rig whose fields are in ``line``, paths as text.
-
-        Raises:
-            KeyError, TypeError: they are others.
-        """
-        tls = line["tls"]
-        files = None if tls is None else TlsFiles(**{name: Path(tls[name]) for name in tls})
-        return cls(line["endpoint"], files, line["identity"])
-
-
-def list_path() -> Path:
-    """Return the path of the list, by the XDG base directory specification."""
-    return _base("XDG_CONFIG_HOME", ".config") / "remotes.yaml"
-
-
 def _cache_path() -> Path:
-    return _base("XDG_CACHE_HOME", ".cache") / "remotes.json"
-
-
-def _base(variable: str, usual: str) -> Path:
-    given = os.environ.get(variable) or ""
-    return (Path(given) if Path(given).is_absolute() else Path.home() / usual) / "rigd"
+    return rigd_folder("XDG_CACHE_HOME", ".cache") / "remotes.json"
 
 
 def make_target(

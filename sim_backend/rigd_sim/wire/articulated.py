@@ -15,8 +15,8 @@ from rigd_sim.plants.articulated import layout
 from rigd_sim.plants.articulated.camera import Camera
 from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.folder import Folder
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lugre import BusOptions, ServoOptions
 from rigd_sim.wire.part import Part, State
 from rigd_sim.wire.plant_world import PlantWorld

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from rigd.sdk import SimulationConfig, wrong_entry
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.folder import Folder
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts, with_makes
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.service import PLANT_PERIOD_NS, WirePlantConfig, WirePlantSimulation

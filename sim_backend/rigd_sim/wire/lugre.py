@@ -19,10 +19,10 @@ from rigd_sim.plants.lugre import layout
 from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.traits import DriveTraits, as_make, read_make
 from rigd_sim.wire.can.transmitter import Cia404Transmitter
 from rigd_sim.wire.folder import Folder
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
 from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.mf624 import SimMf624

@@ -19,8 +19,8 @@ from rigd.sdk import In, SimulationConfig, WrongEntries
 from rigd_sim.plants.mechanism.network import Element, Kind
 from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant, truth_of
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.folder import Folder
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lines import AnswerOptions
 from rigd_sim.wire.lugre import BusOptions, ServoOptions
 from rigd_sim.wire.modbus.drive_options import ModbusDriveOptions

@@ -19,8 +19,9 @@ from rigd.analysis.output_error import conclude, estimate
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd.analysis.score import holm
 from rigd.analysis.whiteness import largest_jump, levels, loudest_band
+from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.identify import fit_group, identify_output_error, rig_system
+from rigd_analyses.lugre.rig.identify import fit_group, rig_system
 from rigd_analyses.lugre.rig.outputs import late
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s

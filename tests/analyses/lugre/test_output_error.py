@@ -28,6 +28,7 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd.analysis.whitened import OutputErrorModel, noise_at
+from rigd_analyses.lugre.conclusion import conclude_group, identify_output_error
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1, V_S, friction_gradient
 from rigd_analyses.lugre.quantities import DAMPING
@@ -36,14 +37,7 @@ from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.estimates import estimates
 from rigd_analyses.lugre.rig.found import HEIGHT, Beside, Found, beside
-from rigd_analyses.lugre.rig.identify import (
-    FirstFit,
-    conclude_group,
-    fit_group,
-    identify_output_error,
-    rig_system,
-    with_intervals,
-)
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, rig_system, with_intervals
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import effect_shown

@@ -14,16 +14,11 @@ from rigd.analysis import ConfigError, Options
 from rigd.analysis.marginal import Marginal
 from rigd.analysis.model import to_scaled
 from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.reading import identify
 from rigd_analyses.lugre.rig.found import FRICTION
-from rigd_analyses.lugre.rig.identify import (
-    FirstFit,
-    conclude_group,
-    fit_group,
-    profiles,
-    visited_slip,
-)
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, profiles, visited_slip
 
 CURRENTS_A = (0.3, 0.7, 1.2)
 Bench = Callable[..., Any]

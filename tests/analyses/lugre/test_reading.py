@@ -20,7 +20,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import TrialInfo
 from rigd.sdk.shipped import shipped_folder
-from rigd_analyses.lugre.lateral.analysis import GEOMETRY
+from rigd_analyses.lugre.lateral.needs import GEOMETRY
 from rigd_analyses.lugre.lateral.reading import lateral_constants
 from rigd_analyses.lugre.reading import arrays, identify, rig_constants
 

@@ -22,8 +22,9 @@ from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
+from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.rig.identify import FirstFit, conclude_group, fit_group
+from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 from rigd_analyses.lugre.together import check_joint, identify_together
 

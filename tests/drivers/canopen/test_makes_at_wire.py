@@ -24,8 +24,8 @@ from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_drivers.cia402_servo.current import CurrentServo
 from rigd_drivers.cia402_servo.speed import SpeedServo
 from rigd_sim.wire.can.drive import Cia402Drive, Mode, Motor, Ratings
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.traits import known_makes, read_make
-from rigd_sim.wire.hub import CanHub
 
 PATIENCE_S = 10.0
 WHEEL = Ratings(Mode.CST, 1.5, 2.0, 0.0295, 1024)

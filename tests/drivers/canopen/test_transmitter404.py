@@ -15,8 +15,8 @@ from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers import device_file
 from rigd_drivers.can_profile import TransmitterProfile
 from rigd_drivers.cia404_transmitter import Cia404Transmitter, TransmitterConfig
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.transmitter import Cia404Transmitter as SimulatedTransmitter
-from rigd_sim.wire.hub import CanHub
 
 NODE, TPDO = 21, 0x195
 ZERO = bytes.fromhex("7a 65 72 6f")  # manual, page 35

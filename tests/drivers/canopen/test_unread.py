@@ -21,7 +21,7 @@ from rigd_drivers.can_bus import CanBus, CanBusConfig
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import objects
 from rigd_drivers.canopen.objects import Entry
-from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.can.hub import CanHub
 
 #: More than any queue of a socket holds, and how long a crowded machine may take for them.
 MANY, PATIENCE_S = 5000, 60.0

@@ -12,8 +12,8 @@ from canopen.objectdictionary.eds import import_eds
 from rigd_sim.wire.can.dictionary import Entry, Kind, Text
 from rigd_sim.wire.can.drive import Cia402Drive, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.node import CanopenNode
-from rigd_sim.wire.hub import CanHub
 
 EDS = Path(__file__).parents[3] / "configs" / "eds"
 NODE = 5

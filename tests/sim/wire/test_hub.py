@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from support.can import Client, on_loop, run
 
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.timing import Arbiter, frame_ns
-from rigd_sim.wire.hub import CanHub
 
 BUS_OFF = 0x20000040  # CAN_ERR_FLAG | CAN_ERR_BUSOFF, linux/can/error.h
 RESTARTED = 0x20000100

@@ -19,14 +19,8 @@ from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
 from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, obtained, slip_of
 from rigd_analyses.lugre.model import PARAMETERS, V_S
-from rigd_analyses.lugre.reading import (
-    CONSTANTS,
-    DRIVE,
-    FRICTION_MASS,
-    MASS,
-    WITH_MASS,
-    known_constants,
-)
+from rigd_analyses.lugre.needs import DRIVE
+from rigd_analyses.lugre.reading import CONSTANTS, FRICTION_MASS, MASS, WITH_MASS, known_constants
 from rigd_analyses.lugre.rig import sensors as rows
 from rigd_analyses.lugre.rig.parts import LEAST_TRIALS
 from rigd_analyses.lugre.rig.system import FITTED_NAMES

@@ -32,7 +32,6 @@ from rigd.analysis.result import (
     FitOutcome,
     FloatArray,
     Gate,
-    IdentificationResult,
     ResidualTest,
     TrialRejection,
 )
@@ -62,7 +61,6 @@ from rigd_analyses.lugre.rig.found import (
     slip,
 )
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import (
     along_ridge,
     bent,
@@ -112,31 +110,19 @@ class FirstFit:
         return self.gate.outcome is not FitOutcome.MISFIT and self.whole.converged
 
 
-def identify_output_error(
-    trials: Sequence[LugreTrial],
-    constants: LugreConstants,
-    rig: RigConstants,
-    settings: Settings | None = None,
-    posterior: bool = False,
-) -> IdentificationResult:
-    """Return the LuGre parameters that ``trials`` support, by simulating the rig.
-
-    The starts come from method A (slip in, traction out) and from the model's own start.
-    ``posterior`` asks for credible intervals besides, with the seed of ``settings``.
-
-    Raises:
-        DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
-    """
-    return conclude_group(fit_group(trials, constants, rig, settings), posterior)
-
-
 def fit_group(
     trials: Sequence[LugreTrial],
     constants: LugreConstants,
     rig: RigConstants,
     settings: Settings | None = None,
 ) -> FirstFit:
-    """Return the fit of ``trials`` with its diagnosis; raises as :func:`identify_output_error`."""
+    """Return the fit of ``trials`` with its diagnosis.
+
+    The starts come from method A (slip in, traction out) and from the model's own start.
+
+    Raises:
+        DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
+    """
     settings = Settings() if settings is None else settings
     periods = [sampling_period_s(trial) for trial in trials]
     parts, rejected = sort_out(trials, periods, settings)
@@ -170,33 +156,6 @@ def fit_group(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
         tuple(starts), block, settings.seed,
     )  # fmt: skip
-
-
-def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationResult:
-    """Return the result of ``begun``: profiles, other filters of the current, intervals.
-
-    ``posterior`` asks for credible intervals besides.
-    """
-    first = begun.system
-
-    def system(window_s: float) -> RigSystem:
-        if window_s == WINDOW_S:
-            return first
-        return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
-
-    found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
-    # Here, as what designs tests predicts them with this estimator.
-    from rigd_analyses.lugre.design.further import with_further_tests
-
-    concluded = result(first, found, begun.rejected, begun.starts, begun.block)
-    concluded = with_further_tests(concluded, found, first)
-    if not posterior or found.gate.outcome is FitOutcome.MISFIT:
-        return concluded
-    # Here, so that only this option needs the extra.
-    from rigd_analyses.lugre.rig.posterior import friction_posterior
-
-    given = frozenset(item.name for item in concluded.parameters if item.quoted is not None)
-    return replace(concluded, posterior=friction_posterior(found, given, begun.seed))
 
 
 def with_intervals(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,7 +14,6 @@ from rigd.observers import kernel as shared
 from rigd.observers.memory import Memory
 from rigd_analyses.lugre.rig import kernel as physics
 from rigd_analyses.lugre.slip import kernel as own
-from rigd_analyses.lugre.slip.plan import SlipPlan
 
 
 def _entry(stamps: tuple[int, ...]) -> Callable[..., None]:
@@ -41,15 +40,22 @@ _step = _entry((_changed(own), _changed(physics), _changed(shared)))
 
 
 class SlipFilter:
-    """A filter of slip with its state."""
+    """A filter of slip with its state; the numbers are those of its plan."""
 
-    def __init__(self, plan: SlipPlan, memory: Memory) -> None:
-        n = len(plan.deviations)
+    def __init__(
+        self,
+        memory: Memory,
+        q: Sequence[float],
+        fixed: Sequence[float],
+        deviations: Sequence[float],
+        noise: Sequence[float],
+    ) -> None:
+        n = len(deviations)
         self._tables = memory.join(
             (
                 np.zeros(n), np.zeros((n, n)), np.zeros(2), np.zeros((n, n)), np.zeros(3),
-                np.array(plan.q), np.array(plan.fixed), np.diag(np.array(plan.noise) ** 2),
-                np.zeros(n), np.diag(np.array(plan.deviations) ** 2), np.zeros((n, n)),
+                np.array(q), np.array(fixed), np.diag(np.array(noise) ** 2),
+                np.zeros(n), np.diag(np.array(deviations) ** 2), np.zeros((n, n)),
                 np.eye(2, n), np.zeros((n, n)), np.ones(n), np.zeros(physics.COUNT),
                 np.zeros((4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, physics.COUNT)),
                 np.zeros((4, 3, n)), np.zeros(3), np.zeros((3, 3)),

@@ -63,7 +63,7 @@ class SlipPlan(ObserverPlan):
         """Return the filter on ``memory``."""
         from rigd_analyses.lugre.slip.filter import SlipFilter  # it loads numba
 
-        return SlipFilter(self, memory)
+        return SlipFilter(memory, self.q, self.fixed, self.deviations, self.noise)
 
 
 @dataclass(frozen=True)

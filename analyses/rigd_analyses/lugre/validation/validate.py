@@ -10,7 +10,8 @@ from rigd.analysis.result import TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd.analysis.validation.result import GroupValidation, Validation
 from rigd.analysis.validation.saved import SavedModel, chosen, differing
-from rigd_analyses.lugre.reading import DRIVE, arrays, rig_constants, sort_out
+from rigd_analyses.lugre.needs import DRIVE
+from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out
 from rigd_analyses.lugre.validation.friction import friction_of
 from rigd_analyses.lugre.validation.judge import judged
 from rigd_analyses.lugre.validation.motion import SLIP, SPEED, DrivenMotion, driven_motion

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
+from typing import Self
+
+from pydantic import model_validator
 
 from rigd_sim.plants.mechanism.amounts import Notes, Wrong
 from rigd_sim.plants.mechanism.bodies import Moving, moving
@@ -17,6 +21,25 @@ from rigd_sim.plants.mechanism.steps import steps_of
 
 #: The sections whose names are those of elements.
 SECTIONS = ("springs", "friction", "stops", "pendulums", "drives")
+
+
+class MechanismDescription(Description):
+    """A mechanism."""
+
+    @model_validator(mode="after")
+    def _it_is_a_mechanism(self) -> Self:
+        """Assemble it.
+
+        Raises:
+            WrongEntries: no mechanism is like that; every reason with its entry.
+        """
+        _ = self.mechanism
+        return self
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, with all units read."""
+        return assembled(self)
 
 
 def assembled(given: Description) -> Mechanism:

@@ -8,16 +8,12 @@ here; ``assembly.py`` reads them. All start values are those at the start of a r
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
 from annotated_types import Ge, Gt, Le, Len
-from pydantic import BeforeValidator, Field, StringConstraints, model_validator
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from rigd.sdk import In, ParameterGroup
-
-if TYPE_CHECKING:
-    from rigd_sim.plants.mechanism.network import Mechanism
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
 #: A quantity whose unit follows from the bodies that it belongs to; 0 needs none.
@@ -226,7 +222,7 @@ class Sensor(ParameterGroup):
 
 
 class Description(ParameterGroup):
-    """A mechanism."""
+    """The parts of a mechanism, which ``assembly.py`` puts together."""
 
     bodies: Annotated[dict[Name, Body], Len(1, 16)]
     """The bodies by name; ``ground`` is there without being listed."""
@@ -253,20 +249,3 @@ class Description(ParameterGroup):
     step: Annotated[float, In("s"), Ge(2e-6), Le(1e-3)] = 62.5e-6
     """Longest step of the integrator. It is shorter if something is faster; a longer one than the
     default makes long runs faster, and less exact."""
-
-    @model_validator(mode="after")
-    def _it_is_a_mechanism(self) -> Self:
-        """Assemble it.
-
-        Raises:
-            WrongEntries: no mechanism is like that; every reason with its entry.
-        """
-        _ = self.mechanism
-        return self
-
-    @cached_property
-    def mechanism(self) -> Mechanism:
-        """The mechanism, with all units read."""
-        from rigd_sim.plants.mechanism.assembly import assembled
-
-        return assembled(self)

@@ -10,7 +10,7 @@ from rigd.sdk import Energy, ParametersConfig, Plant, PlantConfig, Setting, ship
 from rigd_sim.plants.mechanism.network import STEP_NS, Kind, Mechanism
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
-    from rigd_sim.plants.mechanism.description import Description
+    from rigd_sim.plants.mechanism.assembly import MechanismDescription
 
 
 class MechanismConfig(ParametersConfig):
@@ -24,11 +24,11 @@ class MechanismConfig(ParametersConfig):
     """Whether sensors have noise, zeros and finite resolution; false: ideal sensors."""
 
     @classmethod
-    def parameter_model(cls) -> type[Description]:
+    def parameter_model(cls) -> type[MechanismDescription]:
         """Return what the file holds."""
-        from rigd_sim.plants.mechanism.description import Description
+        from rigd_sim.plants.mechanism.assembly import MechanismDescription
 
-        return Description
+        return MechanismDescription
 
     def mechanism(self) -> Mechanism:
         """Return what the file describes.
@@ -36,7 +36,7 @@ class MechanismConfig(ParametersConfig):
         Raises:
             ConfigError: see :meth:`ParametersConfig.read_parameters`.
         """
-        described: Description = self.read_parameters()
+        described: MechanismDescription = self.read_parameters()
         return described.mechanism
 
     def settings(self) -> Mapping[str, Setting]:

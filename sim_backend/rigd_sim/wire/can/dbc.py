@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from rigd.model.extras import require
-from rigd_sim.wire.hub import CanHub, Port
+from rigd_sim.wire.can.hub import CanHub, Port
 from rigd_sim.wire.part import Part, State
 
 _EXTENDED: Final = 0x8000_0000

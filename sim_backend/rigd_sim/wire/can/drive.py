@@ -21,6 +21,7 @@ from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
 from rigd_sim.wire.can.heartbeat import Watch
 from rigd_sim.wire.can.homing402 import Homing
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.ids import Identity, Manners
 from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.states402 import (
@@ -32,7 +33,6 @@ from rigd_sim.wire.can.states402 import (
     StateMachine,
 )
 from rigd_sim.wire.can.traits import DriveTraits
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.part import State
 
 #: Servo drive of the device profile 402 (CiA 402-1).

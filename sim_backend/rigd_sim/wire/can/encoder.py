@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Final, Self
 
 from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Entry, Kind
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.ids import Identity
 from rigd_sim.wire.can.node import CanopenNode
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.options import number, whole
 from rigd_sim.wire.part import State
 

@@ -13,6 +13,7 @@ from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind, Text
 from rigd_sim.wire.can.emergency import NO_ERROR, Errors
 from rigd_sim.wire.can.heartbeat import Consumer, Producer, Watch
+from rigd_sim.wire.can.hub import CanHub, Port
 from rigd_sim.wire.can.ids import (
     BOOT_S,
     EMERGENCY,
@@ -38,7 +39,6 @@ from rigd_sim.wire.can.ids import (
 from rigd_sim.wire.can.misbehaviour import Misbehaviour
 from rigd_sim.wire.can.pdo import Pdo
 from rigd_sim.wire.can.sdo import SdoServer, is_download, is_upload
-from rigd_sim.wire.hub import CanHub, Port
 from rigd_sim.wire.part import Part, State
 
 #: Takes the data of a frame and the CLOCK_MONOTONIC time in ns at which it came.

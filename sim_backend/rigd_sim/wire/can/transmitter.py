@@ -12,9 +12,9 @@ from typing import ClassVar, Final, Self
 
 from rigd_sim.wire.can import misbehaviour
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
+from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.ids import Identity
 from rigd_sim.wire.can.node import CanopenNode
-from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.part import State
 
 #: Measuring device of the device profile 404.

@@ -14,7 +14,6 @@ from rigd.analysis.report.palette import MUTED, series
 from rigd.analysis.report.plots.axes import Margins, grid, plain_log
 from rigd.analysis.report.plots.trial import draw_fit, draw_residual, small_multiples
 from rigd.analysis.report.rounding import FINER
-from rigd.analysis.report.validation_tables import differing, unit_of_errors
 from rigd.analysis.result import FloatArray, TrialFit
 from rigd.analysis.validation.result import (
     Deviation,
@@ -22,6 +21,7 @@ from rigd.analysis.validation.result import (
     OutputTrace,
     ValidatedTrial,
 )
+from rigd.analysis.validation.tables import differing, unit_of_errors
 
 ROW_INCHES: Final = 2.15
 FITTED: Final = "modelled"

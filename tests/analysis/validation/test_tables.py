@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 
-from rigd.analysis.report.validation_tables import overview, pooled_rows
 from rigd.analysis.validation.result import (
     Deviation,
     GroupValidation,
@@ -14,6 +13,7 @@ from rigd.analysis.validation.result import (
     ValidatedTrial,
     Validation,
 )
+from rigd.analysis.validation.tables import overview, pooled_rows
 
 ERROR = Deviation("place", "m", 0.002, 0.001, 0.5, 0.003)
 NONE = np.zeros(0)

@@ -9,9 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.analysis.report.plots import agreement
 from rigd.analysis.report.svg import Drawing, draw
-from rigd.analysis.report.validation_tables import (
+from rigd.analysis.terminal import TerminalTable
+from rigd.analysis.validation import plots
+from rigd.analysis.validation.result import (
+    GroupValidation,
+    ModelOutcome,
+    ValidatedTrial,
+    Validation,
+)
+from rigd.analysis.validation.tables import (
     PooledRow,
     differing,
     error,
@@ -20,13 +27,6 @@ from rigd.analysis.report.validation_tables import (
     pooled_rows,
     published_table,
     unit_of_errors,
-)
-from rigd.analysis.terminal import TerminalTable
-from rigd.analysis.validation.result import (
-    GroupValidation,
-    ModelOutcome,
-    ValidatedTrial,
-    Validation,
 )
 
 #: The class of the badge of an outcome, of those that the style sheet has.
@@ -90,7 +90,7 @@ def _errors(result: Validation) -> Drawing | None:
     caption = "Dashes: the most that noise, the model's uncertainty and the constants explain."
     if result.published:
         caption += f" Open circles: {result.published}."
-    figure = agreement.errors(result.groups, result.judged, result.published)
+    figure = plots.errors(result.groups, result.judged, result.published)
     return draw(figure, "errors", alt, caption)
 
 
@@ -98,7 +98,7 @@ def _group(anchor: str, group: GroupValidation, result: Validation) -> GroupView
     multiples = []
     for output in result.judged if len(group.trials) > 1 else ():
         alt = f"Measured and modelled {output} over time in each of {len(group.trials)} trials."
-        figure = agreement.all_trials(group.trials, output)
+        figure = plots.all_trials(group.trials, output)
         multiples.append(draw(figure, f"{anchor}-{output}", alt, alt))
     trials = [
         _trial(f"{anchor}-t{k}", trial, result)
@@ -133,5 +133,5 @@ def _trial(name: str, trial: ValidatedTrial, result: Validation) -> TrialDrawing
         f"{', '.join(trace.output for trace in trial.traces)} over time, and their differences; "
         f"RMS {errors}."
     )
-    drawing = draw(agreement.one_trial(trial), name, alt, "Dashed: the most that is explained.")
+    drawing = draw(plots.one_trial(trial), name, alt, "Dashed: the most that is explained.")
     return TrialDrawing(trial.described(), f"RMS {errors}", drawing)
