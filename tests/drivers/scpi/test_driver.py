@@ -41,7 +41,7 @@ OVEN: dict[str, Any] = {
     "safe": "OUTP OFF",
     "state": {"ask": "OUTP?", "safe": "0", "ready": "1"},
     "period": "0.05 s",
-    "timeout": "1 s",  # this computer may stall
+    "timeout": "0.5 s",  # this computer may stall
     "silence": "1 s",
 }  # fmt: skip
 Scene = Callable[[Scpi, SimOven], Awaitable[None]]
@@ -269,7 +269,7 @@ def test_lost_answers_leave_out_rows_only(tmp_path: Path) -> None:
         ({"model": "E36103B"}, ProtocolError, "which has no 'E36103B'"),
         ({"errors": "*IDN?"}, ProtocolError, r"answers 'rigd,.*' to '\*IDN\?'"),
         ({"start": "HELLO"}, DeviceError, "-113 'Undefined header' when it is opened"),
-        ({"identify": "WHO?"}, LinkError, r"does not answer 'WHO\?' within 0\.2 s"),
+        ({"identify": "WHO?"}, LinkError, r"does not answer 'WHO\?' within 0\.5 s"),
     ],
 )
 def test_other_instrument_is_refused(
@@ -328,7 +328,7 @@ SUPPLY = {
     "state": {"ask": "OUTP?", "safe": "0", "ready": "1"},
     "period": "0.05 s",
     "silence": "1 s",
-    "timeout": "1 s",  # this computer may stall
+    "timeout": "0.5 s",  # this computer may stall
 }  # fmt: skip
 
 
