@@ -23,9 +23,9 @@ from support.can_bench import wheel
 from support.can_script import ScriptedBus, number, servo
 from support.eds import SHIPPED
 
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.canopen.sheet import read_sheet
-from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.canopen.sheet import read_sheet
+from rigd_drivers.can.cia402_servo.current import CurrentServo
 
 ROUNDS, CYCLES, OPENINGS = 60, 400, 16
 EDS = SHIPPED / "rigd_servo.eds"
@@ -39,7 +39,7 @@ def opened(eds: str | None) -> tuple[CurrentServo, ScriptedBus]:
     drive = servo()
     drive.objects[0x1018, 1] = number(0x52494744, 4)  # the vendor in the EDS
     port = ScriptedBus(drive)
-    with patch("rigd_drivers.can_bus.open_port", lambda *_: port):
+    with patch("rigd_drivers.can.bus.open_port", lambda *_: port):
         bus = CanBus(CanBusConfig(interface="scripted"))
         bus.open_second()
     driver = wheel(bus, eds=eds, rated_current="1.5 A")

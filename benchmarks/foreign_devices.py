@@ -50,9 +50,9 @@ from support.wire import free_ports
 from rigd.model.errors import RigdError
 from rigd.sdk import Driver
 from rigd.sdk.check import background_loop
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
-from rigd_drivers.cia402_servo.rotary import RotaryServo, RotaryServoConfig
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.cia402_servo.current import CurrentServo, CurrentServoConfig
+from rigd_drivers.can.cia402_servo.rotary import RotaryServo, RotaryServoConfig
 from rigd_drivers.modbus.servo import ModbusServo, ServoConfig
 from rigd_sim.wire.can.disturbance import CAN_FRAME
 from rigd_sim.wire.can.hub import CanHub

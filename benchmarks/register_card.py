@@ -26,9 +26,9 @@ from figures import at_most, noted
 
 from rigd.config.loader import load_rig
 from rigd.sdk import Driver
-from rigd_drivers.mf624.access import MappedRegisters, RegIO
-from rigd_drivers.mf624.link import Mf624, Mf624Config
-from rigd_drivers.mf624.registers import volts_of
+from rigd_drivers.cards.mf624.access import MappedRegisters, RegIO
+from rigd_drivers.cards.mf624.link import Mf624, Mf624Config
+from rigd_drivers.cards.mf624.registers import volts_of
 from rigd_sim.cards.lugre import LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers, Wires
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant

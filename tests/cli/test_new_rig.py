@@ -22,7 +22,7 @@ from rigd.config.loader import load_rig
 from rigd.config.rig import Supervision
 from rigd.controllers.driver import ControllerConfig
 from rigd.model.errors import ConfigError
-from rigd_drivers.cia402_servo.config import ServoConfig
+from rigd_drivers.can.cia402_servo.config import ServoConfig
 
 TEXT = described("bench", defaults)
 

@@ -10,8 +10,8 @@ import pytest
 from support.card import BenchMf624, Terminals
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.analog_drive import ENABLED, LIMITED, ONE_SHOT, READY, SATURATED
-from rigd_drivers.analog_servo import AnalogServo, AnalogServoConfig
+from rigd_drivers.cards.analog_drive import ENABLED, LIMITED, ONE_SHOT, READY, SATURATED
+from rigd_drivers.cards.analog_servo import AnalogServo, AnalogServoConfig
 from rigd_sim.cards.drives import OneShot
 
 OPTIONS: dict[str, Any] = {

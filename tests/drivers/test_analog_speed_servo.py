@@ -9,7 +9,7 @@ import pytest
 from support.card import BenchMf624, Terminals
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.analog_speed_servo import AnalogSpeedServo, AnalogSpeedServoConfig
+from rigd_drivers.cards.analog_speed_servo import AnalogSpeedServo, AnalogSpeedServoConfig
 
 OPTIONS: dict[str, Any] = {
     "set_output": 1,

@@ -17,8 +17,8 @@ from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError
 from rigd.sdk import LinkError, ProtocolError
 from rigd.sdk.check import Peer, check_driver
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.can_message import CanMessage, CanMessageConfig
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.message import CanMessage, CanMessageConfig
 from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.hub import CanHub
 

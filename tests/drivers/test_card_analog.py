@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from support.card import BenchMf624, Terminals
 
 from rigd.sdk import LinkError
-from rigd_drivers.card_analog import CardAnalog, CardAnalogConfig
+from rigd_drivers.cards.analog import CardAnalog, CardAnalogConfig
 
 LSB = 20 / 0x4000
 ACCELERATION = {

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from support.card import BenchMf624, Terminals
 
 from rigd.sdk import DeviceError
-from rigd_drivers.card_encoder import CardEncoder, CardEncoderConfig
+from rigd_drivers.cards.encoder import CardEncoder, CardEncoderConfig
 
 ANGLE: dict[str, Any] = {
     "encoder": 0,

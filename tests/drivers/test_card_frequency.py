@@ -10,10 +10,10 @@ import pytest
 
 from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError
-from rigd_drivers.card import Train
-from rigd_drivers.card_frequency import STANDING, CardFrequency, CardFrequencyConfig
-from rigd_drivers.ni_io.config import NiIoConfig
-from rigd_drivers.ni_io.link import NiIo
+from rigd_drivers.cards.card import Train
+from rigd_drivers.cards.frequency import STANDING, CardFrequency, CardFrequencyConfig
+from rigd_drivers.cards.ni_io.config import NiIoConfig
+from rigd_drivers.cards.ni_io.link import NiIo
 
 
 class Bench:

@@ -9,7 +9,7 @@ from itertools import chain, repeat
 import pytest
 
 from rigd.sdk import DeviceError
-from rigd_drivers import card_watchdog
+from rigd_drivers.cards import watchdog as card_watchdog
 
 TIME_S = 0.1
 

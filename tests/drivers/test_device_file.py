@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from rigd.sdk import shipped_configs
 from rigd_drivers import device_file
-from rigd_drivers.cia402_servo.current import CurrentServoConfig
+from rigd_drivers.can.cia402_servo.current import CurrentServoConfig
 from rigd_drivers.modbus.servo import ServoConfig
 
 SHIPPED = device_file.find("schneider-atv320", "modbus-servo", Path("nowhere"))

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from rigd_drivers.ni_daq.sample_clock import MOST_SLEW, SampleClock, line_below
+from rigd_drivers.cards.ni_daq.sample_clock import MOST_SLEW, SampleClock, line_below
 
 RATE_HZ, BLOCK, START_NS = 9600.0, 96, 7_000_000_000
 

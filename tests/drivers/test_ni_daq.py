@@ -16,8 +16,8 @@ from support.served import OnLoop, served
 
 from rigd.sdk import Block, DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Peer, background_loop, check_driver
-from rigd_drivers.ni_daq import NiDaq
-from rigd_drivers.ni_daq.config import Input, NiDaqConfig
+from rigd_drivers.cards.ni_daq import NiDaq
+from rigd_drivers.cards.ni_daq.config import Input, NiDaqConfig
 from rigd_sim.wire.ni import SimNi
 
 LSB_V = 20.0 / 2**14
@@ -261,7 +261,7 @@ def test_ended_device_server_raises_link_error() -> None:
 def test_server_that_hangs_does_not_hold_driver(
     card: tuple[SimNi, OnLoop], opened: Opened, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_card.CALL_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.cards.ni_card.CALL_S", 1.0)
     part, on_loop = card
     driver = opened()
     driver.start()
@@ -309,7 +309,7 @@ def test_without_the_python_package(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_missing_device_server_raises_link_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 0.3)
+    monkeypatch.setattr("rigd_drivers.cards.ni_card.CONNECT_S", 0.3)
     driver = NiDaq(config(server="127.0.0.1:9"))
     with pytest.raises(LinkError, match=r"gRPC .* 127\.0\.0\.1:9"):
         driver.open()
@@ -397,8 +397,8 @@ def simulated() -> Iterator[Peer]:
 
 
 def test_it_keeps_what_a_block_driver_promises(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 1.0)
-    monkeypatch.setattr("rigd_drivers.ni_card.CALL_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.cards.ni_card.CONNECT_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.cards.ni_card.CALL_S", 1.0)
     report = check_driver(NiDaq, {"inputs": INPUTS}, peer=simulated)
     # Packets are the library's matter.
     assert report.skipped.keys() == {

@@ -26,7 +26,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 #: What another library loads by its name, with the words of our code that make it do so.
 LOADED: Final = {
     "websockets": ("rigd/panel/server.py", 'ws="websockets-sansio"'),  # by uvicorn
-    "pyvisa-py": ("drivers/rigd_drivers/pymeasure_bridge/config.py", "`@py`"),  # by PyVISA
+    # By PyVISA.
+    "pyvisa-py": ("drivers/rigd_drivers/instruments/pymeasure_bridge/config.py", "`@py`"),
 }
 
 

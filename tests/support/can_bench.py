@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from support.can_script import ScriptedBus, number, servo
 
-from rigd_drivers.can_bus import CanBus
-from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
-from rigd_drivers.cia402_servo.speed import SpeedServo, SpeedServoConfig
-from rigd_drivers.cia406_encoder import Cia406Encoder, EncoderConfig
+from rigd_drivers.can.bus import CanBus
+from rigd_drivers.can.cia402_servo.current import CurrentServo, CurrentServoConfig
+from rigd_drivers.can.cia402_servo.speed import SpeedServo, SpeedServoConfig
+from rigd_drivers.can.cia406_encoder import Cia406Encoder, EncoderConfig
 
 Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rigd.sdk.check import Observed, Peer, background_loop
-from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.can.bus import CanBus, CanBusConfig
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.hub import CanHub

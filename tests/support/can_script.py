@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from rigd_drivers.can_ports import Frame, Full, Port
+from rigd_drivers.can.ports import Frame, Full, Port
 
 Address = tuple[int, int]
 
@@ -169,8 +169,8 @@ def encoder(node: int = 11, serial: int = 815) -> ScriptedNode:
 
 def use(port: ScriptedBus, monkeypatch: pytest.MonkeyPatch) -> ScriptedBus:
     """Let every bus that is opened be ``port``; it is read by calls alone, never by a thread."""
-    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
-    monkeypatch.setattr("rigd_drivers.can_bus.READ_EVERY_S", 3600.0)
+    monkeypatch.setattr("rigd_drivers.can.bus.open_port", lambda *_: port)
+    monkeypatch.setattr("rigd_drivers.can.bus.READ_EVERY_S", 3600.0)
     return port
 
 

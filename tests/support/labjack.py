@@ -11,8 +11,8 @@ from typing import Any
 from support.ni_card import Block
 from support.served import OnLoop, served
 
-from rigd_drivers.labjack.config import LabjackConfig
-from rigd_drivers.labjack.link import Labjack
+from rigd_drivers.cards.labjack.config import LabjackConfig
+from rigd_drivers.cards.labjack.link import Labjack
 from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
 from rigd_sim.wire.labjack_registers import LabjackRegisters
 from rigd_sim.wire.modbus.line import TcpLine

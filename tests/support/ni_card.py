@@ -11,8 +11,8 @@ from typing import Any
 
 from support.served import OnLoop, served
 
-from rigd_drivers.ni_io.config import NiIoConfig
-from rigd_drivers.ni_io.link import NiIo
+from rigd_drivers.cards.ni_io.config import NiIoConfig
+from rigd_drivers.cards.ni_io.link import NiIo
 from rigd_sim.cards.mf624 import Wires
 from rigd_sim.wire.ni_io import SimNiIo
 from rigd_sim.wire.ni_terminals import Terminals

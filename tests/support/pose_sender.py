@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from rigd.sdk.check import Observed, Peer, SentReading
-from rigd_drivers.pose_tracker.link import PoseTracker, PoseTrackerConfig
+from rigd_drivers.trackers.pose_tracker.link import PoseTracker, PoseTrackerConfig
 
 #: Where the body of the conformance tests stands.
 POSE = {"x": 0.25, "y": -0.5, "heading": 1.5}

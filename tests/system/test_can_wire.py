@@ -16,9 +16,9 @@ from support.wire import WireRig
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.sdk import DeviceError, Driver, LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus
-from rigd_drivers.canopen.objects import ABORT_CONNECTION_OPTION
-from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.can.bus import CanBus
+from rigd_drivers.can.canopen.objects import ABORT_CONNECTION_OPTION
+from rigd_drivers.can.cia402_servo.current import CurrentServo
 
 SERVOS = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 ENCODERS = ("wheel_encoder", "carriage")
@@ -345,7 +345,7 @@ def test_wrong_node_id_finds_another_kind_of_device(config: RigConfig) -> None:
 
 
 def test_folder_of_bus_is_named_when_nothing_runs(tmp_path: Path) -> None:
-    from rigd_drivers.can_ports import open_port
+    from rigd_drivers.can.ports import open_port
 
     with pytest.raises(LinkError, match=str(tmp_path)):
         open_port("hub", str(tmp_path / "servo_bus"), 1_000_000)

@@ -10,7 +10,7 @@ import pytest
 from support.can_bench import Clock, Connect
 from support.can_script import ScriptedBus, ScriptedNode, use
 
-from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.can.bus import CanBus, CanBusConfig
 
 
 #: ``connect(*nodes)``: the nodes on a bus that is open, with the port that shows what was sent.

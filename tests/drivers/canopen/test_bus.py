@@ -13,10 +13,10 @@ from support.can_script import ScriptedBus, use
 from support.descriptors import beyond_select
 
 from rigd.sdk import LinkError
-from rigd_drivers.can_bus import FRAMES_PER_MS, CanBus, CanBusConfig
-from rigd_drivers.can_load import FRAME_BITS, WINDOW_NS, LoadMeter
-from rigd_drivers.can_ports import Full, open_port
-from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
+from rigd_drivers.can.bus import FRAMES_PER_MS, CanBus, CanBusConfig
+from rigd_drivers.can.cia402_servo.current import CurrentServo, CurrentServoConfig
+from rigd_drivers.can.load import FRAME_BITS, WINDOW_NS, LoadMeter
+from rigd_drivers.can.ports import Full, open_port
 
 #: A frame of 8 bytes with stuff bits, at 1 Mbit/s.
 FRAME_S = 135e-6

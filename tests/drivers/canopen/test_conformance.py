@@ -9,11 +9,11 @@ import pytest
 from support.can_bench_sim import can_peer
 
 from rigd.sdk.check import check_driver
-from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.rotary import RotaryServo
-from rigd_drivers.cia402_servo.speed import SpeedServo
-from rigd_drivers.cia404_transmitter import Cia404Transmitter
-from rigd_drivers.cia406_encoder import Cia406Encoder
+from rigd_drivers.can.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.rotary import RotaryServo
+from rigd_drivers.can.cia402_servo.speed import SpeedServo
+from rigd_drivers.can.cia404_transmitter import Cia404Transmitter
+from rigd_drivers.can.cia406_encoder import Cia406Encoder
 
 #: Longer than a stall of a busy machine, which drives with the usual 100 ms would report.
 WATCHDOG = "300 ms"

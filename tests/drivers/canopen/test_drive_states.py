@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from rigd_drivers.canopen.cia402 import DriveState, Enabling, state_of
+from rigd_drivers.can.canopen.cia402 import DriveState, Enabling, state_of
 
 
 @pytest.mark.parametrize(

@@ -14,14 +14,14 @@ from support.can_script import number, servo
 from support.eds import line_of, write_eds
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.can_bus import CanBusConfig
-from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.sheet import read_sheet
-from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.servo import Servo
-from rigd_drivers.cia402_servo.speed import SpeedServo
-from rigd_drivers.cia406_encoder import EncoderConfig
+from rigd_drivers.can.bus import CanBusConfig
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.sheet import read_sheet
+from rigd_drivers.can.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.servo import Servo
+from rigd_drivers.can.cia402_servo.speed import SpeedServo
+from rigd_drivers.can.cia406_encoder import EncoderConfig
+from rigd_drivers.can.node import Node
 
 #: The option that a scripted drive needs beside its EDS.
 RATED = {"rated_torque": "44.25 mN m", "torque_constant": "29.5 mN m/A"}

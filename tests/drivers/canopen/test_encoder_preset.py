@@ -14,7 +14,7 @@ from support.can_script import ScriptedBus, ScriptedNode, number
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.cia406_encoder import Cia406Encoder
+from rigd_drivers.can.cia406_encoder import Cia406Encoder
 
 PRESET, POSITION = (0x6003, 0), (0x6004, 0)
 

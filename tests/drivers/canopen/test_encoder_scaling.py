@@ -10,7 +10,7 @@ from support.can_script import ScriptedBus, ScriptedNode, number
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.cia406_encoder import Cia406Encoder
+from rigd_drivers.can.cia406_encoder import Cia406Encoder
 
 Objects = dict[tuple[int, int], int | None]
 LINE = {"kind": "linear", "distance_per_count": "5 um/count"}

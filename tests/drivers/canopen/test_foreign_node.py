@@ -11,13 +11,13 @@ from canopen.sdo.base import SdoRecord, SdoVariable
 from support.eds import SHIPPED, write_eds
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.can_node import HEARTBEAT_MS, Node
-from rigd_drivers.can_pdo import configure
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.objects import Entry
-from rigd_drivers.canopen.pdo import SYNCHRONOUS, Pdo
-from rigd_drivers.canopen.sheet import read_sheet
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.objects import Entry
+from rigd_drivers.can.canopen.pdo import SYNCHRONOUS, Pdo
+from rigd_drivers.can.canopen.sheet import read_sheet
+from rigd_drivers.can.node import HEARTBEAT_MS, Node
+from rigd_drivers.can.pdo import configure
 
 NODE = 5
 SERIAL = 4711

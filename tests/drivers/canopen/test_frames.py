@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigd_drivers.canopen import emcy, frames, nmt
+from rigd_drivers.can.canopen import emcy, frames, nmt
 
 
 def test_a_frame_is_laid_out_as_linux_does() -> None:

@@ -8,7 +8,7 @@ from support.can_bench import Clock, Connect, belt, belt_config, cycle
 from support.can_script import ScriptedBus, ScriptedServo, number, servo
 
 from rigd.sdk import DeviceError, ProtocolError
-from rigd_drivers.cia402_servo.speed import SpeedServo
+from rigd_drivers.can.cia402_servo.speed import SpeedServo
 
 MODE, METHOD, POSITION = (0x6060, 0), (0x6098, 0), (0x6064, 0)
 ENABLED, ATTAINED, ERROR = 0x0237, 0x1637, 0x2237

@@ -20,9 +20,9 @@ from support.can_bench_sim import Shaft
 from rigd.sdk import ProtocolError, Row
 from rigd.sdk.check import background_loop
 from rigd_drivers import device_file
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.speed import SpeedServo
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.speed import SpeedServo
 from rigd_sim.wire.can.drive import Cia402Drive, Mode, Motor, Ratings
 from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.traits import known_makes, read_make

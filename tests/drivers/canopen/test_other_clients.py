@@ -15,10 +15,10 @@ from support.eds import SHIPPED
 from support.foreign_can import FOREIGN
 
 from rigd.sdk import LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.sheet import read_sheet
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.sheet import read_sheet
+from rigd_drivers.can.node import Node
 
 DEVICE_TYPE = bytes.fromhex("43 00 10 00 92 01 02 00")
 #: Replies of node 1 to other clients, when ours is for 1000:00.

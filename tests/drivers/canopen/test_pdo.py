@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.counter import Unwrap
-from rigd_drivers.canopen.inbox import Inbox
-from rigd_drivers.canopen.pdo import SYNCHRONOUS, Pdo
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.counter import Unwrap
+from rigd_drivers.can.canopen.inbox import Inbox
+from rigd_drivers.can.canopen.pdo import SYNCHRONOUS, Pdo
 
 FEEDBACK = Pdo(1, True, 0x181, SYNCHRONOUS, (objects.STATUSWORD, objects.TORQUE, objects.POSITION))
 

@@ -25,7 +25,7 @@ from support.can_script import number, pdo, servo
 
 from rigd.sdk import ProtocolError
 from rigd_drivers import device_file
-from rigd_drivers.cia402_servo.profile import DriveProfile
+from rigd_drivers.can.cia402_servo.profile import DriveProfile
 
 PROFILES = device_file.shipped("cia402")
 ABOUT = {"title": "Test drive", "source": "test"}

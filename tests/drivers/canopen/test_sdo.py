@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd_drivers.canopen.sdo import Aborted, Download, Garbled, Upload
+from rigd_drivers.can.canopen.sdo import Aborted, Download, Garbled, Upload
 
 
 def frame(text: str) -> bytes:

@@ -21,10 +21,10 @@ from support.can_script import ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, ProtocolError
-from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.rotary import RotaryServo, RotaryServoConfig
-from rigd_drivers.cia402_servo.speed import CLUTCH_ENGAGED
-from rigd_drivers.cia402_servo.velocity import velocity_unit
+from rigd_drivers.can.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.rotary import RotaryServo, RotaryServoConfig
+from rigd_drivers.can.cia402_servo.speed import CLUTCH_ENGAGED
+from rigd_drivers.can.cia402_servo.velocity import velocity_unit
 
 
 def test_enabling_sends_one_controlword_per_cycle_without_torque(connect: Connect) -> None:

@@ -7,7 +7,7 @@ from support.can_bench import Connect, belt, wheel, wheel_config
 from support.can_script import ScriptedBus, ScriptedServo, number, plain_servo, servo
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.current import CurrentServo
 
 Objects = dict[tuple[int, int], bytes | None]
 

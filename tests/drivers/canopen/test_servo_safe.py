@@ -7,7 +7,7 @@ from support.can_bench import ENABLED, OFF, Connect, enabled, feedback, wheel
 from support.can_script import ScriptedBus, ScriptedServo, number, servo
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.current import CurrentServo
 
 
 def test_make_safe_sends_zero_and_disable_twice(connect: Connect) -> None:

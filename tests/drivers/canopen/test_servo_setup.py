@@ -19,12 +19,12 @@ from support.can_script import ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import objects
-from rigd_drivers.cia402_servo.current import CurrentServo
-from rigd_drivers.cia402_servo.speed import SpeedServo
-from rigd_drivers.cia406_encoder import Cia406Encoder
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.cia402_servo.current import CurrentServo
+from rigd_drivers.can.cia402_servo.speed import SpeedServo
+from rigd_drivers.can.cia406_encoder import Cia406Encoder
+from rigd_drivers.can.node import Node
 
 
 def test_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> None:

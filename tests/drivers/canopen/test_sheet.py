@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from support.eds import SHIPPED, line_of, write_eds
 
 from rigd.model.errors import ConfigError
-from rigd_drivers.can_bus import CanBus
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.eds_text import LARGEST
-from rigd_drivers.canopen.objects import Entry
-from rigd_drivers.canopen.pdo import SYNCHRONOUS, Pdo
-from rigd_drivers.canopen.sheet import Sheet, _read, read_sheet
+from rigd_drivers.can.bus import CanBus
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.eds_text import LARGEST
+from rigd_drivers.can.canopen.objects import Entry
+from rigd_drivers.can.canopen.pdo import SYNCHRONOUS, Pdo
+from rigd_drivers.can.canopen.sheet import Sheet, _read, read_sheet
 
 SMALL = """\
 [DeviceInfo]

@@ -13,8 +13,8 @@ from support.can_script import ScriptedBus, ScriptedNode, common, number
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers import device_file
-from rigd_drivers.can_profile import TransmitterProfile
-from rigd_drivers.cia404_transmitter import Cia404Transmitter, TransmitterConfig
+from rigd_drivers.can.cia404_transmitter import Cia404Transmitter, TransmitterConfig
+from rigd_drivers.can.profile import TransmitterProfile
 from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.transmitter import Cia404Transmitter as SimulatedTransmitter
 

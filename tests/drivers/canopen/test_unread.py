@@ -17,10 +17,10 @@ from support.foreign_can import FOREIGN, packet
 
 from rigd.sdk import DeviceError, LinkError
 from rigd.sdk.check import background_loop
-from rigd_drivers.can_bus import CanBus, CanBusConfig
-from rigd_drivers.can_node import Node
-from rigd_drivers.canopen import objects
-from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.objects import Entry
+from rigd_drivers.can.node import Node
 from rigd_sim.wire.can.hub import CanHub
 
 #: More than any queue of a socket holds, and how long a crowded machine may take for them.

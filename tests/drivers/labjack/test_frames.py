@@ -6,8 +6,8 @@ import struct
 
 import pytest
 
-from rigd_drivers.labjack import registers as lj
-from rigd_drivers.labjack.registers import Register, Write, packet
+from rigd_drivers.cards.labjack import registers as lj
+from rigd_drivers.cards.labjack.registers import Register, Write, packet
 
 #: Addresses and types as LabJack's `ljm_constants.json` (2025.12.18) lists them.
 PUBLISHED = {

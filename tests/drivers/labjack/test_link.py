@@ -13,13 +13,13 @@ from support.stalls import witnessed
 
 from rigd.model.errors import RigdError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.analog_servo import AnalogServo, AnalogServoConfig
-from rigd_drivers.card_counter import EncoderCounter
-from rigd_drivers.card_pulses import CardPulses, CardPulsesConfig
-from rigd_drivers.labjack.connection import Connection
-from rigd_drivers.labjack.device import CYCLE_S
-from rigd_drivers.labjack.link import Labjack
-from rigd_drivers.labjack.registers import SERIAL_NUMBER, packet
+from rigd_drivers.cards.analog_servo import AnalogServo, AnalogServoConfig
+from rigd_drivers.cards.counter import EncoderCounter
+from rigd_drivers.cards.labjack.connection import Connection
+from rigd_drivers.cards.labjack.device import CYCLE_S
+from rigd_drivers.cards.labjack.link import Labjack
+from rigd_drivers.cards.labjack.registers import SERIAL_NUMBER, packet
+from rigd_drivers.cards.pulses import CardPulses, CardPulsesConfig
 
 FED = 0x8000  #: line 15, which stands high while the watchdog is fed
 
@@ -215,7 +215,7 @@ def test_stalled_program_writes_nothing_more(
     link.set_line(8, high=True)
     cycle(link)
     now = time.monotonic
-    monkeypatch.setattr("rigd_drivers.labjack.link.time.monotonic", lambda: now() + 1.5)
+    monkeypatch.setattr("rigd_drivers.cards.labjack.link.time.monotonic", lambda: now() + 1.5)
     with pytest.raises(DeviceError, match="has acted"):
         link.end(0)
     assert card.state()["lines"] == 0
@@ -290,7 +290,7 @@ def test_mute_card_is_waited_for_once(
     card: ServedLabjack, link: Labjack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each drive of a card makes it safe: together they may not keep other devices waiting."""
-    monkeypatch.setattr("rigd_drivers.labjack.link.AWAY_S", 600.0)
+    monkeypatch.setattr("rigd_drivers.cards.labjack.link.AWAY_S", 600.0)
     cycle(link)
     card.inject("silent")
     with pytest.raises(LinkError, match="answer"):

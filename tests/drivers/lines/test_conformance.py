@@ -9,7 +9,7 @@ import pytest
 from support.serial_peer import serial_peer
 
 from rigd.sdk.check import SentReading, check_driver
-from rigd_drivers.lines.driver import Lines
+from rigd_drivers.instruments.lines.driver import Lines
 from rigd_sim.wire.lines import SimLines
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.lines.config import LinesConfig
-from rigd_drivers.lines.driver import Lines
-from rigd_drivers.lines.tally import LineStatus
+from rigd_drivers.instruments.lines.config import LinesConfig
+from rigd_drivers.instruments.lines.driver import Lines
+from rigd_drivers.instruments.lines.tally import LineStatus
 from rigd_sim.wire.lines import SimLines
 
 TIMEOUT_S = 30

@@ -12,10 +12,10 @@ import pytest
 from support.visa_bridge import Bridge
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.lines.config import LinesConfig
-from rigd_drivers.lines.driver import Lines
-from rigd_drivers.lines.output_driver import READY, LineOutputs
-from rigd_drivers.lines.outputs import LineOutputsConfig
+from rigd_drivers.instruments.lines.config import LinesConfig
+from rigd_drivers.instruments.lines.driver import Lines
+from rigd_drivers.instruments.lines.output_driver import READY, LineOutputs
+from rigd_drivers.instruments.lines.outputs import LineOutputsConfig
 
 TIMEOUT_S = 30
 

@@ -21,8 +21,8 @@ from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
-from rigd_drivers.lines.output_driver import READY, LineOutputs
-from rigd_drivers.lines.outputs import LineOutputsConfig
+from rigd_drivers.instruments.lines.output_driver import READY, LineOutputs
+from rigd_drivers.instruments.lines.outputs import LineOutputsConfig
 
 RIG = r"""rig: bench
 title: bench

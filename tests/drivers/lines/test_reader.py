@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from rigd_drivers.lines.config import LinesConfig
-from rigd_drivers.lines.reader import LineReader, Reading, Unreadable
-from rigd_drivers.lines.text import encoded
+from rigd_drivers.instruments.lines.config import LinesConfig
+from rigd_drivers.instruments.lines.reader import LineReader, Reading, Unreadable
+from rigd_drivers.instruments.lines.text import encoded
 
 
 def reader(**options: Any) -> LineReader:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rigd.sdk import LinkError
-from rigd_drivers.mf624.access import MappedRegisters, SocketRegisters, open_registers
+from rigd_drivers.cards.mf624.access import MappedRegisters, SocketRegisters, open_registers
 
 PAGE = mmap.PAGESIZE
 

@@ -8,7 +8,7 @@ import pytest
 from support.card import BenchMf624, Terminals
 
 from rigd.sdk import LinkError
-from rigd_drivers.mf624.link import Mf624Config
+from rigd_drivers.cards.mf624.link import Mf624Config
 
 Access = tuple[object, ...]  # what, BAR, offset, and the value written
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigd_drivers.mf624 import registers as mf
+from rigd_drivers.cards.mf624 import registers as mf
 
 
 @pytest.mark.parametrize(

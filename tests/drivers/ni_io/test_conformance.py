@@ -10,8 +10,8 @@ from support.card import serving
 
 from rigd.config.loader import load_rig
 from rigd.sdk.check import Observed, Peer, check_driver
-from rigd_drivers.ni_io.config import NiIoConfig
-from rigd_drivers.ni_io.link import NiIo
+from rigd_drivers.cards.ni_io.config import NiIoConfig
+from rigd_drivers.cards.ni_io.link import NiIo
 from rigd_sim.cards.lugre import LugreWiring
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant

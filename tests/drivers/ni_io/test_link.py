@@ -10,10 +10,10 @@ import pytest
 from support.ni_card import ServedCard, cycle, ni_card, wait_until_expired
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.card_counter import EncoderCounter
-from rigd_drivers.card_pulses import CardPulses, CardPulsesConfig
-from rigd_drivers.ni_io.config import NiIoConfig
-from rigd_drivers.ni_io.link import NiIo
+from rigd_drivers.cards.counter import EncoderCounter
+from rigd_drivers.cards.ni_io.config import NiIoConfig
+from rigd_drivers.cards.ni_io.link import NiIo
+from rigd_drivers.cards.pulses import CardPulses, CardPulsesConfig
 
 
 @pytest.fixture

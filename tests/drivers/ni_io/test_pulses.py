@@ -13,9 +13,9 @@ from support.ni_card import Block, ServedCard, ni_card
 
 from rigd.sdk import DeviceError
 from rigd.sdk.check import Observed, Peer, check_driver
-from rigd_drivers.card_frequency import STANDING, CardFrequency, CardFrequencyConfig
-from rigd_drivers.ni_io.config import NiIoConfig
-from rigd_drivers.ni_io.link import NiIo
+from rigd_drivers.cards.frequency import STANDING, CardFrequency, CardFrequencyConfig
+from rigd_drivers.cards.ni_io.config import NiIoConfig
+from rigd_drivers.cards.ni_io.link import NiIo
 from rigd_sim.cards.mf624 import Wires
 from rigd_sim.wire.ni_io import SimNiIo
 from rigd_sim.wire.ni_terminals import Terminals

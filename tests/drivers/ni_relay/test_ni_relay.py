@@ -21,10 +21,10 @@ from support.stalls import witnessed
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, background_loop, check_driver
-from rigd_drivers.ni_relay import NiRelay
-from rigd_drivers.ni_relay.config import NiRelayConfig
-from rigd_drivers.ni_relay.driver import ARMED, LIMITED, ONE_SHOT, PENDING
-from rigd_drivers.ni_relay.keeper import CYCLE_SILENCE_S
+from rigd_drivers.cards.ni_relay import NiRelay
+from rigd_drivers.cards.ni_relay.config import NiRelayConfig
+from rigd_drivers.cards.ni_relay.driver import ARMED, LIMITED, ONE_SHOT, PENDING
+from rigd_drivers.cards.ni_relay.keeper import CYCLE_SILENCE_S
 from rigd_sim.cards.drives import OneShot
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.ni_lines import Lines
@@ -361,8 +361,8 @@ def test_relay_active_high_closes_on_high_level(rig: Rig) -> None:
 
 KILLED = """\
     import sys, time
-    from rigd_drivers.ni_relay import NiRelay
-    from rigd_drivers.ni_relay.config import NiRelayConfig
+    from rigd_drivers.cards.ni_relay import NiRelay
+    from rigd_drivers.cards.ni_relay.config import NiRelayConfig
 
     driver = NiRelay(NiRelayConfig.model_validate_json(sys.argv[1]))
     driver.open()
@@ -477,7 +477,7 @@ def simulated() -> Iterator[Peer]:
 
 
 def test_it_keeps_what_a_driver_promises(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.cards.ni_card.CONNECT_S", 1.0)
     wired = {"active": "low", "watchdog": WATCHDOG}  # as the relay of the bench closes
     report = check_driver(NiRelay, wired, peer=simulated)
     assert report.skipped.keys() == {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from support.pose_sender import sending
 
 from rigd.sdk.check import check_driver
-from rigd_drivers.pose_tracker.driver import TrackedBody
+from rigd_drivers.trackers.pose_tracker.driver import TrackedBody
 
 
 def test_it_keeps_what_a_fast_driver_promises() -> None:

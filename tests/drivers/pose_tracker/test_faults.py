@@ -9,8 +9,8 @@ import pytest
 from support.pose_sender import free_port
 
 from rigd.sdk.check import background_loop
-from rigd_drivers.pose_tracker.driver import BodyConfig, BodyRow, PoseStatus, TrackedBody
-from rigd_drivers.pose_tracker.link import PoseTracker, PoseTrackerConfig
+from rigd_drivers.trackers.pose_tracker.driver import BodyConfig, BodyRow, PoseStatus, TrackedBody
+from rigd_drivers.trackers.pose_tracker.link import PoseTracker, PoseTrackerConfig
 from rigd_sim.wire.tracker import SimTracker
 
 CART, OTHER = (0.25, -0.5, 1.5), (-0.25, 0.5, -1.5)

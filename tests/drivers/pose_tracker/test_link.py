@@ -14,8 +14,8 @@ import pytest
 from support.pose_sender import POSE, free_port, line
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.pose_tracker.driver import BodyConfig, PoseStatus, TrackedBody
-from rigd_drivers.pose_tracker.link import SETTLING_NS, PoseTracker, PoseTrackerConfig
+from rigd_drivers.trackers.pose_tracker.driver import BodyConfig, PoseStatus, TrackedBody
+from rigd_drivers.trackers.pose_tracker.link import SETTLING_NS, PoseTracker, PoseTrackerConfig
 
 MS = 1_000_000
 #: Time of the cycle, and of the camera, at frame 0.
@@ -298,7 +298,7 @@ def test_tracker_that_began_again_is_named(bench: Bench) -> None:
 
 
 def test_body_that_is_not_sent_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.pose_tracker.driver.OPEN_S", 0.1)
+    monkeypatch.setattr("rigd_drivers.trackers.pose_tracker.driver.OPEN_S", 0.1)
     with opened() as bench:
         body = TrackedBody(BodyConfig(body="rear"), bench.link)
         with pytest.raises(LinkError, match=r"no frames with body 'rear'.*bodies: cart, other"):

@@ -13,9 +13,9 @@ import pytest
 
 from rigd.config.loader import parse_rig
 from rigd.model import ConfigError
-from rigd_drivers.pymeasure_bridge import config as module
-from rigd_drivers.pymeasure_bridge.checking import Use, found
-from rigd_drivers.pymeasure_bridge.config import PymeasureConfig, value_of
+from rigd_drivers.instruments.pymeasure_bridge import config as module
+from rigd_drivers.instruments.pymeasure_bridge.checking import Use, found
+from rigd_drivers.instruments.pymeasure_bridge.config import PymeasureConfig, value_of
 
 SOURCE: dict[str, Any] = {
     "instrument": "pymeasure.instruments.keithley.Keithley2400",
@@ -150,5 +150,5 @@ def test_check_of_rig_file_does_not_import_pymeasure(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     loaded = set(json.loads(done.stdout))
-    assert "rigd_drivers.pymeasure_bridge.driver" in loaded
+    assert "rigd_drivers.instruments.pymeasure_bridge.driver" in loaded
     assert not loaded & {"pymeasure", "pandas", "pyvisa"}

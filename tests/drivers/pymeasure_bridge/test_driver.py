@@ -19,12 +19,12 @@ from support.supply_2260b import FAULTS, Supply2260B, Voltages
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
-from rigd_drivers.polling import PolledStatus
-from rigd_drivers.pymeasure_bridge import driver as module
-from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
-from rigd_drivers.pymeasure_bridge.driver import Pymeasure
-from rigd_drivers.pymeasure_bridge.helper import Session
-from rigd_drivers.pymeasure_bridge.process import _END_S, OPEN_S, Process
+from rigd_drivers.instruments.polling import PolledStatus
+from rigd_drivers.instruments.pymeasure_bridge import driver as module
+from rigd_drivers.instruments.pymeasure_bridge.config import PymeasureConfig
+from rigd_drivers.instruments.pymeasure_bridge.driver import Pymeasure
+from rigd_drivers.instruments.pymeasure_bridge.helper import Session
+from rigd_drivers.instruments.pymeasure_bridge.process import _END_S, OPEN_S, Process
 
 SUPPLY: dict[str, Any] = {
     "instrument": "pymeasure.instruments.keithley.Keithley2260B",
@@ -335,8 +335,8 @@ def test_replacing_process_makes_safe_when_it_ends() -> None:
 
 ALONE = """
 import asyncio, json, sys
-from rigd_drivers.pymeasure_bridge.config import PymeasureConfig
-from rigd_drivers.pymeasure_bridge.driver import Pymeasure
+from rigd_drivers.instruments.pymeasure_bridge.config import PymeasureConfig
+from rigd_drivers.instruments.pymeasure_bridge.driver import Pymeasure
 async def main():
     driver = Pymeasure(PymeasureConfig.model_validate(json.loads(sys.argv[1])), None)
     await driver.open()

@@ -9,7 +9,7 @@ import pytest
 from support.serial_peer import serial_peer
 
 from rigd.sdk.check import check_driver
-from rigd_drivers.scale.driver import SerialScale
+from rigd_drivers.instruments.scale.driver import SerialScale
 from rigd_sim.wire.scale import SimScale
 
 

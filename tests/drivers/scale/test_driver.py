@@ -15,8 +15,8 @@ import pytest
 from pydantic import ValidationError
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.scale import driver as module
-from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
+from rigd_drivers.instruments.scale import driver as module
+from rigd_drivers.instruments.scale.driver import ScaleConfig, ScaleStatus, SerialScale
 from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.scale_languages import STABILITY_S, AndD
 

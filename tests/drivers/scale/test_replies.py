@@ -8,8 +8,8 @@ import math
 import pytest
 
 from rigd.sdk.port import MAX_LINE, LineBuffer
-from rigd_drivers.scale import and_d, identity, ohaus, sbi, sics
-from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
+from rigd_drivers.instruments.scale import and_d, identity, ohaus, sbi, sics
+from rigd_drivers.instruments.scale.replies import Done, Info, Load, Reading, Refusal
 
 
 @pytest.mark.parametrize(

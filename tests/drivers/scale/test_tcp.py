@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from rigd.sdk import DeviceError, LinkError
-from rigd_drivers.scale.driver import ScaleConfig, SerialScale
+from rigd_drivers.instruments.scale.driver import ScaleConfig, SerialScale
 
 
 class Network:

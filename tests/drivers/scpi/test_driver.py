@@ -19,9 +19,9 @@ from rigd.cli.new import rendered
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd.sdk.port import LinePort
-from rigd_drivers.polling import PolledStatus
-from rigd_drivers.scpi.config import ScpiConfig
-from rigd_drivers.scpi.driver import Scpi
+from rigd_drivers.instruments.polling import PolledStatus
+from rigd_drivers.instruments.scpi.config import ScpiConfig
+from rigd_drivers.instruments.scpi.driver import Scpi
 from rigd_sim.wire.oven import SimOven
 
 #: 0 degC in K.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd_drivers.scpi.replies import Entry, read_entry, read_number
+from rigd_drivers.instruments.scpi.replies import Entry, read_entry, read_number
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from support.served import OnLoop, served
 from rigd.config.rig import DeviceConfig
 from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.model.errors import LinkError
-from rigd_drivers.ni_daq import NiDaq
-from rigd_drivers.ni_daq.config import NiDaqConfig
+from rigd_drivers.cards.ni_daq import NiDaq
+from rigd_drivers.cards.ni_daq.config import NiDaqConfig
 from rigd_sim.wire.ni import SimNi
 
 from .conftest import Place

@@ -16,7 +16,7 @@ from support.card import serving
 
 from rigd.config.loader import load_rig
 from rigd.sdk import DeviceError, Driver, LinkError
-from rigd_drivers.mf624.link import Mf624, Mf624Config
+from rigd_drivers.cards.mf624.link import Mf624, Mf624Config
 from rigd_sim.cards.lugre import LugreWiring
 from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.plants.lugre import layout

@@ -1,0 +1,1 @@
+"""Drivers of data acquisition cards, and of amplifiers and encoders at their terminals."""

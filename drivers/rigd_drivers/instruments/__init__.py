@@ -1,0 +1,1 @@
+"""Drivers of instruments that answer questions or send lines of text."""

@@ -1,5 +1,0 @@
-"""Operates a LabJack T7 or T4 over Modbus TCP as a link that devices share."""
-
-from rigd_drivers.labjack.link import Labjack
-
-__all__ = ["Labjack"]
