@@ -16,7 +16,6 @@ from rigd.analysis.calibration import (
 )
 from rigd.analysis.report.rounding import number, percent, places_for
 from rigd.analysis.source import RecordedSweep, TrialInfo
-from rigd_analyses.approach_angle.analysis import ApproachAngleAnalysis
 from rigd_analyses.approach_angle.data import (
     UNKNOWN_RISE,
     UNKNOWN_SHARE,
@@ -24,6 +23,7 @@ from rigd_analyses.approach_angle.data import (
     AngleRig,
     Known,
 )
+from rigd_analyses.approach_angle.needs import NEEDS
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _optional(calibration: Calibration, name: str, default: Known) -> Known:
 
 def _needed(sweep: RecordedSweep, calibration: Calibration) -> dict[str, Known]:
     """Return the values that evaluating ``sweep`` rests on; they have the units of the model."""
-    needed = ApproachAngleAnalysis.needs.calibration(sweep.plan.signals)
+    needed = NEEDS.calibration(sweep.plan.signals)
     missing = [name for name in needed if name not in calibration.values]
     if missing:
         raise DataError(

@@ -16,7 +16,7 @@ from rigd.analysis.parameters import Trials
 from rigd.analysis.resample import period_ns, stale_rows
 from rigd.analysis.result import FloatArray
 from rigd.analysis.source import STATUS_FIELD, RecordedSweep, TrialInfo
-from rigd_analyses.articulated.analysis import MOTORS, POSES, TORQUES
+from rigd_analyses.articulated.needs import MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle
 #: Step in a frame in which a speed is not straight: the wheels give way as a contact grips again,

@@ -16,8 +16,8 @@ from rigd.analysis.innovations import Deviations
 from rigd.analysis.model import FitParameter, Scaling
 from rigd.analysis.result import FloatArray
 from rigd.analysis.system import Output, Unknown
-from rigd_analyses.articulated.analysis import POSES, TORQUES
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, W0, simulate
+from rigd_analyses.articulated.needs import POSES, TORQUES
 from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, noise_of_seen
 
 RATIO: Final = "mu_s / mu_d"  #: is fitted in place of mu_s, at 1 or above
