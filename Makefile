@@ -15,7 +15,7 @@ SLICE :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo precompile test test-long quick test-days fmt check check-page docs bench bare lock clean
+.PHONY: setup demo precompile test test-long contract quick test-days fmt check check-page docs bench bare lock clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
@@ -56,6 +56,9 @@ test-long: setup ## the long tests; tests/support/long.py lists them, with reaso
 
 quick: setup ## what computes only, in less than a minute
 	$(BIN)/pytest -q -m quick -n $$(nproc) --dist loadfile
+
+contract: setup ## what the net keeps: recordings, results, pages and texts of commands, unchanged
+	$(BIN)/pytest tests/contract -n $$(nproc)
 
 test-days: export RIGD_TESTS_SLICE := $(SLICE)
 test-days: setup ## what depends on the day, on other days

@@ -77,7 +77,7 @@ SIDE_BY_SIDE = places(
     "daemon/doctor/test_storage.py", "daemon/doctor/test_survey.py", "daemon/live", "daemon/serve",
     "daemon/test_forms.py",
     "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py",
-    "controllers", "derived", "importing",
+    "contract", "controllers", "derived", "importing",
     "docs", "dry_run",
     "drivers", "engine/recorder/test_exactly_once.py", "engine/shared",
     "engine/slow/test_latest.py", "engine/test_any_loops.py", "engine/test_asking.py",

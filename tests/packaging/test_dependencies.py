@@ -21,7 +21,10 @@ PRODUCT = [
     ROOT / part
     for part in ("rigd", "analyses/rigd_analyses", "drivers/rigd_drivers", "sim_backend/rigd_sim")
 ]
-OURS = {"rigd", "rigd_analyses", "rigd_drivers", "rigd_sim", "rigd_pendulum", "support", "conftest"}
+OURS = {
+    *("rigd", "rigd_analyses", "rigd_drivers", "rigd_sim"),
+    *("rigd_pendulum", "support", "contract", "conftest"),
+}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 #: What another library loads by its name, with the words of our code that make it do so.
 LOADED: Final = {

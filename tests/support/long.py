@@ -44,6 +44,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
         "cli/test_other_systems.py": ("test_campaign_without_linux_works",),
+        "contract/test_recordings.py": ("test_whole_run_is_as_before",),
+        "contract/test_results.py": (),
         "docs/test_site.py": ("test_search_from_the_disk_finds_a_key",),
         "docs/test_notebook.py": ("test_cells_give_what_the_page_shows",),
         "analyses/articulated/test_analysis.py": (
