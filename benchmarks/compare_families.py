@@ -29,9 +29,9 @@ from support.angle_runs import drawn_rig, trial
 from support.random_rigs import measured
 from support.random_robots import random_robot
 
+from rigd.analysis.api import ResultOrigin, identify
 from rigd.analysis.compare.campaign import Campaign, of_result
 from rigd.analysis.compare.comparison import compare
-from rigd.analysis.front import ResultOrigin, identify
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import Known, KnownRun
 

@@ -21,7 +21,7 @@ from typing import Any, Final
 from figures import at_least, at_most, noted
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.designing import design
+from rigd.analysis.design.command import design
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.config.loader import load_rig

@@ -21,8 +21,8 @@ from identify_coverage import study
 from identify_data import FLOORS, record
 from identify_peer import ATOL, DIFF_STEP, RTOL, fast_residual, peer_fit, slow_residual
 
-from rigd.analysis.fit import Fit, fit
-from rigd.analysis.source import open_sweep
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.recordings.source import open_sweep
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import process

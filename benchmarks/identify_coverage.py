@@ -42,8 +42,8 @@ from support.random_rigs import FLOORS, RandomRig, measured, random_rig
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.result import IdentificationResult
-from rigd.analysis.source import open_sweep
 from rigd.model.errors import RigdError
 from rigd_analyses.lugre.identify import identify_lugre
 from rigd_analyses.lugre.reading import OUTPUT_ERROR, arrays, rig_constants

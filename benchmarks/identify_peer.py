@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
+from rigd.analysis.fitting.model import scaled_bounds, to_natural, to_scaled
 from rigd.analysis.friction import SlipForce
-from rigd.analysis.model import scaled_bounds, to_natural, to_scaled
 from rigd_analyses.lugre.model import LugreModel
 
 FloatArray = NDArray[np.float64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from support.coverage import Found
 
-from rigd.analysis.model import scaled_bounds, slopes, to_natural, to_scaled
+from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_scaled
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, friction, friction_gradient
 from rigd_analyses.lugre.rig.constants import RigConstants

@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from rigd.analysis.fit import fit, multi_start
-from rigd.analysis.model import scaled_bounds, to_natural, to_scaled
-from rigd.analysis.output_error import ENOUGH
-from rigd.analysis.source import open_sweep
-from rigd.analysis.whitened import OutputErrorModel, noise_at
+from rigd.analysis.fitting.fit import fit, multi_start
+from rigd.analysis.fitting.model import scaled_bounds, to_natural, to_scaled
+from rigd.analysis.output_error.estimator import ENOUGH
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
+from rigd.analysis.recordings.source import open_sweep
 from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import LugreModel

@@ -19,8 +19,8 @@ from figures import at_least, at_most, noted
 from identify_data import record
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import evaluate
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.cli.evaluation_view import print_evaluation
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute

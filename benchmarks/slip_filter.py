@@ -34,7 +34,7 @@ from support.altered import Content
 from support.random_rigs import FLOORS, RandomRig, measured, number_of, random_rig
 from support.slip import Score, friction_of, from_model, observer, score, with_filter
 
-from rigd.analysis.filtering import filtered
+from rigd.analysis.recordings.observers import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.record import Recording
 from rigd_analyses.lugre.rig.constants import CONSTANTS

@@ -24,8 +24,8 @@ from figures import at_least, at_most
 from identify_data import FLOORS, record
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import evaluate
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.analysis.validation.evaluation import validate
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome
 from rigd.config.loader import load_rig

@@ -17,9 +17,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from rigd.analysis.api import Result, identify
     from rigd.analysis.compare.front import ComparisonResult, compare
     from rigd.analysis.estimates import Estimate
-    from rigd.analysis.front import Result, identify
     from rigd.daemon.requested import run
     from rigd.record import Recording, Table, Trial, Trials
     from rigd.record.reader import open_recording as open
@@ -45,12 +45,12 @@ _PLACES: Final = {
     "ComparisonResult": ("rigd.analysis.compare.front", "ComparisonResult"),
     "Estimate": ("rigd.analysis.estimates", "Estimate"),
     "Recording": ("rigd.record", "Recording"),
-    "Result": ("rigd.analysis.front", "Result"),
+    "Result": ("rigd.analysis.api", "Result"),
     "Table": ("rigd.record", "Table"),
     "Trial": ("rigd.record", "Trial"),
     "Trials": ("rigd.record", "Trials"),
     "compare": ("rigd.analysis.compare.front", "compare"),
-    "identify": ("rigd.analysis.front", "identify"),
+    "identify": ("rigd.analysis.api", "identify"),
     "open": ("rigd.record.reader", "open_recording"),
     "run": ("rigd.daemon.requested", "run"),
 }

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from rigd.sdk.analysis import DeclaredAnalysis
 
 if TYPE_CHECKING:
-    from rigd.analysis.designing import Designed, DesignRequest
+    from rigd.analysis.design.command import Designed, DesignRequest
     from rigd.analysis.estimates import Estimate
+    from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
     from rigd.analysis.report import Heading, Opening
     from rigd.analysis.result import Curve
-    from rigd.analysis.source import RecordedSweep, TrialInfo
     from rigd.analysis.terminal import TerminalReport
     from rigd.analysis.validation.result import Validation
     from rigd.analysis.validation.saved import SavedModel

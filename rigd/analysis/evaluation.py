@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
-from rigd.analysis.copies import refuse_copies, refuse_same_file
-from rigd.analysis.corrections import Corrections, corrected
 from rigd.analysis.plan import analysis_of
-from rigd.analysis.source import Correction, RecordedSweep, open_sweep
+from rigd.analysis.recordings.corrections import Corrections, corrected
+from rigd.analysis.recordings.duplicates import refuse_copies, refuse_same_file
+from rigd.analysis.recordings.source import Correction, RecordedSweep, open_sweep
 from rigd.model.errors import ConfigError, DataError
 from rigd.sdk.analysis import OptionName
 

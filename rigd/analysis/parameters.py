@@ -17,6 +17,7 @@ from rigd.analysis.measures.ranges import changed_formula
 from rigd.analysis.measures.recorded import formulas_behind
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import file_sha256, provenance
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import (
     Facts,
     Heading,
@@ -33,7 +34,6 @@ from rigd.analysis.report.posterior import HEADS as CREDIBLE_HEADS
 from rigd.analysis.report.posterior import credible_rows, how_sampled
 from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, Verdict
 from rigd.analysis.side_by_side import side_by_side
-from rigd.analysis.source import RecordedSweep
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo

@@ -9,8 +9,8 @@ from shlex import quote
 
 from rigd import __version__
 from rigd.analysis.heading import heading
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import Facts, Provenance, ReportAttachment
-from rigd.analysis.source import RecordedSweep
 from rigd.record import Recording, RunInfo
 
 

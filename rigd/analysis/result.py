@@ -14,9 +14,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.credible import Posterior
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.plain import plain_object
+from rigd.analysis.posterior_result import Posterior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

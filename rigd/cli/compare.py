@@ -58,9 +58,9 @@ def execute(args: argparse.Namespace) -> int:
     one_thread()
 
     from rigd.analysis.analysis import Options
+    from rigd.analysis.api import corrections_of, refuse_recording
     from rigd.analysis.compare.campaign import grouped, named_groups
     from rigd.analysis.compare.front import compared
-    from rigd.analysis.front import corrections_of, refuse_recording
     from rigd.analysis.side_by_side import cores
     from rigd.cli.evaluation_view import print_evaluation
     from rigd.model.errors import Exit

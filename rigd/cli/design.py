@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rigd.cli.options import add_json, add_rig, rig_of
 
 if TYPE_CHECKING:
-    from rigd.analysis.designing import Designed
+    from rigd.analysis.design.command import Designed
     from rigd.analysis.terminal import TerminalTable
 
 HELP = "choose the tests that make the intervals of a model narrow, as a procedure ready to run"
@@ -67,7 +67,7 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd design")
     one_thread()
 
-    from rigd.analysis.designing import design
+    from rigd.analysis.design.command import design
     from rigd.cli.evaluation_view import print_terminal_report
     from rigd.config.loader import load_rig
     from rigd.model.errors import ConfigError, Exit, RecordingError

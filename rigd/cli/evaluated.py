@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from rigd.cli.options import add_json, add_set, read_assignments
 
 if TYPE_CHECKING:
-    from rigd.analysis.corrections import Corrections
-    from rigd.analysis.front import Result
+    from rigd.analysis.api import Result
+    from rigd.analysis.recordings.corrections import Corrections
 
 
 def add_evaluated(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +55,7 @@ def read_corrections(args: argparse.Namespace) -> Corrections:
     Raises:
         ConfigError: one of them is wrong, or ``--report`` would overwrite a recording.
     """
-    from rigd.analysis.front import corrections_of, refuse_recording
+    from rigd.analysis.api import corrections_of, refuse_recording
 
     if args.report is not None:
         refuse_recording("--report", args.report)

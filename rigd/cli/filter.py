@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rigd.cli.options import add_json, add_rig, rig_of
 
 if TYPE_CHECKING:
-    from rigd.analysis.filtering import Filtered
+    from rigd.analysis.recordings.observers import Filtered
     from rigd.record import Recording
 
 HELP = "compute the observers of a rig file from a recording, into a new recording"
@@ -43,7 +43,7 @@ def execute(args: argparse.Namespace) -> int:
     """Compute, write and print."""
     import json
 
-    from rigd.analysis.filtering import filtered, observers_of
+    from rigd.analysis.recordings.observers import filtered, observers_of
     from rigd.config.loader import load_rig
     from rigd.config.problems import suggest
     from rigd.model.errors import ConfigError

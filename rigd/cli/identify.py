@@ -106,7 +106,7 @@ def execute(args: argparse.Namespace) -> int:
     one_thread()
 
     from rigd.analysis.analysis import Options
-    from rigd.analysis.front import identified
+    from rigd.analysis.api import identified
     from rigd.analysis.side_by_side import cores
     from rigd.model.errors import Exit
 

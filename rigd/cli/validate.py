@@ -41,8 +41,8 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd validate")
     one_thread()
 
-    from rigd.analysis.front import Result
-    from rigd.analysis.source import Correction
+    from rigd.analysis.api import Result
+    from rigd.analysis.recordings.source import Correction
     from rigd.analysis.validation.evaluation import validate
     from rigd.model.errors import Exit
 

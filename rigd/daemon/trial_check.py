@@ -42,7 +42,7 @@ def check_trial(path: Path, number: int) -> Sequence[str]:
     """
     from rigd.analysis.analysis import ChecksTrials
     from rigd.analysis.plan import find_analysis
-    from rigd.analysis.source import open_sweep
+    from rigd.analysis.recordings.source import open_sweep
 
     sweep = open_sweep(path)
     analysis = find_analysis(sweep.plan.model)()

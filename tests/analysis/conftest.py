@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis.model import (
+from rigd.analysis.fitting.model import (
     FitParameter,
     Model,
     NormalEquations,

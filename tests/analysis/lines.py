@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import FitParameter, Scaling
-from rigd.analysis.output_error import OutputErrorFit, estimate
+from rigd.analysis.fitting.model import FitParameter, Scaling
+from rigd.analysis.output_error.estimator import OutputErrorFit, estimate
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Output, Unknown
 
 ROWS, BLOCK = 60, 10
 NOISE = 0.05

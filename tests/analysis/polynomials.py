@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.model import FitParameter, Scaling
-from rigd.analysis.response import ResponseModel, ResponseTrial
+from rigd.analysis.fitting.model import FitParameter, Scaling
+from rigd.analysis.fitting.response import ResponseModel, ResponseTrial
 
 FloatArray = NDArray[np.float64]
 SAMPLES = 100  #: of each trial

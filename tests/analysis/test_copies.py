@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rigd.analysis import Options
 from rigd.analysis.check import Case, SimulatedTrial, write_case
 from rigd.analysis.compare.campaign import read_campaigns
-from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import open_sweeps
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.model.errors import DataError
 from rigd.record import Recording
 from rigd_analyses.static.analysis import StaticFrictionAnalysis

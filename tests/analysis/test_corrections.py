@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigd.analysis.corrections import Corrections, corrected
 from rigd.analysis.evaluation import open_sweeps
 from rigd.analysis.provenance import provenance
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.corrections import Corrections, corrected
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.rows import row_dtype

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rigd.analysis import DataError
-from rigd.analysis.design import DesignTarget, PossibleTest, choose, half_widths
-from rigd.analysis.identifiability import Z_95
+from rigd.analysis.design.optimal import DesignTarget, PossibleTest, choose, half_widths
+from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.result import FloatArray
 
 CASES = 40

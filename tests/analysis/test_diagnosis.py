@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigd.analysis.diagnosis import Diagnosis, diagnose
-from rigd.analysis.extended import moved_constants
-from rigd.analysis.gate import CONTRADICTED, judge_fit, sentence
-from rigd.analysis.innovations import Deviations
+from rigd.analysis.output_error.augmented_system import moved_constants
+from rigd.analysis.output_error.diagnosis import Diagnosis, diagnose
+from rigd.analysis.output_error.gate import CONTRADICTED, judge_fit, sentence
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.score import Columns
+from rigd.analysis.output_error.structure import POSITIVE, Suspect
+from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.result import Explanation, FitOutcome, FloatArray, Meaning
-from rigd.analysis.score import Columns
-from rigd.analysis.structure import POSITIVE, Suspect
-from rigd.analysis.system import Unknown
 
 from .lines import BLOCK, ROWS, Lines, fitted
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from rigd.analysis.fit import Affine, Loss, fit, multi_start, robust_fit, robust_weights
-from rigd.analysis.model import (
+from rigd.analysis.fitting.fit import Affine, Loss, fit, multi_start, robust_fit, robust_weights
+from rigd.analysis.fitting.model import (
     FitParameter,
     Model,
     NormalEquations,

@@ -5,8 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rigd.analysis.identifiability import Advice, Candidate, Evidence, advise, fisher, judge, log_sd
-from rigd.analysis.model import Model
+from rigd.analysis.fitting.identifiability import (
+    Advice,
+    Candidate,
+    Evidence,
+    advise,
+    fisher,
+    judge,
+    log_sd,
+)
+from rigd.analysis.fitting.model import Model
 from rigd.analysis.result import Verdict
 
 

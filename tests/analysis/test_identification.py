@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from rigd.analysis import Options
-from rigd.analysis.fit import Fit
-from rigd.analysis.identification import FittedSubject, Rival, identify_model
-from rigd.analysis.response import (
+from rigd.analysis.fitting.fit import Fit
+from rigd.analysis.fitting.identification import FittedSubject, Rival, identify_model
+from rigd.analysis.fitting.response import (
     Axis,
     ResponseModel,
     ResponseQuantity,

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigd.analysis.homogeneity import LEVEL, differences, homogeneity, trend
-from rigd.analysis.joint import Joint, join, left_by
-from rigd.analysis.output_error import OutputErrorFit, conclude
+from rigd.analysis.output_error.estimator import OutputErrorFit, conclude
+from rigd.analysis.output_error.homogeneity import LEVEL, differences, homogeneity, trend
+from rigd.analysis.output_error.joint import Joint, join, left_by
+from rigd.analysis.output_error.score import Scores
 from rigd.analysis.result import FloatArray
-from rigd.analysis.score import Scores
 
 from .lines import BLOCK, ROWS, Lines, fitted
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rigd.analysis.lasting import Lasting, lasting
+from rigd.analysis.fitting.trial_errors import Lasting, lasting
 
 TRIALS, SAMPLES, BLOCK = 7, 300, 10
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rigd.analysis.left_out import jackknife_sd, without_each_trial
+from rigd.analysis.output_error.jackknife import jackknife_sd, without_each_trial
 
 from .lines import NOISE, Lines, fitted
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rigd.analysis.noise import white_noise
+from rigd.analysis.recordings.noise import white_noise
 
 STEP = 3.05e-3  #: 14 bit over 20 V at 0.4 V/A
 

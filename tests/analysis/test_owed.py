@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from rigd.analysis.identifiability import Evidence, judge
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import FitParameter
-from rigd.analysis.output_error import OutputErrorFit, estimate
-from rigd.analysis.owed import Owed, owed_to_constants
+from rigd.analysis.fitting.identifiability import Evidence, judge
+from rigd.analysis.fitting.model import FitParameter
+from rigd.analysis.output_error.estimator import OutputErrorFit, estimate
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.limiting_constant import Owed, owed_to_constants
+from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray, Verdict
-from rigd.analysis.system import Output, Unknown
 
 LIMIT = 0.35
 SAMPLES = 50

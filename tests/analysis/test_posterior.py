@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from rigd.analysis import posterior
-from rigd.analysis.credible import Posterior
-from rigd.analysis.posterior import Sampled, effective_draws, r_hat, sample_posterior
-from rigd.analysis.profile import axis
+from rigd.analysis.fitting.profile import axis
+from rigd.analysis.posterior import draws as posterior
+from rigd.analysis.posterior.draws import Sampled, effective_draws, r_hat, sample_posterior
+from rigd.analysis.posterior_result import Posterior
 from rigd.analysis.result import FloatArray
 
 WIDE = 20.0  #: of the box, each way
@@ -112,7 +112,7 @@ def test_two_modes_are_shown_with_shares() -> None:
 
 def test_chains_in_other_modes_give_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """No jump leads from one mode to the other: two chains stay in each."""
-    monkeypatch.setattr("rigd.analysis.sampling.JUMPS", 0.0)
+    monkeypatch.setattr("rigd.analysis.posterior.sampler.JUMPS", 0.0)
     centres = np.array([[-4.0, 0.0], [4.0, 0.0]])
     density = Gaussians(centres, known_sd(0.05), weights=(0.5, 0.5), known=(0, 1))
     found = sample_posterior(density, quantities(), seed=1)

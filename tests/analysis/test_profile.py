@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis.fit import fit
-from rigd.analysis.model import (
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.fitting.model import (
     FitParameter,
     Model,
     NormalEquations,
     Scaling,
     stacked_normal_equations,
 )
-from rigd.analysis.profile import AGREES, axis, crossing, follow, natural_ends, scan
-from rigd.analysis.uncertainty import covariance
+from rigd.analysis.fitting.profile import AGREES, axis, crossing, follow, natural_ends, scan
+from rigd.analysis.fitting.uncertainty import covariance
 
 FloatArray = NDArray[np.float64]
 T = np.linspace(-1.0, 1.0, 2000)

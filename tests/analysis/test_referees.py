@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis.fit import fit
-from rigd.analysis.model import Model
-from rigd.analysis.profile import axis, natural_ends, scan
-from rigd.analysis.uncertainty import covariance
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.fitting.model import Model
+from rigd.analysis.fitting.profile import axis, natural_ends, scan
+from rigd.analysis.fitting.uncertainty import covariance
 
 iminuit = pytest.importorskip("iminuit")
 linear_model = pytest.importorskip("statsmodels.regression.linear_model")

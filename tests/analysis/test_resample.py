@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigd.analysis.resample import (
+from rigd.analysis.recordings.resample import (
     Times,
     bridge,
     grid,

@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigd.analysis.residuals import autocorrelation, goodness, ljung_box, normality, outliers
+from rigd.analysis.fitting.residuals import (
+    autocorrelation,
+    goodness,
+    ljung_box,
+    normality,
+    outliers,
+)
 
 WHITE = [np.random.default_rng(s).standard_normal(800) for s in range(6)]
 COLOURED = [np.convolve(w, np.ones(10) / 10.0, mode="valid") for w in WHITE]

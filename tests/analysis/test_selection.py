@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis.fit import fit
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.fitting.selection import Contender, bic, compare, left_out_squares
 from rigd.analysis.result import ModelScore
-from rigd.analysis.selection import Contender, bic, compare, left_out_squares
 
 from .polynomials import SAMPLES, polynomial, smoothed, white
 

@@ -15,7 +15,7 @@ from support.random_rigs import random_rig
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation, complete_groups, groups
-from rigd.analysis.source import open_sweep
+from rigd.analysis.recordings.source import open_sweep
 from rigd.model.errors import DataError
 from rigd.record import recover
 

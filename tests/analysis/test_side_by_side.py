@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from support.blocks import alive, until
 
+from rigd.analysis.output_error.system import Diverged
 from rigd.analysis.side_by_side import side_by_side
-from rigd.analysis.system import Diverged
 
 
 def _fail(trial: int) -> int:

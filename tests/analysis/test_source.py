@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import row_dtype

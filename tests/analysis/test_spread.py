@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigd.analysis.spread import Spread
+from rigd.analysis.fitting.interval_width import Spread
 
 
 @pytest.mark.parametrize("trials", [2, 3, 5, 10])

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.fit import fit
-from rigd.analysis.model import Model
-from rigd.analysis.uncertainty import (
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.fitting.model import Model
+from rigd.analysis.fitting.uncertainty import (
     autocorrelation_time,
     correlation,
     covariance,

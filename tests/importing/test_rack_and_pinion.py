@@ -12,7 +12,7 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.check import intervals_of
 from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.plan import find_analysis
-from rigd.analysis.source import open_sweep
+from rigd.analysis.recordings.source import open_sweep
 from rigd.importing import import_files, load_map
 
 SCRIPT = Path(__file__).parents[2] / "examples/import/rack_and_pinion.py"

@@ -9,9 +9,9 @@ from typing import Final
 
 from support.random_rigs import FLOORS, measured, random_rig
 
+from rigd.analysis.api import Result, identify
 from rigd.analysis.compare.campaign import of_result
 from rigd.analysis.compare.comparison import CampaignComparison, compare
-from rigd.analysis.front import Result, identify
 from rigd.model.errors import RigdError
 
 CHANGE: Final = 0.05

@@ -17,7 +17,7 @@ from rigd_analyses.approach_angle.needs import NEEDS
 from rigd_analyses.approach_angle.values import CALIBRATABLE
 
 if TYPE_CHECKING:
-    from rigd.analysis.source import RecordedSweep, TrialInfo
+    from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
     from rigd.analysis.validation.result import Validation
     from rigd.analysis.validation.saved import SavedModel
 

@@ -10,8 +10,8 @@ from shlex import quote
 from rigd.analysis import Evaluation, Options
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.provenance import provenance
+from rigd.analysis.recordings.source import COMPLETE, RecordedSweep
 from rigd.analysis.report import Heading, Opening, Provenance
-from rigd.analysis.source import COMPLETE, RecordedSweep
 from rigd.analysis.terminal import TerminalReport
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign import analyse_campaign

@@ -47,7 +47,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.noise import white_noise
+from rigd.analysis.recordings.noise import white_noise
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
     AngleRig,

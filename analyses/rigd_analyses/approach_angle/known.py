@@ -14,8 +14,8 @@ from rigd.analysis.calibration import (
     load_calibration,
     parse_calibration,
 )
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.report.rounding import number, percent, places_for
-from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd_analyses.approach_angle.data import (
     UNKNOWN_RISE,
     UNKNOWN_SHARE,

@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError, format_quantity
-from rigd.analysis.source import STALE, STATUS_FIELD, TIME_FIELD, RecordedSweep, Stream, TrialInfo
+from rigd.analysis.recordings.source import (
+    STALE,
+    STATUS_FIELD,
+    TIME_FIELD,
+    RecordedSweep,
+    Stream,
+    TrialInfo,
+)
 from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
 from rigd_analyses.approach_angle.flags import AT_END_SAMPLES
 from rigd_analyses.approach_angle.run_on import read_run_on

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd_analyses.approach_angle.better.motion import motion
 from rigd_analyses.approach_angle.better.run import evaluate, usable
 from rigd_analyses.approach_angle.data import KnownRun, Severity

@@ -26,8 +26,8 @@ import numpy as np
 from scipy.stats import binom
 
 from rigd.analysis import DataError
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.result import TrialRejection
-from rigd.analysis.source import RecordedSweep
 from rigd.analysis.validation.result import (
     Deviation,
     GroupValidation,

@@ -10,7 +10,7 @@ import numpy as np
 
 from rigd.analysis import DataError, Options
 from rigd.analysis.parameters import Fitted, Group, ParameterEvaluation, Trials, complete_groups
-from rigd.analysis.source import RecordedSweep
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd_analyses.articulated.checks import check_hinge, check_markers
 from rigd_analyses.articulated.found import find, judged
 from rigd_analyses.articulated.reading import robot_trials

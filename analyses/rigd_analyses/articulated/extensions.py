@@ -14,9 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.result import FloatArray, Meaning
-from rigd.analysis.score import Columns
-from rigd.analysis.structure import (
+from rigd.analysis.output_error.score import Columns
+from rigd.analysis.output_error.structure import (
     ANY,
     POSITIVE,
     Context,
@@ -24,6 +23,7 @@ from rigd.analysis.structure import (
     Suspect,
     dependences,
 )
+from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.articulated.kernel import DISTURBED, LANES
 from rigd_analyses.articulated.system import SHARED, RobotSystem, Run
 

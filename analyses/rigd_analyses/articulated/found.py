@@ -12,16 +12,16 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.diagnosis import diagnose
-from rigd.analysis.fit import Fit, fit
-from rigd.analysis.gate import UNEXPLAINED, judge_fit
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import slopes, to_natural, to_scaled
-from rigd.analysis.output_error import BETTER, NEAR, Branch, OutputErrorFit, conclude
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.model import slopes, to_natural, to_scaled
+from rigd.analysis.fitting.uncertainty import scaled_pinv
+from rigd.analysis.output_error.diagnosis import diagnose
+from rigd.analysis.output_error.estimator import BETTER, NEAR, Branch, OutputErrorFit, conclude
+from rigd.analysis.output_error.gate import UNEXPLAINED, judge_fit
+from rigd.analysis.output_error.system import SomeTrials, System
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate
-from rigd.analysis.system import SomeTrials, System
-from rigd.analysis.uncertainty import scaled_pinv
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.articulated.extensions import candidates
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError
-from rigd.analysis.noise import noise_of_differences
 from rigd.analysis.parameters import Trials
-from rigd.analysis.resample import period_ns, stale_rows
+from rigd.analysis.recordings.noise import noise_of_differences
+from rigd.analysis.recordings.resample import period_ns, stale_rows
+from rigd.analysis.recordings.source import STATUS_FIELD, RecordedSweep, TrialInfo
 from rigd.analysis.result import FloatArray
-from rigd.analysis.source import STATUS_FIELD, RecordedSweep, TrialInfo
 from rigd_analyses.articulated.needs import MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle

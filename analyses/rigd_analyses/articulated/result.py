@@ -8,11 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis import residuals as tests
-from rigd.analysis.extended import own_parameters
-from rigd.analysis.gate import settled_gate
-from rigd.analysis.identifiability import Z_95, Evidence, judge
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.fitting import residuals as tests
+from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
+from rigd.analysis.fitting.uncertainty import correlation
+from rigd.analysis.output_error.augmented_system import own_parameters
+from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.gate import settled_gate
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -27,7 +28,6 @@ from rigd.analysis.result import (
     TrialFit,
     Verdict,
 )
-from rigd.analysis.uncertainty import correlation
 from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.found import Judged, RobotFound
 from rigd_analyses.articulated.system import (

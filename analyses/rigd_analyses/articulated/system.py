@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.fitting.model import FitParameter, Scaling
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Output, Unknown
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, W0, simulate
 from rigd_analyses.articulated.needs import POSES, TORQUES
 from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, noise_of_seen
@@ -70,7 +70,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class RobotSystem:
-    """The trials; a :class:`rigd.analysis.system.System`.
+    """The trials; a :class:`rigd.analysis.output_error.system.System`.
 
     ``constants`` are values with standard uncertainties, in SI, by name. With a ``width`` contacts
     let go over (1 +- width) mu_s times their load, not at once: without derivatives. Contacts that

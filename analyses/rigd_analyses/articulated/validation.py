@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError, Options
-from rigd.analysis.gate import CONTRADICTED, UNEXPLAINED, UNEXPLAINED_TRIAL
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.gate import CONTRADICTED, UNEXPLAINED, UNEXPLAINED_TRIAL
 from rigd.analysis.parameters import complete_groups
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report.rounding import number, places_for
 from rigd.analysis.result import FloatArray, TrialRejection
-from rigd.analysis.source import RecordedSweep
 from rigd.analysis.validation.result import (
     Bias,
     Deviation,

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rigd.analysis.fitting.identifiability import Candidate
 from rigd.analysis.friction import SlipForce
-from rigd.analysis.identifiability import Candidate
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.model import LugreModel
 

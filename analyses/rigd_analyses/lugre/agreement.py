@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rigd.analysis.agreement import agreement as agreement_of
+from rigd.analysis.fitting.agreement import agreement as agreement_of
 from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, ResidualTest
 from rigd_analyses.lugre.model import LugreModel

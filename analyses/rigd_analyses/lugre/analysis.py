@@ -9,8 +9,8 @@ from rigd.analysis import Analysis, Evaluation, Options
 from rigd_analyses.lugre.needs import NEEDS
 
 if TYPE_CHECKING:
-    from rigd.analysis.designing import Designed, DesignRequest
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.design.command import Designed, DesignRequest
+    from rigd.analysis.recordings.source import RecordedSweep
     from rigd.analysis.validation.result import Validation
     from rigd.analysis.validation.saved import SavedModel
 

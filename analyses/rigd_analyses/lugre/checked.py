@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigd.analysis.gate import settled_gate
-from rigd.analysis.homogeneity import changes
+from rigd.analysis.output_error.gate import settled_gate
+from rigd.analysis.output_error.homogeneity import changes
 from rigd.analysis.result import (
     Curve,
     FitOutcome,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rigd.analysis import DataError
+from rigd.analysis.fitting.interval_width import Spread
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
-from rigd.analysis.spread import Spread
 from rigd_analyses.lugre.model import (
     SIGMA_0,
     SIGMA_1,

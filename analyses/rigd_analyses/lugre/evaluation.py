@@ -14,9 +14,9 @@ from rigd.analysis.parameters import (
     complete_groups,
     each_group,
 )
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult
-from rigd.analysis.source import RecordedSweep
 from rigd_analyses.lugre.reading import first_fit, identify
 from rigd_analyses.lugre.together import check_joint, identify_together, masses
 

@@ -7,10 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rigd.analysis import residuals as tests
-from rigd.analysis.fit import Fit, Loss, fit, multi_start, named, robust_fit
+from rigd.analysis.fitting import residuals as tests
+from rigd.analysis.fitting.fit import Fit, Loss, fit, multi_start, named, robust_fit
+from rigd.analysis.fitting.interval_width import Spread
+from rigd.analysis.fitting.model import fitted_point, slopes
+from rigd.analysis.fitting.uncertainty import (
+    Covariance,
+    autocorrelation_time,
+    correlation,
+    covariance,
+    leave_one_trial_out,
+)
 from rigd.analysis.friction import SlipForce
-from rigd.analysis.model import fitted_point, slopes
 from rigd.analysis.result import (
     FloatArray,
     IdentificationResult,
@@ -18,14 +26,6 @@ from rigd.analysis.result import (
     Signal,
     StartOutcome,
     TrialFit,
-)
-from rigd.analysis.spread import Spread
-from rigd.analysis.uncertainty import (
-    Covariance,
-    autocorrelation_time,
-    correlation,
-    covariance,
-    leave_one_trial_out,
 )
 from rigd_analyses.lugre.agreement import agreement
 from rigd_analyses.lugre.curve import friction_curve, seen, visited_range

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigd.analysis.fit import Fit, fit
-from rigd.analysis.profile import ProfileScan, axis, scan
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.fitting.profile import ProfileScan, axis, scan
 from rigd.analysis.result import FloatArray, Profile
 from rigd_analyses.lugre.model import PARAMETERS, RATIO, V_S, LugreModel
 from rigd_analyses.lugre.quantities import PROFILED, Quantity

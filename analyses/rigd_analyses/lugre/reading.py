@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from rigd.analysis import ConfigError, DataError, Options
-from rigd.analysis.fit import Loss
+from rigd.analysis.fitting.fit import Loss
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo, Unusable
 from rigd.analysis.result import FloatArray, IdentificationResult, TrialRejection
-from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
 from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.conclusion import identify_output_error

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from rigd.analysis import ConfigError, DataError, Options
-from rigd.analysis.joint import Joint, SharedConstant, join
+from rigd.analysis.fitting.model import slopes
 from rigd.analysis.joint_account import JointAccount
-from rigd.analysis.model import slopes
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.joint import Joint, SharedConstant, join
 from rigd.analysis.parameters import Group, RefusedGroup, each_group
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
-from rigd.analysis.source import RecordedSweep
 from rigd_analyses.lugre.by_law import LUGRE
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.model import PARAMETERS

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigd.analysis.fit import Fit
-from rigd.analysis.identifiability import (
+from rigd.analysis.fitting.fit import Fit
+from rigd.analysis.fitting.identifiability import (
     UNIDENTIFIABLE_LOG_SD,
     WORTHWHILE_SHRINK,
     Advice,
@@ -21,10 +21,10 @@ from rigd.analysis.identifiability import (
     judge,
     log_sd,
 )
-from rigd.analysis.profile import ProfileScan
+from rigd.analysis.fitting.interval_width import Spread
+from rigd.analysis.fitting.profile import ProfileScan
+from rigd.analysis.fitting.uncertainty import Covariance
 from rigd.analysis.result import FloatArray, ParameterEstimate, Verdict
-from rigd.analysis.spread import Spread
-from rigd.analysis.uncertainty import Covariance
 from rigd_analyses.lugre.advice import OUT_OF_REACH, SMOOTHED, candidates
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
 from rigd_analyses.lugre.profiles import Scans, speed_on_bound

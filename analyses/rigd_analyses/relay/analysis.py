@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rigd.analysis import ANY_UNIT, Analysis, Evaluation, Needs, Options
 
 if TYPE_CHECKING:
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.recordings.source import RecordedSweep
 
 
 class RelayAnalysis(Analysis):

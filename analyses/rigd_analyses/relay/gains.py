@@ -23,8 +23,8 @@ import numpy as np
 
 from rigd.analysis import quotient
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.result import FloatArray
-from rigd.analysis.source import RecordedSweep
 
 #: Swings at the start that are left out: the middle of the output is still being found.
 SETTLING: Final = 2

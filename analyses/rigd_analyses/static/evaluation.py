@@ -14,15 +14,8 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis import DataError, Options
-from rigd.analysis.model import FitParameter
-from rigd.analysis.parameters import (
-    Fitted,
-    Group,
-    ParameterEvaluation,
-    complete_groups,
-    each_group,
-)
-from rigd.analysis.response import (
+from rigd.analysis.fitting.model import FitParameter
+from rigd.analysis.fitting.response import (
     Axis,
     ResponseModel,
     ResponseQuantity,
@@ -30,6 +23,14 @@ from rigd.analysis.response import (
     Wording,
     identify_response,
 )
+from rigd.analysis.parameters import (
+    Fitted,
+    Group,
+    ParameterEvaluation,
+    complete_groups,
+    each_group,
+)
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.result import (
     BoolArray,
     FloatArray,
@@ -37,7 +38,6 @@ from rigd.analysis.result import (
     Preprocessing,
     Verdict,
 )
-from rigd.analysis.source import RecordedSweep, TrialInfo
 
 #: Below this share of the highest speed of a trial the body may be at rest.
 REST_SHARE: Final = 0.01

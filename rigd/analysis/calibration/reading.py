@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.result import FloatArray
-from rigd.analysis.source import RecordedSweep
 from rigd.config.calibration import (
     ATTACHMENT,
     CalibratedValue,

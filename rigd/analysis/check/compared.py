@@ -16,9 +16,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from rigd.analysis import fit as fitting
 from rigd.analysis.check.case import Case, SimulatedTrial
-from rigd.analysis.model import Model
+from rigd.analysis.fitting import fit as fitting
+from rigd.analysis.fitting.model import Model
 from rigd.analysis.result import FloatArray
 from rigd.model.errors import RigdError
 
@@ -176,7 +176,7 @@ class Fits:
 
 @contextmanager
 def watched_fits() -> Iterator[Fits]:
-    """Watch the fits of :func:`rigd.analysis.fit.multi_start`."""
+    """Watch the fits of :func:`rigd.analysis.fitting.fit.multi_start`."""
     original, seen = fitting.multi_start, Fits([], [])
 
     def watched(model: Model, *, starts: int, seed: int, **more: Any) -> Sequence[fitting.Fit]:
@@ -186,8 +186,8 @@ def watched_fits() -> Iterator[Fits]:
         return fits
 
     with patch.object(fitting, "multi_start", watched):
-        import rigd.analysis.identification as identification
-        import rigd.analysis.selection as selection
+        import rigd.analysis.fitting.identification as identification
+        import rigd.analysis.fitting.selection as selection
 
         with (
             patch.object(identification, "multi_start", watched),

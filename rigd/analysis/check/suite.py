@@ -41,7 +41,7 @@ from rigd.analysis.check.compared import (
 from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.plan import check_plan
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit

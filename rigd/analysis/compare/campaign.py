@@ -14,15 +14,15 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.copies import refuse_copies, refuse_same_file
-from rigd.analysis.corrections import Corrections
+from rigd.analysis.api import Result, ResultOrigin, identified
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.front import Result, ResultOrigin, identified
 from rigd.analysis.measures import MeasureResult, measured
 from rigd.analysis.measures.view import definition
+from rigd.analysis.recordings.corrections import Corrections
+from rigd.analysis.recordings.duplicates import refuse_copies, refuse_same_file
+from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.report.opening import listed
 from rigd.analysis.result import Curve, FloatArray, Verdict
-from rigd.analysis.source import open_sweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.units import parse_unit, si_symbol
 from rigd.record import Recording
@@ -200,7 +200,7 @@ def of_json(name: str, path: Path) -> Campaign:
 
 
 def of_object(name: str, told: Mapping[str, Any]) -> Campaign:
-    """Return the campaign of an object as :meth:`rigd.analysis.front.Result.to_json` makes it.
+    """Return the campaign of an object as :meth:`rigd.analysis.api.Result.to_json` makes it.
 
     Raises:
         KeyError, TypeError, AttributeError, ValueError: it is no such object.

@@ -23,7 +23,7 @@ from rigd.analysis.compare.statistics import (
     trend,
 )
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.identifiability import Z_95
+from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.measures import varied
 from rigd.analysis.measures.ranges import changed_formula
 from rigd.model.errors import DataError

@@ -14,13 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.compare.campaign import files_of, grouped, read_campaigns, short_names
-from rigd.analysis.compare.comparison import Compared
-from rigd.analysis.compare.comparison import compare as compare_campaigns
-from rigd.analysis.compare.evaluation import ComparisonEvaluation
-from rigd.analysis.compare.texts import change_texts, named, value_text
-from rigd.analysis.corrections import Corrections
-from rigd.analysis.front import (
+from rigd.analysis.api import (
     Recorded,
     Result,
     corrections_of,
@@ -28,6 +22,12 @@ from rigd.analysis.front import (
     paths_of,
     write_report,
 )
+from rigd.analysis.compare.campaign import files_of, grouped, read_campaigns, short_names
+from rigd.analysis.compare.comparison import Compared
+from rigd.analysis.compare.comparison import compare as compare_campaigns
+from rigd.analysis.compare.evaluation import ComparisonEvaluation
+from rigd.analysis.compare.texts import change_texts, named, value_text
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.extras import require
 from rigd.record import Recording, Table

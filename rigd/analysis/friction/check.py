@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.fit import multi_start
+from rigd.analysis.fitting.fit import multi_start
+from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_scaled
 from rigd.analysis.friction import compiled
 from rigd.analysis.friction.law import FrictionLaw
 from rigd.analysis.friction.model import STEP, LawModel, SlipForce
-from rigd.analysis.model import scaled_bounds, slopes, to_natural, to_scaled
 from rigd.analysis.result import FloatArray
 from rigd.model.units import parse_unit
 from rigd.sdk.check import Finding, NonConforming, Report

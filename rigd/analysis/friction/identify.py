@@ -10,11 +10,13 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.fit import Fit, fit
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.fitting.identification import FittedSubject, Rival, identify_model
+from rigd.analysis.fitting.interval_width import Spread
+from rigd.analysis.fitting.model import to_natural, to_scaled
+from rigd.analysis.fitting.selection import Contender, compare
 from rigd.analysis.friction.law import FrictionLaw
 from rigd.analysis.friction.model import STEP, LawModel, SlipForce
-from rigd.analysis.identification import FittedSubject, Rival, identify_model
-from rigd.analysis.model import to_natural, to_scaled
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import (
     Curve,
@@ -24,8 +26,6 @@ from rigd.analysis.result import (
     Preprocessing,
     TrialFit,
 )
-from rigd.analysis.selection import Contender, compare
-from rigd.analysis.spread import Spread
 
 POINTS: Final = 60
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rigd.analysis.fitting.model import FitParameter
 from rigd.analysis.friction.compiled import Gradient, Step
-from rigd.analysis.model import FitParameter
 from rigd.analysis.result import FloatArray
 
 

@@ -8,9 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.friction import compiled
-from rigd.analysis.friction.law import FrictionLaw, LawParameter
-from rigd.analysis.model import (
+from rigd.analysis.fitting.model import (
     NormalEquations,
     scaled_bounds,
     slopes,
@@ -18,6 +16,8 @@ from rigd.analysis.model import (
     to_natural,
     to_scaled,
 )
+from rigd.analysis.friction import compiled
+from rigd.analysis.friction.law import FrictionLaw, LawParameter
 from rigd.analysis.result import FloatArray
 
 #: Step of the differences in scaled coordinates, at which rounding and the cut series both leave
@@ -42,7 +42,7 @@ class SlipForce:
 
 
 class LawModel:
-    """Residuals F_law/F_N - F_measured/F_N; a :class:`rigd.analysis.model.Model`.
+    """Residuals F_law/F_N - F_measured/F_N; a :class:`rigd.analysis.fitting.model.Model`.
 
     Between two samples the slip has the mean of both.
     """

@@ -7,8 +7,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
-from rigd.analysis.copies import refuse_same_file, refuse_same_trials
-from rigd.analysis.corrections import scope_of
 from rigd.analysis.measures.ranges import Sensors, changed_formula
 from rigd.analysis.measures.reading import PlayedSteps, TrialReader
 from rigd.analysis.measures.result import (
@@ -17,6 +15,8 @@ from rigd.analysis.measures.result import (
     UsedConstants,
     summary_of,
 )
+from rigd.analysis.recordings.corrections import scope_of
+from rigd.analysis.recordings.duplicates import refuse_same_file, refuse_same_trials
 from rigd.config.loader import parse_constants, parse_formulas
 from rigd.config.problems import Problems
 from rigd.model.constants import Constant

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.analysis.recordings.resample import stale_rows
 from rigd.analysis.report.trace import COLUMNS, thin
-from rigd.analysis.resample import stale_rows
 from rigd.analysis.run_page.bounds import recorded_in_parts
 from rigd.analysis.run_page.paths import LARGEST, BodyPath, path_of
 from rigd.model.channels import STATUS_FIELD, Channel, Stream

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.analysis.analysis import Evaluation, Validates
-from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import open_sweeps
 from rigd.analysis.plan import analysis_of
 from rigd.analysis.provenance import provenance
+from rigd.analysis.recordings.corrections import Corrections
+from rigd.analysis.recordings.source import Correction
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined
-from rigd.analysis.source import Correction
 from rigd.analysis.validation.result import ModelOutcome, Validation
 from rigd.analysis.validation.saved import read_models
 from rigd.analysis.validation.tables import overview, published_table, summary

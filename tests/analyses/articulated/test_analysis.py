@@ -15,10 +15,10 @@ from support.cases import FEW_EVALUATIONS
 
 from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
-from rigd.analysis.fit import fit
-from rigd.analysis.output_error import conclude
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.output_error.estimator import conclude
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
 from rigd_analyses.articulated.extensions import candidates

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.analysis import DataError, Options
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.constants import Uncertainty
 from rigd.model.rows import row_dtype

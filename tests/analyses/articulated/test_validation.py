@@ -16,7 +16,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from blind.robot import Robot, Trial, draw, write
 
-from rigd.analysis.corrections import Corrections
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.analysis.validation.evaluation import validate
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome
 from rigd.model.errors import ConfigError

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.lugre_bench import known_rig
 
-from rigd.analysis.resample import bridge, means_around
+from rigd.analysis.recordings.resample import bridge, means_around
 from rigd.analysis.result import FitOutcome, FloatArray
 from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings

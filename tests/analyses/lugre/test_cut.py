@@ -17,7 +17,7 @@ from support.random_rigs import RandomRig, measured, random_rig
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
-from rigd.analysis.resample import LONGEST_BRIDGE
+from rigd.analysis.recordings.resample import LONGEST_BRIDGE
 from rigd.analysis.result import IdentificationResult
 from rigd.model.errors import DataError
 

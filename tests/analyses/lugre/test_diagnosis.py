@@ -12,13 +12,13 @@ from support.cases import some
 from support.lugre_kinds import KINDS
 from support.lugre_wrong import CONSTANT, Program, World, control, right
 
-from rigd.analysis.diagnosis import diagnose
-from rigd.analysis.innovations import Deviations, Whitener
-from rigd.analysis.model import to_natural
-from rigd.analysis.output_error import conclude, estimate
+from rigd.analysis.fitting.model import to_natural
+from rigd.analysis.fitting.whiteness import largest_jump, levels, loudest_band
+from rigd.analysis.output_error.diagnosis import diagnose
+from rigd.analysis.output_error.estimator import conclude, estimate
+from rigd.analysis.output_error.innovations import Deviations, Whitener
+from rigd.analysis.output_error.score import holm
 from rigd.analysis.result import FitOutcome, IdentificationResult
-from rigd.analysis.score import holm
-from rigd.analysis.whiteness import largest_jump, levels, loudest_band
 from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.identify import fit_group, rig_system

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from support.cases import some
 
-from rigd.analysis.fit import Loss
+from rigd.analysis.fitting.fit import Loss
 from rigd.analysis.result import IdentificationResult, Verdict
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial

@@ -14,10 +14,11 @@ import pytest
 from support.lugre_bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import to_natural
-from rigd.analysis.output_error import CONVERGED, by_cost, conclude, estimate
-from rigd.analysis.profile import ProfileScan, axis
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.model import to_natural
+from rigd.analysis.fitting.profile import ProfileScan, axis
+from rigd.analysis.output_error.estimator import CONVERGED, by_cost, conclude, estimate
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import (
     Explanation,
     FitOutcome,
@@ -27,7 +28,6 @@ from rigd.analysis.result import (
     ResidualTest,
     Verdict,
 )
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.conclusion import conclude_group, identify_output_error
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1, V_S, friction_gradient

@@ -11,8 +11,8 @@ import pytest
 from support.lugre_bench import known_rig
 
 from rigd.analysis import ConfigError, Options
-from rigd.analysis.marginal import Marginal
-from rigd.analysis.model import to_scaled
+from rigd.analysis.fitting.model import to_scaled
+from rigd.analysis.output_error.marginal import Marginal
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.identify import Settings

@@ -11,7 +11,7 @@ import pytest
 
 from rigd.analysis import Options
 from rigd.analysis.plan import analysis_of
-from rigd.analysis.source import FloatArray, RecordedSweep, Unusable, open_sweep
+from rigd.analysis.recordings.source import FloatArray, RecordedSweep, Unusable, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.model.constants import Uncertainty

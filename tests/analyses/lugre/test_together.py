@@ -14,9 +14,9 @@ from support.lugre_bench import known_rig
 
 from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.joint import join
+from rigd.analysis.output_error.joint import join
 from rigd.analysis.parameters import Group, ParameterEvaluation
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure

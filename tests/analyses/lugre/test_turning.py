@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.lugre_bench import known_rig
 
-from rigd.analysis.whitened import noise_at
+from rigd.analysis.output_error.whitened_residuals import noise_at
 from rigd_analyses.lugre.rig.deviations import may_turn
 from rigd_analyses.lugre.rig.identify import rig_system
 from rigd_analyses.lugre.rig.outputs import ACCELERATION

@@ -15,8 +15,8 @@ import pytest
 from rigd.analysis import Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.check import Case, SimulatedTrial, write_case
+from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.result import FloatArray
-from rigd.analysis.source import open_sweep
 from rigd_analyses.relay.analysis import RelayAnalysis
 
 H = 1e-3  # s

@@ -11,8 +11,8 @@ import pytest
 from rigd.analysis import DataError, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, write_case
 from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.analysis.result import FitOutcome
-from rigd.analysis.source import RecordedSweep, open_sweep
 from rigd_analyses.static.analysis import StaticFrictionAnalysis
 from rigd_analyses.static.evaluation import friction, speeds, steady
 

@@ -13,7 +13,7 @@ import pytest
 
 from rigd.analysis import Analysis, DataError, Evaluation, Needs, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, examine_analysis, write_case
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd.sdk.check import NonConforming
 

@@ -10,11 +10,11 @@ import pytest
 from support.altered import Content
 
 from rigd.analysis import Options
+from rigd.analysis.api import identify
 from rigd.analysis.check import Case, SimulatedTrial, write_case
 from rigd.analysis.compare.campaign import read_campaigns
 from rigd.analysis.compare.comparison import compare
-from rigd.analysis.corrections import Corrections
-from rigd.analysis.front import identify
+from rigd.analysis.recordings.corrections import Corrections
 from rigd.model.errors import DataError
 from rigd.record import Attachment
 from rigd_analyses.static.analysis import StaticFrictionAnalysis

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rigd.analysis.api import ResultOrigin
 from rigd.analysis.compare.campaign import MEASURES, Campaign, campaign_of_measures
 from rigd.analysis.compare.comparison import compare
-from rigd.analysis.front import ResultOrigin
 from rigd.analysis.measures.result import MeasureResult, Summary, TrialReading, summary_of
 from rigd.model.errors import DataError
 from rigd.procedure.program import Comparison, Condition, Measure, Window

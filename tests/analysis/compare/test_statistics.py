@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rigd.analysis.api import ResultOrigin
 from rigd.analysis.compare.campaign import MEASURES, Campaign, campaign_of_measures
 from rigd.analysis.compare.comparison import compare
 from rigd.analysis.compare.statistics import (
@@ -20,7 +21,6 @@ from rigd.analysis.compare.statistics import (
     homogeneity,
     trend,
 )
-from rigd.analysis.front import ResultOrigin
 from rigd.analysis.measures.result import MeasureResult, TrialReading, summary_of
 from rigd.model.constants import Uncertainty
 from rigd.procedure.program import Measure, Window

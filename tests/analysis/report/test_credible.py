@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from support.markup import outline
 
-from rigd.analysis.credible import CredibleInterval, Mode, Posterior, Ridge
 from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.posterior_result import CredibleInterval, Mode, Posterior, Ridge
 from rigd.analysis.report import Provenance, ReportSection
 from rigd.analysis.terminal import TerminalTable
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rigd.analysis.fitting.residuals import ljung_box, normality, outliers
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import Heading, Provenance, ReportSection
 from rigd.analysis.report.opening import listed, opening_of
-from rigd.analysis.residuals import ljung_box, normality, outliers
 from rigd.analysis.result import FitOutcome, Gate
 from rigd.cli.evaluation_view import print_evaluation
 

@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rigd.analysis import DataError, Options
-from rigd.analysis.model import FitParameter
-from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
-from rigd.analysis.response import (
+from rigd.analysis.fitting.model import FitParameter
+from rigd.analysis.fitting.response import (
     Axis,
     ResponseModel,
     ResponseQuantity,
@@ -17,8 +16,9 @@ from rigd.analysis.response import (
     Wording,
     identify_response,
 )
+from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.result import FloatArray, Preprocessing
-from rigd.analysis.source import RecordedSweep, TrialInfo
 
 #: A cubic is fitted to the angle over so long: its derivatives are speed and acceleration.
 BLOCK_S = 0.1

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis.kernel import kernel
-from rigd.analysis.noise import white_noise
+from rigd.analysis.recordings.noise import white_noise
 from rigd_analyses.approach_angle.data import FloatArray
 
 #: Start of the filter: this many times the variance that its first steps leave means "unknown".

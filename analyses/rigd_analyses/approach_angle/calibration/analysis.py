@@ -12,7 +12,7 @@ from rigd_analyses.approach_angle.values import CALIBRATABLE, SIGNALS
 if TYPE_CHECKING:
     from rigd.analysis.calibration.reading import Steps
     from rigd.analysis.calibration.result import CalibrationResult
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.recordings.source import RecordedSweep
 
 
 def _signals(*names: str) -> dict[str, str]:

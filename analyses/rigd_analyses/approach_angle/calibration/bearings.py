@@ -16,7 +16,7 @@ import numpy as np
 
 from rigd.analysis.calibration.line import straight_line
 from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
-from rigd.analysis.noise import MAD_TO_SIGMA
+from rigd.analysis.recordings.noise import MAD_TO_SIGMA
 from rigd.analysis.result import FloatArray
 
 #: Spins, and how far the speeds must lie apart: as much as the slowest of them.

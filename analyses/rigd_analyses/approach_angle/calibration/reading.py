@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError
 from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, together
-from rigd.analysis.source import TrialInfo
+from rigd.analysis.recordings.source import TrialInfo
 from rigd_analyses.approach_angle.calibration import rails, rise
 from rigd_analyses.approach_angle.calibration.bearings import (
     BearingBench,

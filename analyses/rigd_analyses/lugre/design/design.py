@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigd.analysis import ConfigError, DataError, parse_quantity, parse_unit
-from rigd.analysis.design import DesignTarget, PossibleTest, choose, half_widths
-from rigd.analysis.designing import Designed, DesignRequest, Ground, Promise
+from rigd.analysis.design.command import Designed, DesignRequest, Ground, Promise
+from rigd.analysis.design.optimal import DesignTarget, PossibleTest, choose, half_widths
 from rigd.analysis.result import FloatArray, IdentificationResult
 from rigd.analysis.validation.saved import SavedModel
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, moves, refusal

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, WEAK_LOG_SD, Z_95, log_sd
+from rigd.analysis.fitting.identifiability import UNIDENTIFIABLE_LOG_SD, WEAK_LOG_SD, Z_95, log_sd
 from rigd.analysis.result import (
     FitOutcome,
     FurtherTest,

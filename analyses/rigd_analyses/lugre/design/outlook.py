@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from rigd.analysis.extended import own_parameters
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import slopes
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.model import slopes
+from rigd.analysis.fitting.uncertainty import scaled_pinv
+from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.result import FloatArray
-from rigd.analysis.uncertainty import scaled_pinv
 from rigd_analyses.lugre.curve import TRIM
 from rigd_analyses.lugre.design.motion import BRAKE_M_S2, Limits, Motion, Sensors, refusal
 from rigd_analyses.lugre.design.shapes import Kind, Shape

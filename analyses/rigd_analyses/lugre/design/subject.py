@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis import parse_quantity
-from rigd.analysis.design import DesignTarget, PossibleTest
-from rigd.analysis.model import scaled_bounds, slopes
-from rigd.analysis.output_error import estimate
+from rigd.analysis.design.optimal import DesignTarget, PossibleTest
+from rigd.analysis.fitting.model import scaled_bounds, slopes
+from rigd.analysis.output_error.estimator import estimate
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, IdentificationResult
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.curve import SLIDING, slid_range
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, predict, reading
 from rigd_analyses.lugre.design.shapes import Shape

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rigd.analysis.agreement import agreement as agreement_of
+from rigd.analysis.fitting.agreement import agreement as agreement_of
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest
 from rigd_analyses.lugre.lateral.reduced import Reduced
 

@@ -9,7 +9,7 @@ from rigd.analysis import Analysis, Evaluation, Options
 from rigd_analyses.lugre.lateral.needs import NEEDS
 
 if TYPE_CHECKING:
-    from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.recordings.source import RecordedSweep
 
 
 class LateralAnalysis(Analysis):

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.system import Unknown
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.validation.saved import SavedModel, chosen, differing
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO
 from rigd_analyses.lugre.validation.friction import AGAIN, POINT, friction_of

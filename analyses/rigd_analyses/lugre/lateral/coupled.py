@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.fit import Affine, Fit, fit
-from rigd.analysis.model import to_scaled
-from rigd.analysis.output_error import NEAR, OutputErrorFit, conclude, diverged
+from rigd.analysis.fitting.fit import Affine, Fit, fit
+from rigd.analysis.fitting.model import to_scaled
+from rigd.analysis.output_error.estimator import NEAR, OutputErrorFit, conclude, diverged
+from rigd.analysis.output_error.system import Diverged, System, Unknown
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Diverged, System, Unknown
-from rigd.analysis.whitened import OutputErrorModel
 from rigd_analyses.lugre.lateral.loads import Loads, loads_at, plain
 from rigd_analyses.lugre.lateral.reduced import Reduced, optima
 from rigd_analyses.lugre.lateral.system import LateralSystem

@@ -13,8 +13,8 @@ from rigd.analysis.parameters import (
     complete_groups,
     each_group,
 )
+from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import ReportSection
-from rigd.analysis.source import RecordedSweep
 from rigd.analysis.terminal import TerminalReport
 from rigd.analysis.validation.saved import read_models
 from rigd_analyses.lugre.lateral.carried import carried

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from rigd.analysis.output_error.structure import Context, Suspect, dependences
 from rigd.analysis.result import FloatArray, Meaning
-from rigd.analysis.structure import Context, Suspect, dependences
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.disturbed import Disturbed
 from rigd_analyses.lugre.rig.extensions import FRICTION, sources, suspects

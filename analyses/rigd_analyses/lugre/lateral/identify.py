@@ -16,12 +16,10 @@ from itertools import product
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.diagnosis import diagnose
-from rigd.analysis.extended import same_with
-from rigd.analysis.fit import Fit, fit
-from rigd.analysis.gate import judge_fit, settled_gate, strained_gate
-from rigd.analysis.left_out import without_each_trial
-from rigd.analysis.output_error import (
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.output_error.augmented_system import same_with
+from rigd.analysis.output_error.diagnosis import diagnose
+from rigd.analysis.output_error.estimator import (
     ROUGH,
     Branch,
     OutputErrorFit,
@@ -29,9 +27,11 @@ from rigd.analysis.output_error import (
     retried,
     settled,
 )
+from rigd.analysis.output_error.gate import judge_fit, settled_gate, strained_gate
+from rigd.analysis.output_error.jackknife import without_each_trial
+from rigd.analysis.output_error.system import Diverged, System
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
-from rigd.analysis.system import Diverged, System
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.agreement import agreement, with_agreement
 from rigd_analyses.lugre.lateral.carried import Carried

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from rigd.analysis.model import slopes
-from rigd.analysis.profile import axis, scan
+from rigd.analysis.fitting.model import slopes
+from rigd.analysis.fitting.profile import axis, scan
+from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.result import FloatArray
-from rigd.analysis.uncertainty import scaled_pinv
 from rigd_analyses.lugre.lateral.coupled import Coupled, fitted
 from rigd_analyses.lugre.lateral.coupling import DRY, VISCOUS
 from rigd_analyses.lugre.lateral.loads import plain

@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.extended import Extended
-from rigd.analysis.fit import Fit, newton_step
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import (
+from rigd.analysis.fitting.fit import Fit, newton_step
+from rigd.analysis.fitting.model import (
     FitParameter,
     NormalEquations,
     Scaling,
@@ -25,11 +23,13 @@ from rigd.analysis.model import (
     to_natural,
     to_scaled,
 )
-from rigd.analysis.output_error import OutputErrorFit, conclude
+from rigd.analysis.fitting.uncertainty import scaled_pinv
+from rigd.analysis.output_error.augmented_system import Extended
+from rigd.analysis.output_error.estimator import OutputErrorFit, conclude
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.system import Around, System, Unknown
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Around, System, Unknown
-from rigd.analysis.uncertainty import scaled_pinv
-from rigd.analysis.whitened import OutputErrorModel
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.system import GUIDE, NO_LOAD
 

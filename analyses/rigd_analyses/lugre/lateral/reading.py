@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rigd.analysis import DataError
 from rigd.analysis.parameters import Trials
-from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.identify import find_lateral

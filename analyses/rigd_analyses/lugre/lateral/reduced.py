@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from rigd.analysis.fit import Fit, fit
-from rigd.analysis.model import (
+from rigd.analysis.fitting.fit import Fit, fit
+from rigd.analysis.fitting.model import (
     FitParameter,
     NormalEquations,
     Scaling,
@@ -27,10 +27,10 @@ from rigd.analysis.model import (
     to_natural,
     to_scaled,
 )
+from rigd.analysis.fitting.uncertainty import scaled_pinv
+from rigd.analysis.output_error.score import holm
+from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.result import Explanation, FloatArray
-from rigd.analysis.score import holm
-from rigd.analysis.system import Unknown
-from rigd.analysis.uncertainty import scaled_pinv
 from rigd_analyses.lugre.lateral.coupling import DRY, HEIGHT, LEVER, NAMES, VISCOUS, load
 from rigd_analyses.lugre.lateral.loads import Loads
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
@@ -70,8 +70,8 @@ class Reduced:
 
     ``unknowns`` (8,) are what is known of them, perhaps with :data:`UNEVEN`. ``samples`` is the
     number of residuals behind ``loads``: half of it is added to the cost, so that
-    :mod:`rigd.analysis.profile` compares it as that of all data. With ``at_m_s`` the two parameters
-    of the rollers are mu_R at this lateral speed, and the share of it that is dry.
+    :mod:`rigd.analysis.fitting.profile` compares it as that of all data. With ``at_m_s`` the two
+    parameters of the rollers are mu_R at this lateral speed, and the share of it that is dry.
     """
 
     loads: Loads

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.analysis import residuals as tests
-from rigd.analysis.extended import moved_constants
-from rigd.analysis.identifiability import Z_95, Evidence, judge
-from rigd.analysis.left_out import jackknife_sd
+from rigd.analysis.fitting import residuals as tests
+from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
+from rigd.analysis.fitting.uncertainty import correlation
+from rigd.analysis.output_error.augmented_system import moved_constants
+from rigd.analysis.output_error.jackknife import jackknife_sd
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -24,7 +25,6 @@ from rigd.analysis.result import (
     TrialFit,
     Verdict,
 )
-from rigd.analysis.uncertainty import correlation
 from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
 from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
 from rigd_analyses.lugre.lateral.intervals import Ends

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
-from rigd.analysis.extended import own_parameters
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.output_error.augmented_system import own_parameters
+from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.published import Published, published

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.fitting.model import FitParameter, Scaling
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Output, Unknown
 from rigd_analyses.lugre.lateral.constants import LateralConstants
 from rigd_analyses.lugre.lateral.coupling import NAMES, LiftedRows, Load, Shape, load
 from rigd_analyses.lugre.rig.constants import Known
@@ -36,7 +36,7 @@ STRAIGHT_M_S = 0.01  #: slower lateral motion is that of a bridge at rest
 
 @dataclass(frozen=True, eq=False)
 class LateralSystem:
-    """The trials with their lateral speeds; a :class:`rigd.analysis.system.System`.
+    """The trials with their lateral speeds; a :class:`rigd.analysis.output_error.system.System`.
 
     Its shared unknowns are those of ``rig`` and then those of the coupling. ``speeds`` are lateral
     speeds of each trial while it is driven, at equal distances of time, (n,); ``turned`` takes them

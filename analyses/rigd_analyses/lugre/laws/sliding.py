@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rigd.analysis.fitting.model import Scaling
 from rigd.analysis.friction import FrictionLaw, LawParameter, step
-from rigd.analysis.model import Scaling
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.laws.bristle import (
     COULOMB,

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
-from rigd.analysis.noise import white_noise
+from rigd.analysis.recordings.noise import white_noise
 from rigd.analysis.result import FloatArray
 
 ORDER = 2

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.innovations import Deviations, spread
 from rigd.analysis.kernel import kernel
+from rigd.analysis.output_error.innovations import Deviations, spread
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.rig import kernel as rig
 from rigd_analyses.lugre.rig.outputs import (
@@ -210,7 +210,7 @@ def _settling(system: RigSystem, trial: int, q: FloatArray, count: int) -> Float
 def _drift(forward: FloatArray, driven: FloatArray, first: FloatArray) -> FloatArray:
     """Return the variance (n,) of the carriage's speed before any output is heeded.
 
-    Arguments as those of :class:`rigd.analysis.innovations.Deviations`.
+    Arguments as those of :class:`rigd.analysis.output_error.innovations.Deviations`.
     """
     count, states = driven.shape
     out = np.zeros(count)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge
-from rigd.analysis.profile import ProfileScan
+from rigd.analysis.fitting.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge
+from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.result import (
     ParameterEstimate,
     Verdict,

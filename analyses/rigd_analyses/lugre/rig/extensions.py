@@ -12,9 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from rigd.analysis.result import FloatArray, Meaning
-from rigd.analysis.score import Columns
-from rigd.analysis.structure import (
+from rigd.analysis.output_error.score import Columns
+from rigd.analysis.output_error.structure import (
     ANY,
     POSITIVE,
     Context,
@@ -22,6 +21,7 @@ from rigd.analysis.structure import (
     Suspect,
     dependences,
 )
+from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.lugre.model import RATIO
 from rigd_analyses.lugre.rig.disturbed import Disturbed, Motion
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem

@@ -10,20 +10,20 @@ import numpy as np
 from scipy.stats import chi2
 
 from rigd.analysis.estimates import Share
-from rigd.analysis.extended import own_parameters
-from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95
-from rigd.analysis.left_out import jackknife_sd
-from rigd.analysis.model import slopes
-from rigd.analysis.output_error import OutputErrorFit
-from rigd.analysis.owed import owed_to_constants
-from rigd.analysis.profile import ProfileScan
+from rigd.analysis.fitting.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95
+from rigd.analysis.fitting.model import slopes
+from rigd.analysis.fitting.profile import ProfileScan
+from rigd.analysis.fitting.uncertainty import delta_sd
+from rigd.analysis.output_error.augmented_system import own_parameters
+from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.jackknife import jackknife_sd
+from rigd.analysis.output_error.limiting_constant import owed_to_constants
 from rigd.analysis.result import (
     FloatArray,
     Gate,
     Meaning,
     ResidualTest,
 )
-from rigd.analysis.uncertainty import delta_sd
 from rigd_analyses.lugre.model import (
     PARAMETERS,
 )

@@ -11,14 +11,12 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from rigd.analysis import DataError
-from rigd.analysis.diagnosis import diagnose
-from rigd.analysis.extended import same_with, without_added
-from rigd.analysis.fit import Fit, fit, multi_start
-from rigd.analysis.gate import judge_fit, sentence
-from rigd.analysis.homogeneity import TrialParts, changes, homogeneity
-from rigd.analysis.left_out import without_each_trial
-from rigd.analysis.model import scaled_bounds
-from rigd.analysis.output_error import (
+from rigd.analysis.fitting.fit import Fit, fit, multi_start
+from rigd.analysis.fitting.model import scaled_bounds
+from rigd.analysis.fitting.profile import ProfileScan, axis, follow
+from rigd.analysis.output_error.augmented_system import same_with, without_added
+from rigd.analysis.output_error.diagnosis import diagnose
+from rigd.analysis.output_error.estimator import (
     ENOUGH,
     NEAR,
     ROUGH,
@@ -27,7 +25,10 @@ from rigd.analysis.output_error import (
     improve,
     retried,
 )
-from rigd.analysis.profile import ProfileScan, axis, follow
+from rigd.analysis.output_error.gate import judge_fit, sentence
+from rigd.analysis.output_error.homogeneity import TrialParts, changes, homogeneity
+from rigd.analysis.output_error.jackknife import without_each_trial
+from rigd.analysis.output_error.system import Diverged
 from rigd.analysis.result import (
     FitOutcome,
     FloatArray,
@@ -35,7 +36,6 @@ from rigd.analysis.result import (
     ResidualTest,
     TrialRejection,
 )
-from rigd.analysis.system import Diverged
 from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.curve import HARDLY, SLIDING, slid_range
 from rigd_analyses.lugre.identify import Settings

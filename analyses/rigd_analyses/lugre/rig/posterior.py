@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigd.analysis.credible import Posterior
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.marginal import Marginal
-from rigd.analysis.posterior import Sampled, sample_posterior
-from rigd.analysis.profile import axis
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.profile import axis
+from rigd.analysis.output_error.marginal import Marginal
+from rigd.analysis.posterior.draws import Sampled, sample_posterior
+from rigd.analysis.posterior_result import Posterior
 from rigd_analyses.lugre.model import MU_C, PARAMETERS
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED
 from rigd_analyses.lugre.rig.found import FRICTION, Found

@@ -7,12 +7,13 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from rigd.analysis import residuals as tests
-from rigd.analysis.extended import moved_constants, own_parameters
-from rigd.analysis.homogeneity import changes
-from rigd.analysis.identifiability import Z_95
-from rigd.analysis.model import fitted_point
-from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.fitting import residuals as tests
+from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.model import fitted_point
+from rigd.analysis.fitting.uncertainty import correlation
+from rigd.analysis.output_error.augmented_system import moved_constants, own_parameters
+from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.homogeneity import changes
 from rigd.analysis.report.rounding import span
 from rigd.analysis.result import (
     Curve,
@@ -28,7 +29,6 @@ from rigd.analysis.result import (
     TrialFit,
     TrialRejection,
 )
-from rigd.analysis.uncertainty import correlation
 from rigd_analyses.lugre.curve import POINTS
 from rigd_analyses.lugre.model import (
     PARAMETERS,

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from rigd.analysis.output_error import OutputErrorFit
-from rigd.analysis.profile import ProfileScan
+from rigd.analysis.fitting.profile import ProfileScan
+from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, friction
 from rigd_analyses.lugre.rig.found import FRICTION

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from rigd.analysis.innovations import Deviations
-from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.fitting.model import FitParameter, Scaling
+from rigd.analysis.output_error.innovations import Deviations
+from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd.analysis.system import Output, Unknown
 from rigd_analyses.lugre.counts import Rounding
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
@@ -101,7 +101,7 @@ class DrivenTrial:
 
 @dataclass(frozen=True, eq=False)
 class RigSystem:
-    """The trials, with what is known of the rig; a :class:`rigd.analysis.system.System`.
+    """The trials, with what is known of the rig; a ``System`` of output error.
 
     Outputs: slip travel r_0 angle - position (r_0 as stated: a constant combination of what is
     measured), carriage position, acceleration. The two positions have counts, the accelerometer

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD
+from rigd.analysis.fitting.identifiability import UNIDENTIFIABLE_LOG_SD
 from rigd.analysis.result import FloatArray
 from rigd.analysis.validation.saved import SavedModel
 from rigd_analyses.lugre.model import PARAMETERS

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import savgol_filter
 
-from rigd.analysis.noise import noise_of_differences
+from rigd.analysis.recordings.noise import noise_of_differences
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import Guards, window_samples

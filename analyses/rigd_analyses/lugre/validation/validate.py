@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from rigd.analysis import DataError, format_quantity
 from rigd.analysis.parameters import conditions
+from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.result import TrialRejection
-from rigd.analysis.source import RecordedSweep, TrialInfo
 from rigd.analysis.validation.result import GroupValidation, Validation
 from rigd.analysis.validation.saved import SavedModel, chosen, differing
 from rigd_analyses.lugre.needs import DRIVE

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from rigd.analysis.credible import CredibleInterval, Posterior
+from rigd.analysis.posterior_result import CredibleInterval, Posterior
 from rigd.analysis.report.palette import FITTED, INK, series
 from rigd.analysis.report.plots.axes import grid, plain_log, unit_text
 from rigd.analysis.result import FloatArray, ParameterEstimate

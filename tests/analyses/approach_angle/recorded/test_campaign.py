@@ -18,9 +18,9 @@ from support.command import rigd
 from support.markup import outline
 
 from rigd.analysis import Options
-from rigd.analysis.corrections import Corrections
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.source import open_sweep
+from rigd.analysis.recordings.corrections import Corrections
+from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.model.errors import ConfigError, DataError
 from rigd_analyses.approach_angle.analysis import ApproachAngleAnalysis

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.angle_recording import SIGNALS, Recorded
 
-from rigd.analysis.source import open_sweep
+from rigd.analysis.recordings.source import open_sweep
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 from rigd_analyses.approach_angle.data import AngleRun, Severity

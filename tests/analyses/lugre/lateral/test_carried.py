@@ -15,8 +15,8 @@ from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 from support.lugre_model import PVC, saved_model
 
 from rigd.analysis import ConfigError
+from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.result import FitOutcome
-from rigd.analysis.system import Unknown
 from rigd.analysis.validation.saved import read_models
 from rigd_analyses.lugre.lateral.carried import Carried, carried
 from rigd_analyses.lugre.lateral.identify import find_lateral

@@ -13,7 +13,7 @@ from rigd.analysis import Options
 from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, write_case
 from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.parameters import ParameterEvaluation
-from rigd.analysis.source import open_sweep
+from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd_analyses.lugre.lateral.analysis import LateralAnalysis
 from rigd_analyses.lugre.lateral.constants import LateralTrial

@@ -12,7 +12,7 @@ import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis import DataError
-from rigd.analysis.extended import own_parameters
+from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.result import FitOutcome, Meaning, Verdict
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows

@@ -10,8 +10,8 @@ import pytest
 from support.lateral_wrong import Sweep, right
 from support.lugre_lateral_bench import DRY, VISCOUS
 
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.lateral.coupled import reduced
 from rigd_analyses.lugre.lateral.identify import find_lateral
 from rigd_analyses.lugre.lateral.loads import FreeLoads, Loads

@@ -9,10 +9,10 @@ import pytest
 from support.lateral_wrong import Sweep, lateral_system, right
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd.analysis.fit import fit
-from rigd.analysis.output_error import ROUGH
+from rigd.analysis.fitting.fit import fit
+from rigd.analysis.output_error.estimator import ROUGH
+from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
-from rigd.analysis.whitened import OutputErrorModel, noise_at
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.identify import ITERATIONS
 from rigd_analyses.lugre.lateral.loads import FreeLoads

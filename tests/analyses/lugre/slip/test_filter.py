@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from support.command import rigd
 from support.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
 
-from rigd.analysis.filtering import filtered
+from rigd.analysis.recordings.observers import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control

@@ -1,0 +1,1 @@
+"""Chooses tests by information, and writes them as a procedure."""

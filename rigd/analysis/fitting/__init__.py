@@ -1,0 +1,1 @@
+"""Estimators of any model: fits, intervals, and what the residuals show."""

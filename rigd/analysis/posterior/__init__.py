@@ -1,0 +1,1 @@
+"""The posterior of the parameters of a fit: draws, and what they show."""

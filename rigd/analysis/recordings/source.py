@@ -1,0 +1,380 @@
+"""Opens a recording for an analysis: gives its plan, its trials, and signals at common times.
+
+The plan is the `identify` block of the procedure that was recorded: it names the model, the
+recorded channel of each signal, and the known constants. A trial is one point of the procedure's
+sweep (its list of parameter values), played once. The signals of a trial come from several devices
+with different sampling times; the module brings them all to the times of the slowest one. Damaged
+parts of a recording are passed over.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from shlex import quote
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from rigd.analysis.recordings.resample import (
+    bridge,
+    grid,
+    means_around,
+    on_grid,
+    period_ns,
+    stale_rows,
+)
+from rigd.config.document import parse_document
+from rigd.model.channels import STALE, STATUS_FIELD, Stream
+from rigd.model.errors import ConfigError, DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.program import IdentifyPlan
+from rigd.record import Event, Recording, RunInfo, TrialInfo
+from rigd.record.info import COMPLETE
+from rigd.record.trials import held
+
+#: Here also what the author of an analysis needs of recordings as such.
+__all__ = [
+    "COMPLETE",
+    "STALE",
+    "STATUS_FIELD",
+    "TIME_FIELD",
+    "Event",
+    "FloatArray",
+    "RecordedSweep",
+    "Recording",
+    "RunInfo",
+    "Stream",
+    "TrialInfo",
+    "Unusable",
+    "open_sweep",
+]
+
+FloatArray = NDArray[np.float64]
+
+#: What of a recorded plan is text; all else is JSON.
+_TEXTS: Final = ("model", "reference_label")
+
+
+class Unusable(DataError):
+    """Too many samples of one trial are missing or late; other trials may be usable."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A part of the plan that differs from the recorded one; both as text for a reader."""
+
+    recording: Path
+    what: str  #: the name of a constant, or `signal NAME`
+    recorded: str  #: "" if the recording has none
+    used: str
+
+    def __str__(self) -> str:
+        return f"{self.recorded or 'nothing'} in the recording, {self.used or 'nothing'} here"
+
+
+@dataclass(frozen=True)
+class RecordedSweep:
+    """One recording with its plan of identification.
+
+    ``corrections`` are the parts of ``plan`` that the recording has otherwise.
+    """
+
+    recording: Recording
+    info: RunInfo
+    plan: IdentifyPlan
+    corrections: tuple[Correction, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.recording.path
+
+    @property
+    def trials(self) -> tuple[TrialInfo, ...]:
+        """The trials that were completed, in the order of the sweep."""
+        complete = [trial for trial in self.info.trials if trial.complete]
+        return tuple(sorted(complete, key=lambda trial: trial.number))
+
+    def parameter(self, trial: TrialInfo, name: str) -> str:
+        """Return a parameter of ``trial`` as a person writes it.
+
+        Raises:
+            DataError: neither the trial nor the run has it.
+        """
+        if name in trial.parameters:
+            value, unit = trial.parameters[name], trial.units.get(name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            return str(Quantity(value, parse_unit(unit))) if number and unit else str(value)
+        if name in self.info.parameters:
+            return self.info.parameters[name]
+        raise DataError(f"{self.path}: there is no parameter {name!r} to group by")
+
+    def constant(self, trial: TrialInfo, name: str) -> float:
+        """Return a known quantity of the model in SI, as it was in ``trial``.
+
+        Raises:
+            DataError: the plan does not have it, or it follows a parameter the trial lacks.
+        """
+        value = self.plan.constants.get(name)
+        if isinstance(value, str):  # it follows a swept parameter
+            value = trial.parameters.get(value)
+        if not isinstance(value, int | float):
+            raise DataError(
+                f"{self.path}: the constant {name!r} is not known",
+                hint="give it under `identify: constants:` in the procedure",
+            )
+        return float(value)
+
+    def uncertainty(self, trial: TrialInfo, name: str) -> float | None:
+        """Return the standard uncertainty of :meth:`constant` in SI; None if none is given.
+
+        Raises:
+            DataError: as :meth:`constant`.
+        """
+        value, u = self.constant(trial, name), self.plan.uncertainties.get(name)
+        return None if u is None else u.of(value)
+
+    def reference(self, trial: TrialInfo) -> dict[str, float]:
+        """Return the published values of the model's parameters that belong to ``trial``."""
+        choices = {value for value in trial.parameters.values() if isinstance(value, str)}
+        return {
+            name.rpartition(".")[2]: value
+            for name, value in self.plan.reference.items()
+            if "." not in name or name.rpartition(".")[0] in choices
+        }
+
+    def without(self, optional: Collection[str]) -> RecordedSweep:
+        """Return the sweep without those of the ``optional`` signals whose stream is not there."""
+        missing = {
+            name
+            for name in optional
+            if name in self.plan.signals
+            and self.plan.signals[name].partition(".")[0] not in self.recording.streams
+        }
+        if not missing:
+            return self
+        kept = {name: at for name, at in self.plan.signals.items() if name not in missing}
+        return replace(self, plan=replace(self.plan, signals=kept))
+
+    def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
+
+        All stand at regular times, those of the slowest stream. One with other times must be
+        sampled at least twice as fast: it is brought there by the mean of its samples within half
+        a period around each. A few samples that are missing, or repeat an earlier one as the
+        device was late, are bridged by straight lines (see :meth:`bridged`).
+
+        Raises:
+            DataError: a stream or channel that the plan names is not in the recording.
+            Unusable: too many samples of this trial are missing or late.
+        """
+        times, columns, _ = self.signals_and_faster(trial)
+        return times, columns
+
+    def signals_and_faster(
+        self, trial: TrialInfo
+    ) -> tuple[FloatArray, dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return :meth:`signals`, and the samples (m,) that those of faster streams are means of.
+
+        Raises:
+            DataError: as :meth:`signals`.
+            Unusable: as :meth:`signals`.
+        """
+        plan = {name: self.field(name) for name in self.plan.signals}
+        if not plan:
+            raise DataError(f"{self.path}: its plan of identification names no signals")
+        rows = {stream.name: self._rows(stream.name, trial) for stream, _ in plan.values()}
+        slowest = min(rows, key=lambda name: len(rows[name]))
+        with self._telling(slowest, trial):
+            times = grid(rows[slowest][TIME_FIELD])
+        columns: dict[str, FloatArray] = {}
+        faster: dict[str, FloatArray] = {}
+        for signal, (stream, field) in plan.items():
+            fresh = rows[stream.name][~_stale(stream, rows[stream.name])]
+            with self._telling(stream.name, trial):
+                if on_grid(times, fresh[TIME_FIELD]):
+                    columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[field])
+                else:
+                    columns[signal], faster[signal] = self._means(stream, field, times)
+        return (times - times[0]) * 1e-9, columns, faster
+
+    def _rows(self, stream: str, trial: TrialInfo) -> NDArray[np.void]:
+        rows: NDArray[np.void] = self.recording.read(stream, trial.start_ns, trial.end_ns)
+        if not len(rows):
+            raise DataError(f"{self.path}: stream {stream!r} has no sample in trial {trial.number}")
+        return rows
+
+    def bridged(self, trial: TrialInfo) -> int:
+        """Return how many rows of the plan's streams are missing or late in ``trial``."""
+        count = 0
+        for name in {self.field(signal)[0].name for signal in self.plan.signals}:
+            rows = self._rows(name, trial)
+            late = int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
+            count += late + len(grid(rows[TIME_FIELD])) - len(rows)
+        return count
+
+    def _means(
+        self, stream: Stream, field: str, times: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the means of a faster stream around ``times``, and the samples of them."""
+        around = round(period_ns(times))
+        rows = self.recording.read(stream.name, int(times[0]) - around, int(times[-1]) + around)
+        fresh = rows[~_stale(stream, rows)]
+        values = np.ascontiguousarray(fresh[field])
+        return means_around(times, fresh[TIME_FIELD], values), values
+
+    @contextmanager
+    def _telling(self, stream: str, trial: TrialInfo) -> Iterator[None]:
+        """Add stream and trial to an error."""
+        try:
+            yield
+        except DataError as error:
+            raise Unusable(
+                f"{self.path}: in trial {trial.number}, stream {stream!r} does not fit the others: "
+                f"{error.message}",
+                hint="samples are missing or decimated: record all streams of the model whole; "
+                "repeat the trial if a device was late",
+            ) from error
+
+    def field(self, signal: str) -> tuple[Stream, str]:
+        """Return the stream and the channel of it that give a signal of the plan.
+
+        Raises:
+            DataError: the plan does not name it, or it was not recorded.
+        """
+        channel = self.plan.signals.get(signal)
+        if channel is None:
+            raise DataError(
+                f"{self.path}: its plan of identification names no signal {signal!r}",
+                hint="give it under `identify: signals:` in the procedure",
+            )
+        device, _, field = channel.partition(".")
+        stream = self.recording.streams.get(device)
+        if stream is None:
+            raise DataError(
+                f"{self.path}: signal {signal!r} needs the stream {device!r}, "
+                f"which was not recorded (there are: {', '.join(self.recording.streams)})",
+                hint=f"add {device} to `record` in the procedure and run it again",
+            )
+        if field not in {item.name for item in stream.channels}:
+            raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
+        return stream, field
+
+
+def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which rows repeat an earlier one; none of a stream without a status word."""
+    return stale_rows(rows[STATUS_FIELD]) if stream.has_status else np.zeros(len(rows), np.bool_)
+
+
+def _damaged(recording: Recording) -> str:
+    if not recording.problem:
+        return ""
+    path = quote(str(recording.path))
+    return f"; it is damaged ({recording.problem}): see `rigd verify {path}`, `rigd recover {path}`"
+
+
+def needed_trials(recording: Recording, signals: Mapping[str, str]) -> tuple[TrialInfo, ...]:
+    """Return the trials; one that lost rows of a stream with one of ``signals`` is not complete.
+
+    One that was held by a pause is not complete either: the rig did not do what the trial plans.
+    """
+    needed = {channel.partition(".")[0] for channel in signals.values()}
+    events, found = recording.all_events, []
+    for trial in recording.trials_for(needed):
+        info, why = trial.info, held(events, trial.info)
+        if info.complete and why:
+            info = replace(info, complete=False, reason=why)
+        found.append(info)
+    return tuple(found)
+
+
+def _instead(recording: Recording) -> str:
+    """Return what to do with a recording whose procedure identifies nothing."""
+    path = quote(str(recording.path))
+    attached = recording.attachments.get("procedure.yaml")
+    with suppress(ConfigError):  # of another version of rigd
+        text = "" if attached is None else attached.data.decode(errors="replace")
+        measured = parse_document(text, Path("procedure.yaml")).get(("measure",))
+        if isinstance(measured, Mapping) and measured:
+            return (
+                f"its procedure measures {', '.join(map(str, measured))} without a fit: "
+                f"`rigd measure {path}`; to identify, give one with an `identify` block: "
+                f"`rigd identify {path} --plan PROCEDURE`"
+            )
+    return (
+        f"give a procedure with an `identify` block: `rigd identify {path} --plan PROCEDURE`; "
+        f"`rigd info {path}` shows what the file holds"
+    )
+
+
+def _plan_of(recording: Recording, otherwise: IdentifyPlan | None) -> IdentifyPlan | None:
+    """Return the plan that the recording states, ``otherwise`` if it states none.
+
+    Raises:
+        DataError: it states one that cannot be read, as another program may, and there is no other.
+    """
+    stated = recording.metadata.get("identify")
+    if stated is None:
+        return otherwise
+    try:
+        known = [item.name for item in fields(IdentifyPlan) if item.name in stated]
+        read = {name: _stated(name, stated[name]) for name in known}
+        return TypeAdapter(IdentifyPlan).validate_python({"signals": {}, "constants": {}, **read})
+    except ValueError as error:
+        if otherwise is not None:
+            return otherwise
+        first = error.errors()[0] if isinstance(error, ValidationError) else None
+        why = str(error) if first is None else f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise DataError(
+            f"{recording.path}: its metadata `identify` state no plan ({why})",
+            hint=_instead(recording),
+        ) from error
+
+
+def _stated(name: str, text: str) -> object:
+    """Return what a recording states of its plan under ``name``.
+
+    Raises:
+        ValueError: it is no JSON.
+    """
+    if name in _TEXTS:
+        return text
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{name} is no JSON: {error}") from error
+
+
+def open_sweep(path: Path, otherwise: IdentifyPlan | None = None) -> RecordedSweep:
+    """Return the recording at ``path`` with its plan of identification, else with ``otherwise``.
+
+    What is damaged is passed over: ``info.losses`` lists it, and a trial that lost rows of a
+    stream with a signal of the plan is not complete.
+
+    Raises:
+        RecordingError: the file cannot be read; the message contains what to do.
+        DataError: it is no recording of a procedure that identifies anything, what it states of
+            that cannot be read, or no trial of it began.
+    """
+    recording = Recording.open(path, partial=True)
+    plan = _plan_of(recording, otherwise)
+    if plan is None:
+        raise DataError(
+            f"{path} does not state what to identify" + _damaged(recording),
+            hint=_instead(recording),
+        )
+    trials = needed_trials(recording, plan.signals)
+    sweep = RecordedSweep(recording, replace(recording.info, trials=trials), plan)
+    if not sweep.info.trials:
+        raise DataError(
+            f"{path} has no trial" + _damaged(recording),
+            hint=f"`rigd run --resume {quote(str(path))}` plays the missing ones",
+        )
+    return sweep
