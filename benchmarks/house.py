@@ -173,10 +173,10 @@ def main() -> None:
     for place, many in sorted(loose(tree).items(), key=lambda item: -item[1]):
         print(f"{place:<40} {many:5} loose files")
     noted("folders with more than 15 loose files", len(loose(tree)), "")
-    rings = circles(tree)
-    for ring in rings:
-        print(f"circle of {len(ring)}: {', '.join(ring)}")
-    noted("circles of imports", len(rings), "")
+    found = circles(tree)
+    for circle in found:
+        print(f"circle of {len(circle)}: {', '.join(circle)}")
+    noted("circles of imports", len(found), "")
     noted("imports inside functions", late_imports(tree), "")
     numbers, several = constants(tree)
     for name, values in sorted(several.items(), key=lambda item: -len(item[1])):

@@ -106,7 +106,8 @@ WITH_PRIORITY = places(
 )  # fmt: skip
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(
-    "analysis/test_fit.py", "analysis/test_resample.py", "analysis/test_residuals.py", "config",
+    "analysis/fitting/test_fit.py", "analysis/fitting/test_residuals.py",
+    "analysis/recordings/test_resample.py", "config",
     "daemon/live/test_points.py", "daemon/serve/test_library.py",
     "daemon/serve/test_recordings.py", "controllers", "derived", "drivers/canopen/test_bus.py",
     "drivers/canopen/test_eds_on_bus.py", "drivers/canopen/test_servo_cycle.py",

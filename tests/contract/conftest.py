@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import pytest
-from contract.kept import ARITHMETIC, Check, arithmetic, same
+from contract.golden import ARITHMETIC, Check, arithmetic, same
 from pytest_regressions.file_regression import FileRegressionFixture
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from contract.kept import Check
+from contract.golden import Check
 from contract.transcript import Transcript
 from support.wrong_rigs import MISTAKES, spoilt
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from contract.kept import Check
+from contract.golden import Check
 from contract.recording_text import text_of
 from support.shipped_runs import pairs, play
 

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 import pytest
-from contract.kept import Check
+from contract.golden import Check
 from contract.transcript import Transcript
 
 PVC = "run constant_current --rig lugre-1 --set floor=pvc --seed 1 --output pvc.mcap"

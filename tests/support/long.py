@@ -61,7 +61,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "analysis/compare/test_campaigns.py": (),
-        "analysis/test_front.py": (
+        "analysis/test_api.py": (
             "test_identified_numbers_are_those_of_json",
             "test_report_never_overwrites_a_recording",
             "test_result_is_compared_without_identifying_again",
@@ -339,7 +339,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_zero_of_the_current_is_named[stone--0.01]",
         ),
         "analysis/report/test_credible.py": ("test_page_has_densities_and_the_ridge",),
-        "analysis/test_selection.py": ("test_smoothed_samples_count_for_less",),
+        "analysis/fitting/test_selection.py": ("test_smoothed_samples_count_for_less",),
         "analysis/test_several_recordings.py": (
             "test_only_trials_that_entered_the_fit_count",
             "test_recordings_can_be_identified_each_by_itself",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rigd import __version__
@@ -64,7 +65,7 @@ class ComparisonEvaluation(Evaluation):
     def report(self) -> str:
         """Return the report as a self-contained HTML page."""
         # Here: matplotlib takes longer to import than a comparison to compute.
-        from rigd.analysis.compare.view import ComparisonView, build_view
+        from rigd.analysis.compare.view import build_view
         from rigd.analysis.report.page import render
 
         facts = [
@@ -77,10 +78,7 @@ class ComparisonEvaluation(Evaluation):
         ]  # fmt: skip
         facts.append(Facts("Comparison", {"rigd": __version__}))
         origin = Provenance(tuple(facts), (), self.heading)
-
-        def view() -> ComparisonView:
-            return build_view(self.comparison, self.sentences, self.table)
-
+        view = partial(build_view, self.comparison, self.sentences, self.table)
         return render("compare.html.jinja", view, origin, self.title)
 
     def to_json(self) -> dict[str, object]:
