@@ -9,9 +9,9 @@ as written must pass them all.
     python benchmarks/conformance.py fast "trip swallowed"
     python benchmarks/conformance.py --fresh third [KIND]  those of the third author
 
-Three authors (first, second, third) wrote fresh mutants without a look at the suites
-(`tests/support/fresh_mutants`). These name no rule: one is caught if the suite finds anything. The
-seconds are those of the processor.
+Four authors (first, second, third, fourth) wrote fresh mutants without a look at the suites
+(`tests/support/fresh_mutants`), the fourth of drivers only. These name no rule: one is caught if
+the suite finds anything. The seconds are those of the processor.
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ def main() -> int:
     args = parser.parse_args()
     if args.fresh:
         fresh = AUTHORS[args.fresh]
+        if args.kind and args.kind not in fresh:
+            parser.error(f"the {args.fresh} author wrote none of kind {args.kind}")
         return examine_fresh(fresh, [args.kind] if args.kind else list(fresh), args.name)
     sums = []
     missed, unfit = 0, 0

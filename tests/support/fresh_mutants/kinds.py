@@ -13,6 +13,7 @@ _PACKAGES: Final = {
     "first": "support.fresh_mutants",
     "second": "support.fresh_mutants.second",
     "third": "support.fresh_mutants.third",
+    "fourth": "support.fresh_mutants.fourth",
 }
 _MODULES: Final = {
     "fast": "fast",
@@ -25,8 +26,15 @@ _MODULES: Final = {
     "analysis": "analysis",
 }
 
+#: Kinds of which an author wrote none: the fourth wrote drivers only.
+_WITHOUT: Final = {"fourth": ("plant", "analysis")}
+
 #: By author, then by kind.
 AUTHORS: Mapping[str, Mapping[str, Sequence[Fresh]]] = {
-    author: {kind: import_module(f"{package}.{name}").MUTANTS for kind, name in _MODULES.items()}
+    author: {
+        kind: import_module(f"{package}.{name}").MUTANTS
+        for kind, name in _MODULES.items()
+        if kind not in _WITHOUT.get(author, ())
+    }
     for author, package in _PACKAGES.items()
 }
