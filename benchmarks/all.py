@@ -8,8 +8,7 @@ baseline, in CPU time if the peer allows it.
 
 Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage,
 identify_misfit, blind_lugre, design_promise and fault_campaign, each of which continues its table;
-so are, of minutes, identify_posterior, identify_fuzz, slip_filter, foreign_fmus and
-foreign_devices.
+so are, of minutes, identify_fuzz, slip_filter, foreign_fmus and foreign_devices.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class Options:
     recording groups of its own, so that they can be compared. ``method`` names one of the ways
     that the analysis has, ``law`` a friction law that is installed; empty: its own choice.
     ``compare`` asks which of the installed laws the data support. ``joint`` fits the groups with
-    the constants of the rig in common. ``posterior`` asks for credible intervals besides.
+    the constants of the rig in common.
     ``processes`` is how many may compute side by side (:mod:`rigd.analysis.side_by_side`); it
     changes no result.
     ``model`` is a saved model that gives what the recordings do not determine well.
@@ -46,7 +46,6 @@ class Options:
     law: str = ""
     compare: bool = False
     joint: bool = False
-    posterior: bool = False
     processes: int = 1
     model: Path | None = None
 

@@ -257,7 +257,6 @@ def identify(
     joint: bool = False,
     by_recording: bool = False,
     compare: bool = False,
-    posterior: bool = False,
     robust: bool = False,
     starts: int = 8,
     seed: int = 1,
@@ -277,7 +276,6 @@ def identify(
         joint: whether groups share the constants of the rig.
         by_recording: identify each recording separately.
         compare: also state which of the installed friction laws the data support.
-        posterior: also sample the posterior, for credible intervals.
         robust: Huber loss instead of least squares.
         starts: number of starts of the fit.
         seed: seed of the random starts.
@@ -296,11 +294,9 @@ def identify(
         MissingExtra: the libraries of an analysis are not installed.
     """
     require("analysis", "rigd.identify")
-    if posterior:
-        require("posterior", "rigd.identify(posterior=True)")
     options = Options(
         starts, seed, robust, None if calibration is None else Path(calibration), by_recording,
-        method, law, compare, joint, posterior, processes, None if model is None else Path(model),
+        method, law, compare, joint, processes, None if model is None else Path(model),
     )  # fmt: skip
     corrections = corrections_of(set or {}, plan)
     return identified(paths_of(recordings), options, corrections, notify)

@@ -26,7 +26,6 @@ _REFUSED: Final[dict[OptionName, tuple[str, str]]] = {
     "method": ("--method: model {} has one method", "leave it out"),
     "law": ("--law: model {} fits no friction law of choice", "leave it out"),
     "joint": ("--joint: model {} shares no constants between groups", "leave it out"),
-    "posterior": ("--posterior: model {} has no posterior to sample", "leave it out"),
     "model": ("--model: model {} takes no parameters of another model", "leave it out"),
     "compare": ("--compare: model {} fits no friction laws to compare", "leave it out"),
     "by_recording": (

@@ -30,8 +30,6 @@ from rigd.analysis.report import (
 )
 from rigd.analysis.report.models import HEADS, model_rows
 from rigd.analysis.report.opening import opening_of
-from rigd.analysis.report.posterior import HEADS as CREDIBLE_HEADS
-from rigd.analysis.report.posterior import credible_rows, how_sampled
 from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, Verdict
 from rigd.analysis.side_by_side import side_by_side
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
@@ -276,7 +274,7 @@ class ParameterEvaluation(Evaluation):
         if self.joint is not None:
             paragraphs += _shared(self.joint)
         for section in self.sections:
-            paragraphs += [*_posterior(section), *_comparison(section)]
+            paragraphs += _comparison(section)
         return (self._table(rows), *paragraphs)
 
     def _table(self, rows: Sequence[SummaryRow]) -> TerminalTable:
@@ -323,22 +321,6 @@ def _shared(joint: JointAccount) -> TerminalReport:
     )  # fmt: skip
     heads = (Column("constant"), Column("stated", right=True), Column("fitted", right=True))
     return (TerminalTable((*heads, Column("unit")), rows, joint.title), said)
-
-
-def _posterior(section: ReportSection) -> TerminalReport:
-    """Return the credible intervals of ``section``; nothing if none were asked for."""
-    found = section.result.posterior
-    if found is None:
-        return ()
-    heads = (Column("posterior"), *(Column(head, right=head != "unit") for head in CREDIBLE_HEADS))
-    rows = tuple(
-        TableRow((row.name, *row.cells), faint=not row.known)
-        for row in credible_rows(section.result)
-    )
-    return (
-        TerminalTable(heads, rows, f"{section.label}: posterior"),
-        "\n".join([how_sampled(section.result), *found.warnings]),
-    )
 
 
 def _comparison(section: ReportSection) -> TerminalReport:

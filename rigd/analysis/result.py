@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.plain import plain_object
-from rigd.analysis.posterior_result import Posterior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -494,7 +493,6 @@ class IdentificationResult:
     gate: Gate | None = None
     point: FittedPoint | None = None
     comparison: ModelComparison | None = None
-    posterior: Posterior | None = None
     further: tuple[FurtherTest, ...] = ()  #: of what is open, if the analysis predicts tests
     #: Relative standard uncertainty (of the logarithm) of a parameter by its sources, by name.
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -542,5 +540,4 @@ class IdentificationResult:
             **({"budget": self.budget} if self.budget else {}),
             **({} if self.gate is None else {"gate": self.gate}),
             **({} if self.comparison is None else {"comparison": self.comparison}),
-            **({} if self.posterior is None else {"posterior": self.posterior}),
         }

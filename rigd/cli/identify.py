@@ -21,7 +21,6 @@ examples:
   rigd identify before.mcap after.mcap --group-by recording
   rigd identify runs/*approach_angles*.mcap        one campaign from several files
   rigd identify FILE --joint                       floors and masses in one fit
-  rigd identify FILE --posterior                   credible intervals, two minutes
   rigd identify FILE --method slip-force           without simulating the rig
   rigd identify LATERAL --model MODEL.json         friction along the guide as known
   rigd identify FILE --compare                     which friction law the data support
@@ -72,11 +71,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help=("groups share the constants of the rig, and masses on one floor their friction"),
     )
     parser.add_argument(
-        "--posterior",
-        action="store_true",
-        help="sample the posterior, and give credible intervals besides",
-    )
-    parser.add_argument(
         "--law",
         default="",
         metavar="NAME",
@@ -101,8 +95,6 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.extras import require
 
     require("analysis", "rigd identify")
-    if args.posterior:
-        require("posterior", "rigd identify --posterior")
     one_thread()
 
     from rigd.analysis.analysis import Options
@@ -114,7 +106,7 @@ def execute(args: argparse.Namespace) -> int:
     by_recording = args.group_by is not None
     options = Options(
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
-        args.law, args.compare, args.joint, args.posterior, cores(), args.model,
+        args.law, args.compare, args.joint, cores(), args.model,
     )  # fmt: skip
     result = identified(
         args.files,

@@ -15,7 +15,6 @@ from rigd.model.errors import Exit, RigdError
 MODULES: Final[Mapping[str, tuple[str, ...]]] = {
     "analysis": ("scipy", "matplotlib", "jinja2", "markupsafe"),
     "export": ("pyarrow", "h5py", "asammdf"),
-    "posterior": ("emcee", "arviz_stats"),
     "panel": ("starlette", "uvicorn", "h11", "websockets"),
     "ni": ("nidaqmx", "grpc"),
     "foxglove": ("foxglove",),

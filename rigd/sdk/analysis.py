@@ -12,11 +12,10 @@ from typing import ClassVar, Final, Literal
 #: the calibration in a recording; ``by_recording``: a separate result for each recording;
 #: ``starts``, ``seed`` and ``robust``: how parameters are fitted; ``law``: the friction law to fit;
 #: ``compare``: which of the laws the data support; ``joint``: groups share the rig's constants;
-#: ``posterior``: credible intervals of the parameters; ``model``: a saved model whose parameters
-#: are taken as known, with their intervals.
+#: ``model``: a saved model whose parameters are taken as known, with their intervals.
 OptionName = Literal[
     "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare", "joint",
-    "posterior", "model",
+    "model",
 ]  # fmt: skip
 
 

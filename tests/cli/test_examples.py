@@ -239,7 +239,6 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     "cli/test_design.py": (
         "rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml",
     ),
-    "analyses/lugre/test_posterior.py": ("rigd identify FILE --posterior",),
     "analyses/lugre/test_together.py": ("rigd identify FILE --joint",),
     "../docs/identification.md": (
         "rigd run constant_current --rig lugre-1 --set floor=pvc",

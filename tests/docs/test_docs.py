@@ -101,7 +101,7 @@ UNCHECKED = {
     "catalogue.md": 0,
     "export.md": 0,
     "import.md": 2,
-    "identification.md": 3,
+    "identification.md": 2,
     "slip_force.md": 0,
     "lateral.md": 0,
     "robot.md": 0,

@@ -14,7 +14,6 @@ import pytest
 from support.daemon import listening
 from support.served_rig import free_port
 
-from rigd.cli.main import main
 from rigd.model.errors import Exit
 from rigd.model.extras import MODULES, MissingExtra, is_installed, require
 
@@ -146,15 +145,6 @@ def test_command_names_the_missing_extra(
     assert all(text.startswith("rig ") for text in first)  # which rig file it took
     assert line.endswith(f"needs the extra \"{extra}\": pip install 'rigd[{extra}]'")
     assert sorted(folder.glob("*.*")) == before
-
-
-def test_posterior_without_its_extra_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "emcee", None)
-    command = ["identify", "no.mcap", "--method", "output-error", "--posterior"]
-    assert main(command) == Exit.BAD_INPUT
-    assert "pip install 'rigd[posterior]'" in capsys.readouterr().err
 
 
 def test_installed_extra_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:

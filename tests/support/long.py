@@ -58,7 +58,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/articulated/test_random_robots.py": (),
         "analyses/lugre/slip/test_filter.py": (),
-        "analyses/lugre/test_posterior.py": ("test_credible_intervals_are_those_of_profiles",),
         "analysis/report/test_files.py": (),
         "analysis/compare/test_campaigns.py": (),
         "analysis/test_api.py": (
@@ -313,11 +312,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_unknown_gravity_is_named_where_it_decides",
             "test_wear_over_the_trials_gives_no_number",
         ),
-        "analyses/lugre/test_posterior.py": (
-            "test_credible_intervals_are_those_of_profiles",
-            "test_marginal_is_what_refits_give",
-            "test_model_that_does_not_fit_has_no_posterior",
-        ),
         "analyses/lugre/test_reading.py": (
             "test_guide_friction_follows_mass_it_was_measured_at",
             "test_guide_friction_without_mass_is_not_scaled",
@@ -338,7 +332,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_zero_of_the_current_is_named[pvc-0.005]",
             "test_zero_of_the_current_is_named[stone--0.01]",
         ),
-        "analysis/report/test_credible.py": ("test_page_has_densities_and_the_ridge",),
         "analysis/fitting/test_selection.py": ("test_smoothed_samples_count_for_less",),
         "analysis/test_several_recordings.py": (
             "test_only_trials_that_entered_the_fit_count",

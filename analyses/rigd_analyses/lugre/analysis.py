@@ -21,7 +21,7 @@ class LugreAnalysis(Analysis):
     needs = NEEDS
     options = (
         *("starts", "seed", "robust", "by_recording", "method", "law", "compare"),
-        *("joint", "posterior"),
+        "joint",
     )
 
     def evaluate(

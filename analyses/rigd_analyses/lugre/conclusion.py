@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd.analysis.result import IdentificationResult
 from rigd_analyses.lugre.design.further import with_further_tests
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.constants import RigConstants
@@ -21,24 +20,19 @@ def identify_output_error(
     constants: LugreConstants,
     rig: RigConstants,
     settings: Settings | None = None,
-    posterior: bool = False,
 ) -> IdentificationResult:
     """Return the LuGre parameters that ``trials`` support, by simulating the rig.
 
     The starts come from method A (slip in, traction out) and from the model's own start.
-    ``posterior`` asks for credible intervals besides, with the seed of ``settings``.
 
     Raises:
         DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
     """
-    return conclude_group(fit_group(trials, constants, rig, settings), posterior)
+    return conclude_group(fit_group(trials, constants, rig, settings))
 
 
-def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationResult:
-    """Return the result of ``begun``: profiles, other filters of the current, intervals.
-
-    ``posterior`` asks for credible intervals besides.
-    """
+def conclude_group(begun: FirstFit) -> IdentificationResult:
+    """Return the result of ``begun``: profiles, other filters of the current, intervals."""
     first = begun.system
 
     def system(window_s: float) -> RigSystem:
@@ -48,11 +42,4 @@ def conclude_group(begun: FirstFit, posterior: bool = False) -> IdentificationRe
 
     found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
     concluded = result(first, found, begun.rejected, begun.starts, begun.block)
-    concluded = with_further_tests(concluded, found, first)
-    if not posterior or found.gate.outcome is FitOutcome.MISFIT:
-        return concluded
-    # Here, so that only this option needs the extra.
-    from rigd_analyses.lugre.rig.posterior import friction_posterior
-
-    given = frozenset(item.name for item in concluded.parameters if item.quoted is not None)
-    return replace(concluded, posterior=friction_posterior(found, given, begun.seed))
+    return with_further_tests(concluded, found, first)

@@ -71,7 +71,7 @@ def identify(
         result = identify_by_law(found, constants, settings, options)
     elif _simulated(options, usable):
         rig = rig_constants(usable, constants)
-        result = identify_output_error(found, constants, rig, settings, options.posterior)
+        result = identify_output_error(found, constants, rig, settings)
     else:
         result = _by_slip_force(usable, found, constants, settings)
     if options.compare:
@@ -109,7 +109,7 @@ def _by_slip_force(
 
 def _simulated(options: Options, trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
     """Whether output error evaluates ``trials``: it is asked for, or nothing is against it."""
-    if options.method or options.posterior:
+    if options.method:
         return options.method != SLIP_FORCE
     return not options.robust and not _missing(trials)
 
@@ -141,21 +141,17 @@ def _check(options: Options) -> None:
     Raises:
         ConfigError: two of them, or one and the method, do not go together.
     """
-    if options.method == SLIP_FORCE and options.posterior:
-        raise ConfigError(
-            "--posterior: output error alone has a likelihood of all that is not known",
-            hint="leave out `--method slip-force`",
-        )
-    needs = "--method output-error" if options.method == OUTPUT_ERROR else ""
-    needs = "--posterior" if options.posterior else needs
-    if needs and options.law not in ("", LUGRE):
+    if options.method != OUTPUT_ERROR:
+        return
+    if options.law not in ("", LUGRE):
         raise ConfigError(
             f"--law {options.law}: output error simulates the rig with the law {LUGRE} only",
-            hint=f"leave out {needs}",
+            hint="leave out --method output-error",
         )
-    if needs and options.robust:
+    if options.robust:
         raise ConfigError(
-            "--robust: output error has no robust loss", hint=f"leave it out, or {needs}"
+            "--robust: output error has no robust loss",
+            hint="leave it out, or --method output-error",
         )
 
 

@@ -102,7 +102,7 @@ def identify_together(
     def concluded(group: Group) -> IdentificationResult:
         k = labels.index(group.label)
         item, lacking = begun[k]
-        found = conclude_group(replace(item, whole=wholes.get(k, item.whole)), options.posterior)
+        found = conclude_group(replace(item, whole=wholes.get(k, item.whole)))
         done = found.preprocessing
         done = replace(done, rejected=(*lacking, *done.rejected))
         return replace(found, preprocessing=done)

@@ -21,15 +21,12 @@ from rigd.analysis.report.models import HEADS, ModelRow, model_rows
 from rigd.analysis.report.plots import (
     correlation,
     models,
-    posterior,
     profile,
     residual,
     tracks,
     trial,
 )
 from rigd.analysis.report.plots.axes import words
-from rigd.analysis.report.posterior import HEADS as CREDIBLE_HEADS
-from rigd.analysis.report.posterior import CredibleRow, credible_rows, how_sampled
 from rigd.analysis.report.rounding import count, interval, number
 from rigd.analysis.report.section import ReportSection
 from rigd.analysis.report.starts import StartTable, start_table
@@ -67,16 +64,6 @@ class ModelsView:
 
 
 @dataclass(frozen=True)
-class PosteriorView:
-    """The credible intervals: how they were made, the table, densities and ridges."""
-
-    how: str
-    heads: tuple[str, ...]
-    rows: tuple[CredibleRow, ...]
-    drawings: tuple[Drawing, ...]
-
-
-@dataclass(frozen=True)
 class Chapter:
     """The content of one section."""
 
@@ -93,7 +80,6 @@ class Chapter:
     residuals: tuple[Drawing, ...]
     profiles: Drawing | None
     models: ModelsView | None
-    posterior: PosteriorView | None
     correlation: Drawing | None
     budget: BudgetTable | None
     starts: StartTable | None
@@ -182,7 +168,6 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         residuals=_residuals(anchor, result),
         profiles=_profiles(anchor, result.profiles, _symbols(result)),
         models=_models(anchor, result),
-        posterior=_posterior(anchor, result),
         correlation=_correlation(anchor, result),
         budget=budget_table(result),
         starts=start_table(result),
@@ -307,28 +292,6 @@ def _models(anchor: str, result: IdentificationResult) -> ModelsView | None:
         effective=count(found.effective_samples),
         unit=found.unit,
         drawing=draw(models.models(found), f"{anchor}-models", alt, caption),
-    )
-
-
-def _posterior(anchor: str, result: IdentificationResult) -> PosteriorView | None:
-    found = result.posterior
-    if found is None:
-        return None
-    names = ", ".join(item.name for item in found.parameters)
-    caption = (
-        "A line for each chain; chains that agree lie on one another. Shaded: credible interval, "
-        "with what it joins to the draws. Dotted: the interval of the table. Dashed: modes, if "
-        "there are several."
-    )
-    beside = {item.name: item for item in result.parameters}
-    figure = posterior.densities(found, beside)
-    drawings = [draw(figure, f"{anchor}-posterior", f"Draws of {names}, by chain.", caption)]
-    if found.ridges:
-        pairs = ", ".join(f"{ridge.first} and {ridge.second}" for ridge in found.ridges)
-        alt = f"Draws of pairs that lie on a ridge: {pairs}."
-        drawings.append(draw(posterior.ridges(found), f"{anchor}-ridge", alt, alt))
-    return PosteriorView(
-        how_sampled(result), CREDIBLE_HEADS, credible_rows(result), tuple(drawings)
     )
 
 

@@ -102,7 +102,6 @@ class FirstFit:
     rejected: tuple[TrialRejection, ...]
     starts: tuple[FloatArray, ...]
     block: int
-    seed: int
 
     @property
     def fits(self) -> bool:
@@ -154,7 +153,7 @@ def fit_group(
     shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
     return FirstFit(
         diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
-        tuple(starts), block, settings.seed,
+        tuple(starts), block,
     )  # fmt: skip
 
 
