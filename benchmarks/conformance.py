@@ -1,4 +1,4 @@
-"""Puts mistakes into the packages that `rigd new` writes, and counts those that are found.
+"""Puts mistakes into packages as `rigd new` and authors write them, and counts those found.
 
 Each mutant is a driver, plant or analysis as written, with one replacement of text
 (`tests/support/mutants`). It is caught if check_driver, check_plant or check_analysis finds it by

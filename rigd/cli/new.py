@@ -16,9 +16,6 @@ examples:
 
   rigd new driver acme-scale --kind slow     a device that is asked now and then
   rigd new driver acme-servo --kind fast     one that is exchanged with in every cycle
-  rigd new driver acme-daq --kind block      a card whose library hands over many rows at once
-  rigd new driver acme-gauge --kind serial   slow, on a serial port or TCP
-  rigd new driver acme-supply --kind scpi    fast, with a setpoint, in SCPI
   pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale
 
   rigd new plant acme-sled                   physics, simulated devices, a rig and a procedure
@@ -30,16 +27,14 @@ examples:
   adapt it.
 """
 
-#: Kinds of drivers, each with the folders of its templates: a later one has files in place of
-#: those before.
-_DRIVERS: Final = {
-    "fast": ("common", "fast"),
-    "slow": ("common", "slow"),
-    "block": ("common", "block"),
-    "serial": ("common", "slow", "serial"),
-    "scpi": ("common", "scpi"),
+#: Kinds of drivers.
+KINDS: Final = ("fast", "slow")
+#: Kinds of drivers that had a template, each with what to do instead.
+RETIRED: Final = {
+    "block": "write a BlockDriver as rigd_drivers.cards.ni_daq does",
+    "serial": "take `--kind slow`, with rigd.sdk.port as rigd_drivers.instruments.scale does",
+    "scpi": "`driver: line-outputs` or `driver: scpi` needs no code; else take `--kind fast`",
 }
-KINDS: Final = tuple(_DRIVERS)
 _ARTICLES: Final = {"driver": "a", "plant": "a", "analysis": "an", "friction-law": "a"}
 #: Kinds of plug-ins, each with the name of its entry points.
 _PLURALS: Final = {
@@ -58,21 +53,10 @@ _LISTS: Final = {
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 #: Longest name, in characters: folders, modules and classes are named by it.
 _MAX_NAME: Final = 40
-#: The options of the rig file in the README of a driver, if they are no TCP port alone.
-_OPTIONS: Final = {
-    "serial": "{port: /dev/ttyUSB0}",
-    "scpi": "{port: 'tcp://192.168.1.30:5025'}",
-}
-#: Its additional keys, of drivers with setpoints.
-_LIMITS: Final = {
-    "fast": """
+#: Additional keys of the rig file in the README of a driver with a setpoint.
+_LIMITS: Final = """
     limits:
-      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}""",
-    "scpi": """
-    limits:
-      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}
-    waiver: {by: A. Person, reason: The emergency stop cuts the mains of the supply}""",
-}
+      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -81,7 +65,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name", metavar="NAME", help="name of the package or rig, such as acme-scale"
     )
-    parser.add_argument("--kind", choices=KINDS, help=f"kind of driver (default: {KINDS[0]})")
+    parser.add_argument(
+        "--kind", choices=KINDS, type=_kind, help=f"kind of driver (default: {KINDS[0]})"
+    )
     parser.add_argument(
         "--from", dest="source", type=Path, metavar="FILE",
         help="description of the rig (default: questions at the terminal, or lines of standard "
@@ -91,6 +77,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--folder", type=Path, default=Path(), metavar="DIR",
         help="folder in which to make the folder NAME (default: here)",
     )  # fmt: skip
+
+
+def _kind(word: str) -> str:
+    """Return ``word``; name what took the place of a kind that is no more."""
+    if word in RETIRED:
+        raise argparse.ArgumentTypeError(
+            f"there is no template of kind {word} any more: {RETIRED[word]} "
+            "(docs/drivers.md, `Which kind`)"
+        )
+    return word
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -225,8 +221,18 @@ def module_name(name: str) -> str:
 def rendered(name: str, kind: str) -> Mapping[str, str]:
     """Return the files of a package by path, below its folder.
 
-    ``kind`` is one of :data:`KINDS` of drivers, ``plant`` or ``analysis``. Templates have words in
-    double braces, as in Jinja, and use no other feature of Jinja.
+    ``kind`` is one of :data:`KINDS` of drivers, ``plant``, ``analysis`` or ``friction-law``.
+    """
+    if kind not in KINDS:
+        return filled(_TEMPLATES / kind, name, kind)
+    drivers = _TEMPLATES / "driver"
+    return {**filled(drivers / "common", name, kind), **filled(drivers / kind, name, kind)}
+
+
+def filled(folder: Path, name: str, kind: str) -> Mapping[str, str]:
+    """Return the files of the templates in ``folder`` by path, for package ``name``.
+
+    Templates have words in double braces, as in Jinja, and use no other feature of Jinja.
     """
     import re
 
@@ -236,17 +242,13 @@ def rendered(name: str, kind: str) -> Mapping[str, str]:
         "module": module,
         "cls": "".join(word.capitalize() for word in name.split("-")),
         "kind": kind,
-        "options": _OPTIONS.get(kind, "{port: 7000}"),
-        "limits": _LIMITS.get(kind, ""),
+        "limits": _LIMITS if kind == "fast" else "",
     }
     files = {}
-    drivers = _TEMPLATES / "driver"
-    folders = [drivers / name for name in _DRIVERS.get(kind, ())] or [_TEMPLATES / kind]
-    for folder in folders:
-        for path in sorted(folder.rglob("*.jinja")):
-            path_out = path.relative_to(folder).with_suffix("").as_posix()
-            path_out = path_out.replace("MODULE", module).replace("NAME", name)
-            files[path_out] = re.sub(
-                r"\{\{ (\w+) \}\}", lambda found: words[found[1]], path.read_text("utf-8")
-            )
+    for path in sorted(folder.rglob("*.jinja")):
+        path_out = path.relative_to(folder).with_suffix("").as_posix()
+        path_out = path_out.replace("MODULE", module).replace("NAME", name)
+        files[path_out] = re.sub(
+            r"\{\{ (\w+) \}\}", lambda found: words[found[1]], path.read_text("utf-8")
+        )
     return files

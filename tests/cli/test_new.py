@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import re
 import subprocess
 import sys
 import zipfile
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from support.command import rigd
 
-from rigd.cli.new import KINDS, check_name, module_name, rendered
+from rigd.cli.new import KINDS, RETIRED, check_name, module_name, rendered
 from rigd.model.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
@@ -24,15 +27,12 @@ cycle: 1 kHz
 devices:
   mine:
     driver: {name}
-    options: {options}
+    options: {{port: 7000}}
 {limits}
 interlocks: []
 constants: {{}}
 """
-LIMITS = {
-    "fast": "    limits:\n      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}\n",
-    "scpi": "    limits:\n      voltage: {low: 0 V, high: 12 V, rate: 5 V/s}\n",
-}
+LIMITS = {"fast": "    limits:\n      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}\n"}
 
 
 def run(*command: str | Path, cwd: Path, site: Path | None = None) -> str:
@@ -91,9 +91,8 @@ def test_new_package_installs_and_passes_its_own_tests(kind: str, tmp_path: Path
     shown = run("rigd", "drivers", name, cwd=elsewhere, site=site)
     assert f"driver of {name} 0.1.0" in shown
     assert "port" in shown
-    options = "{port: tcp://supply:5025}" if kind in ("serial", "scpi") else "{port: 7000}"
-    limits = LIMITS.get(kind, "")
-    (elsewhere / "rig.yaml").write_text(RIG.format(name=name, options=options, limits=limits))
+    rig = RIG.format(name=name, limits=LIMITS.get(kind, ""))
+    (elsewhere / "rig.yaml").write_text(rig)
     assert "1 devices" in run("rigd", "check", "rig.yaml", cwd=elsewhere, site=site)
 
 
@@ -210,6 +209,19 @@ def test_plant_name_is_compared_with_plants_only() -> None:
     check_name("serial-scale", "plant")
     with pytest.raises(ConfigError, match="a plant 'approach-angle' is installed"):
         check_name("approach-angle", "plant")
+
+
+@pytest.mark.parametrize("kind", RETIRED)
+def test_kind_without_template_names_what_to_read(kind: str, tmp_path: Path) -> None:
+    refused = rigd("new", "driver", "acme", "--kind", kind, cwd=tmp_path)
+    assert refused.code == 2
+    assert RETIRED[kind] in refused.err
+    assert "docs/drivers.md" in refused.err
+    for module in re.findall(r"rigd[\w.]*\w", RETIRED[kind]):
+        assert importlib.util.find_spec(module) is not None
+    for driver in re.findall(r"driver: ([\w-]+)", RETIRED[kind]):
+        assert entry_points(group="rigd.drivers", name=driver)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from support.fresh_mutants.kinds import AUTHORS
 from support.memory_motor import Good, motor
 from support.mutants import Mutant, made, texts
 from support.mutants.kinds import KINDS
+from support.written_drivers import KINDS as WRITTEN
 
 from rigd.sdk.check import Observed, Peer, examine_driver
 from rigd.sdk.check.sequences import DrawnStep, DrawnTrial, SequenceDrawing
@@ -32,6 +33,12 @@ def test_mutant_is_found_by_its_rule(kind: str, mutant: Mutant, tmp_path: Path) 
     with made(kind, mutant, tmp_path) as package:
         report = package.examine([mutant.rule])
     assert {finding.rule for finding in report.findings} == {mutant.rule}
+
+
+@pytest.mark.parametrize("kind", WRITTEN)
+def test_driver_without_mistake_passes_each_rule(kind: str, tmp_path: Path) -> None:
+    with made(kind, None, tmp_path) as package:
+        assert package.examine([]).findings == ()
 
 
 def test_answer_to_cancelled_question_is_no_row(tmp_path: Path) -> None:

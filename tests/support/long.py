@@ -347,9 +347,6 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_a_friction_law_passes_and_is_found",
             "test_a_plant_installs_passes_its_tests_and_runs",
             "test_an_analysis_that_is_made_passes_its_tests",
-            "test_new_package_installs_and_passes_its_own_tests[block]",
-            "test_new_package_installs_and_passes_its_own_tests[scpi]",
-            "test_new_package_installs_and_passes_its_own_tests[serial]",
             "test_new_package_installs_and_passes_its_own_tests[slow]",
             "test_new_package_is_typed_and_formatted_like_rigd",
         ),
@@ -665,6 +662,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_recordings_while_they_are_written",
         ),
         "remote/test_spoofing.py": ("test_client_cannot_publish_a_status[over_tls]",),
+        "sdk/test_check_mutants.py": ("test_driver_without_mistake_passes_each_rule",),
         "sdk/test_check_plant.py": (
             "test_angle_plant_keeps_every_rule",
             "test_articulated_plant_keeps_every_rule[linear]",

@@ -1,26 +1,20 @@
 """A power supply with the commands of the Keithley 2260B, on a TCP port, and how it fails.
 
 Source: Keithley 2260B programming manual, `OUTPut`, `SOURce:VOLTage`, `MEASure`. It shares no code
-with PyMeasure, and stands on the supply of the template for drivers with SCPI.
+with PyMeasure, and stands on the supply of `support.written_drivers`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import ModuleType
-from typing import Any, overload
+from typing import overload
 
-from rigd.cli.new import rendered
+from support.written_drivers import supply_class
+
 from rigd.sdk.check import SentReading
 
 #: Faults that it shows, by the names of `rigd.sdk.check`.
 FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
-
-
-def _base() -> Any:
-    module = ModuleType("supply")
-    exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
-    return module.__dict__["Simulated"]
 
 
 class Voltages(Sequence[SentReading]):
@@ -43,7 +37,7 @@ class Voltages(Sequence[SentReading]):
         return SentReading(taken_s, {"voltage": values["voltage"]})
 
 
-class Supply2260B(_base()):  # type: ignore[misc]  # made of a template
+class Supply2260B(supply_class()):  # type: ignore[misc]  # made of a template
     """The supply; ``address`` is its VISA resource."""
 
     def __init__(self) -> None:

@@ -9,14 +9,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from support.descriptors import beyond_select
 from support.name_server import lose_name_server
+from support.written_drivers import supply_class
 
-from rigd.cli.new import rendered
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
@@ -69,10 +68,8 @@ FAULTS = ("dead", "silent", "late", "garbled", "stuck", "locked")
 
 
 def supply() -> Any:
-    """Return the simulated supply of the template for SCPI drivers, which is written apart."""
-    module = ModuleType("supply")
-    exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
-    return module.__dict__["Simulated"]()
+    """Return a simulated supply with SCPI, which is written apart."""
+    return supply_class()()
 
 
 def observed(device: Any) -> Observed:

@@ -8,14 +8,13 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from support.supply_2260b import Voltages
 from support.visa_bridge import Bridge
+from support.written_drivers import supply_class
 
-from rigd.cli.new import rendered
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd.sdk.port import LinePort
@@ -368,10 +367,8 @@ def test_rescue_sends_safe_before_any_question(
 
 @contextmanager
 def simulated() -> Iterator[Peer]:
-    """Serve the supply of the template for SCPI drivers, which is written apart, over TCP."""
-    module = ModuleType("supply")
-    exec(rendered("acme-supply", "scpi")["acme_supply/simulated.py"], module.__dict__)
-    device = module.__dict__["Simulated"]()
+    """Serve a supply with SCPI, which is written apart, over TCP."""
+    device = supply_class()()
     try:
         yield Peer(
             options={"port": device.port},

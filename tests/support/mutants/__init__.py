@@ -1,4 +1,4 @@
-"""Packages as `rigd new` writes them, each with one mistake, for the conformance suites.
+"""Packages as `rigd new` or an author writes them, each with one mistake, for conformance suites.
 
 A mutant is a replacement of text in a driver, a plant or an analysis, and names the rule of
 ``check_driver``, ``check_plant`` or ``check_analysis`` that finds it. ``benchmarks/conformance.py``
@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from support.fresh_mutants import sensor
+from support.written_drivers import written
 
 from rigd.analysis.check import examine_analysis
-from rigd.cli.new import module_name, rendered
+from rigd.cli.new import module_name
 from rigd.sdk import AnyDriver
 from rigd.sdk.check import Report, examine_driver, examine_plant
 
@@ -76,7 +77,7 @@ def texts(kind: str, mutant: Mistake | None) -> tuple[str, str, dict[str, str]]:
     name = f"{kind}-with-{word}"
     module = module_name(name)
     class_name = "".join(part.capitalize() for part in name.split("-"))
-    files = sensor.rendered(module, class_name) if kind == "sensor" else rendered(name, kind)
+    files = sensor.rendered(module, class_name) if kind == "sensor" else written(name, kind)
     if mutant is not None:
         path = f"{module}/{mutant.file}.py"
         files = {**files, path: mutant.applied(files[path], class_name)}

@@ -1,4 +1,4 @@
-"""Mistakes in the block driver that `rigd new driver --kind block` writes."""
+"""Mistakes in the block driver of `support.written_drivers`."""
 
 from __future__ import annotations
 

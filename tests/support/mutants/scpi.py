@@ -1,4 +1,4 @@
-"""Mistakes in the driver that `rigd new driver --kind scpi` writes."""
+"""Mistakes in the driver with SCPI of `support.written_drivers`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes in the driver that `rigd new driver --kind serial` writes."""
+"""Mistakes in the driver on a serial line of `support.written_drivers`."""
 
 from __future__ import annotations
 
