@@ -20,6 +20,7 @@ from support.name_server import lose_name_server
 from support.stalls import witnessed
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.modbus.client import Client
 from rigd_drivers.modbus.framing import Trouble
 from rigd_drivers.modbus.servo import ENABLED, TRIPPED, ServoConfig
 
@@ -280,6 +281,29 @@ def test_rescue_of_disobedient_drive_fails(servo: ServoBench) -> None:
         driver.close()
     with pytest.raises(DeviceError, match="still reports that it is enabled"):
         servo.driver().rescue()
+
+
+@TCP
+def test_drive_that_obeys_during_stall_is_safe(
+    servo: ServoBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = armed(servo)
+    ask, now = Client.ask, time.monotonic
+    ahead_s: list[float] = []
+
+    def stalled(client: Client, *args: Any) -> tuple[int, ...]:
+        words = ask(client, *args)
+        if not ahead_s:  # once: the drive obeys while this computer stands still
+            driver.make_safe()
+            while servo.state()["enabled"]:
+                pass
+            ahead_s.append(60.0)
+        return words
+
+    monkeypatch.setattr(Client, "ask", stalled)
+    monkeypatch.setattr(time, "monotonic", lambda: now() + sum(ahead_s))
+    driver.confirm_safe()
+    assert ahead_s
 
 
 @TCP
