@@ -56,7 +56,7 @@ from support.angle_runs import drawn_rig, known_run
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import FloatArray, KnownRun
 from rigd_analyses.approach_angle.result import CampaignResult
-from rigd_sim.plants.angle.parameters import AngleParameters
+from rigd_sim.approach_angle.parameters import AngleParameters
 
 Row = dict[str, Any]
 Runs = list[KnownRun]

@@ -41,16 +41,16 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk import Driver
 from rigd.sdk.shipped import shipped_folder
-from rigd_sim.devices.articulated_drive import ArticulatedDrive, DriveConfig
-from rigd_sim.devices.articulated_sensors import (
+from rigd_sim.articulated import kernel, records
+from rigd_sim.articulated.drive import ArticulatedDrive, DriveConfig
+from rigd_sim.articulated.parameters import ArticulatedParameters
+from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
+from rigd_sim.articulated.sensors import (
     ArticulatedTracker,
     ArticulatedTruth,
     ModuleConfig,
     TruthConfig,
 )
-from rigd_sim.plants.articulated import kernel, records
-from rigd_sim.plants.articulated.parameters import ArticulatedParameters
-from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
 
 SOURCE = Path(__file__).with_name("articulated_reference.c")
 STEP_S = 5e-4

@@ -1,4 +1,4 @@
-/* The integrator of sim_backend/rigd_sim/plants/articulated/kernel.py in plain C: the same scheme,
+/* The integrator of sim_backend/rigd_sim/articulated/kernel.py in plain C: the same scheme,
  * step by step, with loads that do not change, as the yardstick of its speed. layout.h is written by
  * articulated.py from the same records. */
 #include <math.h>

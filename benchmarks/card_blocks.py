@@ -50,7 +50,7 @@ devices:
 
 def serve() -> None:
     """Serve the simulated card until killed; print its port."""
-    from rigd_sim.wire.ni import SimNi
+    from rigd_sim.wire.cards.ni import SimNi
 
     async def run() -> None:
         part = SimNi("daq", {f"ai{index}": (lambda: 1.0) for index in range(INPUTS)})

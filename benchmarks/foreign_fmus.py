@@ -15,8 +15,8 @@ import fmpy
 import numpy as np
 from pydantic import ValidationError
 
-from rigd_sim.plants.fmu.description import NUMBERS, read_fmu
-from rigd_sim.plants.fmu.plant import FmuConfig, FmuPlant
+from rigd_sim.fmu.description import NUMBERS, read_fmu
+from rigd_sim.fmu.plant import FmuConfig, FmuPlant
 
 STEP_NS = 1_000_000
 STEPS = 2000

@@ -24,8 +24,8 @@ from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd_sim.plants.mechanism import kernel, records
-from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant
+from rigd_sim.mechanism import kernel, records
+from rigd_sim.mechanism.plant import MechanismConfig, MechanismPlant
 
 SOURCE = Path(__file__).with_name("mechanism_reference.c")
 ROUNDS = 31

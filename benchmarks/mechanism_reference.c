@@ -1,4 +1,4 @@
-/* The integrator of sim_backend/rigd_sim/plants/mechanism/kernel.py in plain C: the same scheme, step
+/* The integrator of sim_backend/rigd_sim/mechanism/kernel.py in plain C: the same scheme, step
  * by step, as the yardstick of its speed. layout.h is written by mechanism.py from the same records. */
 #include <math.h>
 #include <stddef.h>

@@ -29,7 +29,7 @@ from support.wire import wire_rig
 
 from rigd.config.loader import parse_rig
 from rigd.record import Recording
-from rigd_sim.devices.fmu_in_loop import FmuInLoop, FmuInLoopConfig
+from rigd_sim.fmu.loop_device import FmuInLoop, FmuInLoopConfig
 
 MS = 1_000_000
 DEVICE = """\

@@ -22,17 +22,17 @@ from figures import at_most
 from numpy.typing import NDArray
 
 from rigd.sdk import Driver
-from rigd_sim.devices.lugre_amplifier import AmplifierConfig, LugreAmplifier
-from rigd_sim.devices.lugre_belt import BeltConfig, LugreBelt
-from rigd_sim.devices.lugre_sensors import (
+from rigd_sim.lugre import kernel, records
+from rigd_sim.lugre.amplifier import AmplifierConfig, LugreAmplifier
+from rigd_sim.lugre.belt import BeltConfig, LugreBelt
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre.sensors import (
     AccelerometerConfig,
     EncoderConfig,
     LugreAccelerometer,
     LugreEncoder,
     LugreTruth,
 )
-from rigd_sim.plants.lugre import kernel, records
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
 SOURCE = Path(__file__).with_name("plant_reference.c")
 STEP_S = 125e-6

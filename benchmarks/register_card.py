@@ -29,9 +29,9 @@ from rigd.sdk import Driver
 from rigd_drivers.cards.mf624.access import MappedRegisters, RegIO
 from rigd_drivers.cards.mf624.link import Mf624, Mf624Config
 from rigd_drivers.cards.mf624.registers import volts_of
-from rigd_sim.cards.lugre import LugreWiring
-from rigd_sim.cards.mf624 import Mf624Registers, Wires
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre.card import LugreWiring
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.wire.cards.mf624_registers import Mf624Registers, Wires
 
 CYCLES = 4000  # one second of the rig
 ROUNDS = 15

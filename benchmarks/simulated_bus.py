@@ -22,7 +22,7 @@ from pathlib import Path
 
 from figures import at_most, noted
 
-from rigd_sim.wire.bench import WireLugre, WireLugreConfig
+from rigd_sim.lugre.wire import WireLugre, WireLugreConfig
 
 CAN_FRAME = struct.Struct("<IB3x8s")
 PERIOD_S = 1e-3

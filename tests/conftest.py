@@ -102,7 +102,8 @@ WITH_PRIORITY = places(
     "drivers/canopen/test_conformance.py", "drivers/labjack", "drivers/modbus", "drivers/ni_io",
     "drivers/ni_relay", "drivers/scale",
     "drivers/test_ni_clock.py", "drivers/test_ni_daq.py", "engine/slow/test_ni_in_helper.py",
-    "sim/wire",
+    "sim/wire", "sim/approach_angle/test_wire.py", "sim/lugre/test_wire.py",
+    "sim/mechanism/test_wire.py", "sim/mechanism/test_tribometer.py",
 )  # fmt: skip
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(
@@ -123,7 +124,7 @@ QUICK = places(
     "engine/test_windows.py",
     "model", "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
     "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
-    "sdk/test_options.py", "sim/test_parameters.py", "sim/wire/test_eds.py",
+    "sdk/test_options.py", "sim/lugre/test_parameters.py", "sim/wire/can/test_eds.py",
 )  # fmt: skip
 #: `make test-days`: tests that ask which day it is. Shown to be all by whole runs on other days.
 DATES = places(

@@ -9,8 +9,8 @@ from xml.etree.ElementTree import SubElement
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real, String
 
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
 
 
 class LugreRig(Fmi2Slave):

@@ -6,7 +6,7 @@ rigd must be installed where the FMU runs.
 
 from pythonfmu3 import Float64, Fmi3Causality, Fmi3Slave, Fmi3Variability, String, Unit
 
-from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
+from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
 
 #: Outputs: the first of the plant's hidden state of a module, in its order.
 OUTPUTS = (

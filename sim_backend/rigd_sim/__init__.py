@@ -1,1 +1,1 @@
-"""Simulates rigs: the physics (plants) and the devices."""
+"""Simulates rigs: a folder for each family (plant, devices, wire); all share ``wire``."""

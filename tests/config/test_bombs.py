@@ -17,7 +17,7 @@ from rigd.model.errors import ConfigError
 from rigd.procedure.loader import load_procedure
 from rigd.remote.client.remotes import read_remotes
 from rigd.sdk.shipped import shipped_folder
-from rigd_sim.plants.lugre.plant import LugrePlant
+from rigd_sim.lugre.plant import LugrePlant
 from rigd_sim.wire.faults import read_fault_file
 
 PLANT = shipped_folder("configs") / "plants" / "lugre.yaml"

@@ -8,25 +8,25 @@ from pathlib import Path
 import pytest
 from support.wire import all_parts
 
-from rigd_sim.cards.lugre import LugreWiring
-from rigd_sim.cards.mf624 import Mf624Registers
+from rigd_sim.approach_angle.wire_relay import SimRelay
+from rigd_sim.lugre.card import LugreWiring
+from rigd_sim.wire.can.canopen.misbehaviour import FAULTS
 from rigd_sim.wire.can.dbc import SimDbcSensor
 from rigd_sim.wire.can.drive import Cia402Drive
 from rigd_sim.wire.can.encoder import Cia406Encoder
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.misbehaviour import FAULTS
 from rigd_sim.wire.can.transmitter import Cia404Transmitter
-from rigd_sim.wire.labjack import SimLabjack
-from rigd_sim.wire.lines import SimLines
+from rigd_sim.wire.cards.labjack import SimLabjack
+from rigd_sim.wire.cards.mf624_registers import Mf624Registers
+from rigd_sim.wire.cards.ni import SimNi
+from rigd_sim.wire.cards.ni_terminals import Terminals
+from rigd_sim.wire.instruments.lines import SimLines
+from rigd_sim.wire.instruments.oven import SimOven
+from rigd_sim.wire.instruments.scale import SimScale
+from rigd_sim.wire.instruments.supply import SimSupply
 from rigd_sim.wire.modbus.part import LINE_FAULTS
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
-from rigd_sim.wire.ni import SimNi
-from rigd_sim.wire.ni_terminals import Terminals
-from rigd_sim.wire.oven import SimOven
-from rigd_sim.wire.relay import SimRelay
-from rigd_sim.wire.scale import SimScale
-from rigd_sim.wire.supply import SimSupply
 from rigd_sim.wire.tracker import SimTracker
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"

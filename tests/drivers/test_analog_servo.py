@@ -12,7 +12,7 @@ from support.card import BenchMf624, Terminals
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.cards.analog_drive import ENABLED, LIMITED, ONE_SHOT, READY, SATURATED
 from rigd_drivers.cards.analog_servo import AnalogServo, AnalogServoConfig
-from rigd_sim.cards.drives import OneShot
+from rigd_sim.wire.cards.analog_drives import OneShot
 
 OPTIONS: dict[str, Any] = {
     "set_output": 2,

@@ -14,11 +14,11 @@ from support.card import serving
 from rigd.config.loader import load_rig
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.cards.mf624.link import Mf624, Mf624Config
-from rigd_sim.cards.lugre import LugreWiring
-from rigd_sim.cards.mf624 import Mf624Registers
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
-from rigd_sim.wire.mf624 import SimMf624
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.card import LugreWiring
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.wire.cards.mf624 import SimMf624
+from rigd_sim.wire.cards.mf624_registers import Mf624Registers
 
 ONE_SHOT_S = 0.5  #: longer than this machine stalls
 RIG = load_rig("card-lugre")

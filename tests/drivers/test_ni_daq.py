@@ -18,7 +18,7 @@ from rigd.sdk import Block, DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Peer, background_loop, check_driver
 from rigd_drivers.cards.ni_daq import NiDaq
 from rigd_drivers.cards.ni_daq.config import Input, NiDaqConfig
-from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.cards.ni import SimNi
 
 LSB_V = 20.0 / 2**14
 VOLTS: dict[str, Callable[[], float]] = {

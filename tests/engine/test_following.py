@@ -18,7 +18,7 @@ from rigd.model.errors import Exit
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.sdk.shipped import shipped_folder
-from rigd_sim.devices.lugre_belt import BeltRow, LugreBelt
+from rigd_sim.lugre.belt import BeltRow, LugreBelt
 
 MS: Final = 1_000_000
 FOLLOWS: Final = Interlock(

@@ -31,7 +31,7 @@ def test_wheel_contains_exactly_the_needed_files(wheel: Path) -> None:
     assert {
         "rigd/cli/main.py",
         "rigd/py.typed",
-        "rigd_sim/plants/lugre/kernel.py",
+        "rigd_sim/lugre/kernel.py",
         "rigd_drivers/__init__.py",
         "rigd/_bundled/procedures/constant_current.yaml",
         "rigd/_bundled/configs/sim_lugre.yaml",

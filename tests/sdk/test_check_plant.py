@@ -16,17 +16,17 @@ from rigd.sdk import Energy, In, ParameterGroup, ParametersConfig, PlantConfig
 from rigd.sdk.check import NonConforming, check_plant, examine_plant
 from rigd.sdk.check.plant_bench import CYCLE_NS, Device
 from rigd.sdk.noise import normal_pair
-from rigd_sim.devices.angle_daq import AngleDaq
-from rigd_sim.devices.angle_relay import AngleRelay
-from rigd_sim.devices.angle_sensors import AngleScale, AngleTruth
-from rigd_sim.devices.articulated_drive import ArticulatedDrive
-from rigd_sim.devices.articulated_sensors import ArticulatedTracker, ArticulatedTruth
-from rigd_sim.devices.lugre_amplifier import LugreAmplifier
-from rigd_sim.devices.lugre_belt import LugreBelt
-from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
-from rigd_sim.plants.angle.plant import AnglePlant
-from rigd_sim.plants.articulated.plant import ArticulatedPlant
-from rigd_sim.plants.lugre.plant import LugrePlant
+from rigd_sim.approach_angle.daq import AngleDaq
+from rigd_sim.approach_angle.plant import AnglePlant
+from rigd_sim.approach_angle.relay import AngleRelay
+from rigd_sim.approach_angle.sensors import AngleScale, AngleTruth
+from rigd_sim.articulated.drive import ArticulatedDrive
+from rigd_sim.articulated.plant import ArticulatedPlant
+from rigd_sim.articulated.sensors import ArticulatedTracker, ArticulatedTruth
+from rigd_sim.lugre.amplifier import LugreAmplifier
+from rigd_sim.lugre.belt import LugreBelt
+from rigd_sim.lugre.plant import LugrePlant
+from rigd_sim.lugre.sensors import LugreAccelerometer, LugreEncoder, LugreTruth
 
 LUGRE: dict[str, Device] = {
     "wheel_servo": (LugreAmplifier, {}),

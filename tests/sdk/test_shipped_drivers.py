@@ -13,14 +13,14 @@ from rigd.config.loader import load_rig
 from rigd.config.rig import DeviceConfig
 from rigd.sdk.check import FAULTS, Observed, Peer, check_driver
 from rigd.sdk.shipped import shipped_folder
-from rigd_sim.devices.articulated_drive import ArticulatedDrive
-from rigd_sim.devices.articulated_sensors import ArticulatedTracker, ArticulatedTruth
-from rigd_sim.devices.lugre_amplifier import LugreAmplifier
-from rigd_sim.devices.lugre_belt import LugreBelt
-from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
-from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.articulated.drive import ArticulatedDrive
+from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
+from rigd_sim.articulated.sensors import ArticulatedTracker, ArticulatedTruth
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.amplifier import LugreAmplifier
+from rigd_sim.lugre.belt import LugreBelt
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre.sensors import LugreAccelerometer, LugreEncoder, LugreTruth
 
 #: Options of drivers that no shipped rig has; the suite needs some to construct them.
 OPTIONS: dict[str, dict[str, Any]] = {

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_sim.plants.angle import layout
-from rigd_sim.plants.angle.acquisition import Acquisition, Samples
-from rigd_sim.plants.angle.parameters import AngleParameters
-from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
+from rigd_sim.approach_angle import layout
+from rigd_sim.approach_angle.acquisition import Acquisition, Samples
+from rigd_sim.approach_angle.parameters import AngleParameters
+from rigd_sim.approach_angle.plant import AngleConfig, AnglePlant
 
 FloatArray = NDArray[np.float64]
 

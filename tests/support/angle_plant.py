@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_sim.plants.angle import layout
-from rigd_sim.plants.angle.acquisition import Acquisition
-from rigd_sim.plants.angle.parameters import AngleParameters
-from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
+from rigd_sim.approach_angle import layout
+from rigd_sim.approach_angle.acquisition import Acquisition
+from rigd_sim.approach_angle.parameters import AngleParameters
+from rigd_sim.approach_angle.plant import AngleConfig, AnglePlant
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -16,7 +16,7 @@ from math import cos, hypot, sin, tanh
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_sim.plants.articulated.parameters import ArticulatedParameters, Module
+from rigd_sim.articulated.parameters import ArticulatedParameters, Module
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_sim.plants.articulated import kernel, records
-from rigd_sim.plants.articulated.parameters import ArticulatedParameters
-from rigd_sim.plants.articulated.plant import ArticulatedConfig
+from rigd_sim.articulated import kernel, records
+from rigd_sim.articulated.parameters import ArticulatedParameters
+from rigd_sim.articulated.plant import ArticulatedConfig
 
 Array = NDArray[np.float64]
 STEP_S = 5e-4
@@ -148,7 +148,7 @@ class Driven:
 
     def truth(self, module: int) -> Array:
         """Return the hidden state of a module in the order of layout.TRUTH."""
-        from rigd_sim.plants.articulated import layout
+        from rigd_sim.articulated import layout
 
         shown = np.zeros(len(layout.TRUTH))
         arrays = (self.commands, self.state, self.slides, self.scratch)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from rigd.sdk.check import Observed, Peer, background_loop
 from rigd_drivers.can.bus import CanBus, CanBusConfig
+from rigd_sim.wire.can.canopen.node import CanopenNode
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.transmitter import Cia404Transmitter
 
 #: Travel of the belt per turn of the motor, in m.

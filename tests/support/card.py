@@ -11,8 +11,8 @@ from functools import partial
 
 from rigd_drivers.cards.mf624.access import RegIO
 from rigd_drivers.cards.mf624.link import Mf624, Mf624Config
-from rigd_sim.cards.drives import OneShot
-from rigd_sim.cards.mf624 import Mf624Registers, Wires
+from rigd_sim.wire.cards.analog_drives import OneShot
+from rigd_sim.wire.cards.mf624_registers import Mf624Registers, Wires
 from rigd_sim.wire.part import Part
 
 

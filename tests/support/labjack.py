@@ -13,8 +13,8 @@ from support.served import OnLoop, served
 
 from rigd_drivers.cards.labjack.config import LabjackConfig
 from rigd_drivers.cards.labjack.link import Labjack
-from rigd_sim.wire.labjack import CONNECTIONS, SimLabjack
-from rigd_sim.wire.labjack_registers import LabjackRegisters
+from rigd_sim.wire.cards.labjack import CONNECTIONS, SimLabjack
+from rigd_sim.wire.cards.labjack_registers import LabjackRegisters
 from rigd_sim.wire.modbus.line import TcpLine
 
 #: Lines 8 to 15 are the outputs 0 to 7 of the block, 16 to 22 its inputs 0 to 6; of these 15 and

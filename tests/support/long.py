@@ -145,7 +145,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_the_shipped_torque_is_what_its_recording_gives",
             "test_bad_fit_is_refused_and_nothing_is_written",
         ),
-        "sim/wire/test_mechanism.py": ("test_real_drivers_turn_the_described_disk",),
+        "sim/mechanism/test_wire.py": ("test_real_drivers_turn_the_described_disk",),
         "system/test_card_wire.py": ("test_run_completes_over_the_served_card",),
         "system/test_faults.py": (
             "test_a_procedure_shows_a_fault_itself",
@@ -490,7 +490,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_failing_unit_ends_the_run_with_its_name[sleep",
             "test_plant_keeps_the_promises_that_apply",
         ),
-        "sim/wire/test_bench.py": (
+        "sim/lugre/test_wire.py": (
             "test_killed_simulation_does_not_block_the_next",
             "test_one_folder_serves_one_simulation",
         ),
@@ -668,7 +668,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_articulated_plant_keeps_every_rule[linear]",
             "test_articulated_plant_keeps_every_rule[smooth]",
         ),
-        "sim/angle/test_devices.py": ("test_compilation_is_done_at_opening",),
+        "sim/approach_angle/test_devices.py": ("test_compilation_is_done_at_opening",),
         "system/test_replay.py": (
             "test_replaying_the_setpoints_gives_the_readings[lz4]",
             "test_replaying_the_setpoints_gives_the_readings[none]",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant
+from rigd_sim.mechanism.plant import MechanismConfig, MechanismPlant
 
 MS = 1_000_000
 

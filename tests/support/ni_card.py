@@ -13,9 +13,9 @@ from support.served import OnLoop, served
 
 from rigd_drivers.cards.ni_io.config import NiIoConfig
 from rigd_drivers.cards.ni_io.link import NiIo
-from rigd_sim.cards.mf624 import Wires
-from rigd_sim.wire.ni_io import SimNiIo
-from rigd_sim.wire.ni_terminals import Terminals
+from rigd_sim.wire.cards.mf624_registers import Wires
+from rigd_sim.wire.cards.ni_io import SimNiIo
+from rigd_sim.wire.cards.ni_terminals import Terminals
 from rigd_sim.wire.part import State
 
 #: Longer than this machine stalls at most times.

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from support.can import Client
 
+from rigd_sim.wire.can.canopen.node import CanopenNode
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.traits import read_make
 
 SERVO, ENCODER = 1, 11

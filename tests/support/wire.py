@@ -20,7 +20,7 @@ from typing import Any
 
 from support import warm
 
-import rigd_sim.wire
+import rigd_sim
 from rigd.config.loader import load_rig
 from rigd.sdk import LinkError, Simulation
 from rigd_sim.wire.part import Part
@@ -192,7 +192,7 @@ def served_rig(folder: Path, text: str) -> Iterator[WireRig]:
 
 def all_parts() -> set[type[Part]]:
     """Return the class of every device that can be simulated at the wire."""
-    for module in pkgutil.walk_packages(rigd_sim.wire.__path__, "rigd_sim.wire."):
+    for module in pkgutil.walk_packages(rigd_sim.__path__, "rigd_sim."):
         importlib.import_module(module.name)
     found, left = set(), [Part]
     while left:

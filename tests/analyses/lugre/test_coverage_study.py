@@ -13,7 +13,7 @@ from rigd.config.loader import load_rig
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
 
 
 def experiments(error_sd: float, half_width: float, count: int = 400) -> list[Found]:

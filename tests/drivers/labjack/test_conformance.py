@@ -12,11 +12,11 @@ from rigd.config.loader import load_rig
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.cards.labjack.config import LabjackConfig
 from rigd_drivers.cards.labjack.link import Labjack
-from rigd_sim.cards.lugre import LugreWiring
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
-from rigd_sim.wire.labjack import SimLabjack
-from rigd_sim.wire.lugre import labjack_of
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.card import LugreWiring
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.lugre.wire_parts import labjack_of
+from rigd_sim.wire.cards.labjack import SimLabjack
 from rigd_sim.wire.modbus.line import TcpLine
 
 RIG = load_rig("labjack-lugre")

@@ -10,7 +10,7 @@ from support.serial_peer import serial_peer
 
 from rigd.sdk.check import SentReading, check_driver
 from rigd_drivers.instruments.lines.driver import Lines
-from rigd_sim.wire.lines import SimLines
+from rigd_sim.wire.instruments.lines import SimLines
 
 
 @pytest.mark.parametrize("asked", [True, False])

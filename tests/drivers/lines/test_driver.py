@@ -16,7 +16,7 @@ from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.instruments.lines.config import LinesConfig
 from rigd_drivers.instruments.lines.driver import Lines
 from rigd_drivers.instruments.lines.tally import LineStatus
-from rigd_sim.wire.lines import SimLines
+from rigd_sim.wire.instruments.lines import SimLines
 
 TIMEOUT_S = 30
 #: Options of a device that is asked, and of one that sends by itself.

@@ -12,11 +12,11 @@ from rigd.config.loader import load_rig
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.cards.ni_io.config import NiIoConfig
 from rigd_drivers.cards.ni_io.link import NiIo
-from rigd_sim.cards.lugre import LugreWiring
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
-from rigd_sim.wire.ni_io import SimNiIo
-from rigd_sim.wire.ni_terminals import Terminals
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.card import LugreWiring
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.wire.cards.ni_io import SimNiIo
+from rigd_sim.wire.cards.ni_terminals import Terminals
 
 WATCHDOG_S = 0.6  #: longer than this machine stalls
 RIG = load_rig("ni-lugre")

@@ -16,9 +16,9 @@ from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.cards.frequency import STANDING, CardFrequency, CardFrequencyConfig
 from rigd_drivers.cards.ni_io.config import NiIoConfig
 from rigd_drivers.cards.ni_io.link import NiIo
-from rigd_sim.cards.mf624 import Wires
-from rigd_sim.wire.ni_io import SimNiIo
-from rigd_sim.wire.ni_terminals import Terminals
+from rigd_sim.wire.cards.mf624_registers import Wires
+from rigd_sim.wire.cards.ni_io import SimNiIo
+from rigd_sim.wire.cards.ni_terminals import Terminals
 
 FLOW = {"counter": 2, "name": "flow", "unit": "m^3/s", "scale": "0.5 cm^3/count"}
 

@@ -25,9 +25,9 @@ from rigd_drivers.cards.ni_relay import NiRelay
 from rigd_drivers.cards.ni_relay.config import NiRelayConfig
 from rigd_drivers.cards.ni_relay.driver import ARMED, LIMITED, ONE_SHOT, PENDING
 from rigd_drivers.cards.ni_relay.keeper import CYCLE_SILENCE_S
-from rigd_sim.cards.drives import OneShot
-from rigd_sim.wire.ni import SimNi
-from rigd_sim.wire.ni_lines import Lines
+from rigd_sim.wire.cards.analog_drives import OneShot
+from rigd_sim.wire.cards.ni import SimNi
+from rigd_sim.wire.cards.ni_lines import Lines
 
 ONE_SHOT_S = 0.3
 WATCHDOG = {"line": "port0/line1", "feedback": "port0/line2", "time": f"{ONE_SHOT_S} s"}

@@ -10,7 +10,7 @@ from support.serial_peer import serial_peer
 
 from rigd.sdk.check import check_driver
 from rigd_drivers.instruments.scale.driver import SerialScale
-from rigd_sim.wire.scale import SimScale
+from rigd_sim.wire.instruments.scale import SimScale
 
 
 @pytest.mark.parametrize("dialect", ["mt-sics", "and-d"])

@@ -17,8 +17,8 @@ from pydantic import ValidationError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.instruments.scale import driver as module
 from rigd_drivers.instruments.scale.driver import ScaleConfig, ScaleStatus, SerialScale
-from rigd_sim.wire.scale import SimScale
-from rigd_sim.wire.scale_languages import STABILITY_S, AndD
+from rigd_sim.wire.instruments.scale import SimScale
+from rigd_sim.wire.instruments.scale_languages import STABILITY_S, AndD
 
 DIALECTS = ("mt-sics", "kern-kcp", "and-d", "and-d-indicator", "sartorius-sbi", "ohaus")
 TIMEOUT_S = 20

@@ -21,7 +21,7 @@ from rigd.sdk.port import LinePort
 from rigd_drivers.instruments.polling import PolledStatus
 from rigd_drivers.instruments.scpi.config import ScpiConfig
 from rigd_drivers.instruments.scpi.driver import Scpi
-from rigd_sim.wire.oven import SimOven
+from rigd_sim.wire.instruments.oven import SimOven
 
 #: 0 degC in K.
 ICE = 273.15

@@ -14,7 +14,7 @@ from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.model.errors import LinkError
 from rigd_drivers.cards.ni_daq import NiDaq
 from rigd_drivers.cards.ni_daq.config import NiDaqConfig
-from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.cards.ni import SimNi
 
 from .conftest import Place
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from rigd.sdk import DeviceError, ProtocolError
-from rigd_sim.devices.articulated_drive import ArticulatedDrive, DriveConfig
-from rigd_sim.devices.articulated_sensors import (
+from rigd_sim.articulated.drive import ArticulatedDrive, DriveConfig
+from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
+from rigd_sim.articulated.sensors import (
     ArticulatedTracker,
     ArticulatedTruth,
     ModuleConfig,
     PoseRow,
     TruthConfig,
 )
-from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
 
 MS = 1_000_000
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from support.articulated_robots import Driven, altered, radius
 
-from rigd_sim.plants.articulated import layout
+from rigd_sim.articulated import layout
 
 Array = NDArray[np.float64]
 NAMES = [name for name, _, _ in layout.TRUTH]

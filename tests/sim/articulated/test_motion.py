@@ -11,8 +11,8 @@ from scipy.optimize import root
 from support.articulated_kkt import Multipliers
 from support.articulated_robots import Driven, altered, chain, radius, shipped, unlike
 
-from rigd_sim.plants.articulated import layout
-from rigd_sim.plants.articulated.parameters import ArticulatedParameters
+from rigd_sim.articulated import layout
+from rigd_sim.articulated.parameters import ArticulatedParameters
 
 Array = NDArray[np.float64]
 TEN_SECONDS = 20_000

@@ -8,7 +8,7 @@ import pytest
 
 from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_configs
-from rigd_sim.plants.articulated.plant import ArticulatedConfig
+from rigd_sim.articulated.plant import ArticulatedConfig
 
 STIFF = "{stop: 100 deg, stiffness: 9e5 N m/rad, damping: 0.5 s/rad}"
 SHIPPED = shipped_configs() / "plants" / "articulated.yaml"

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from rigd_sim.devices.fmu import FmuDevice, FmuDeviceConfig
-from rigd_sim.plants.articulated.plant import ArticulatedConfig, ArticulatedPlant
-from rigd_sim.plants.fmu.plant import FmuConfig, FmuPlant
-from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
+from rigd_sim.fmu.device import FmuDevice, FmuDeviceConfig
+from rigd_sim.fmu.plant import FmuConfig, FmuPlant
+from rigd_sim.lugre import layout
+from rigd_sim.lugre.plant import LugreConfig, LugrePlant
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "fmu"
 MS = 1_000_000

@@ -13,7 +13,7 @@ import pytest
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
-from rigd_sim.plants.fmu import description
+from rigd_sim.fmu import description
 
 RIG = """\
 rig: fmu-1

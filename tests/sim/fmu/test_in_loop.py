@@ -21,7 +21,7 @@ from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError, DeviceError, Exit
 from rigd.record.reader import Recording
 from rigd.sdk.check import check_driver
-from rigd_sim.devices.fmu_in_loop import FmuInLoop, FmuInLoopConfig
+from rigd_sim.fmu.loop_device import FmuInLoop, FmuInLoopConfig
 
 MS = 1_000_000
 #: No test waits longer for an answer, in s.

@@ -12,9 +12,9 @@ from rigd.cli.main import main
 from rigd.model.errors import ConfigError, DeviceError, Exit
 from rigd.record.reader import Recording
 from rigd.sdk.check import check_plant
-from rigd_sim.devices.fmu import FmuDevice, FmuDeviceConfig
-from rigd_sim.plants.fmu.plant import FmuConfig, FmuPlant
-from rigd_sim.plants.fmu.process import FmuProcess
+from rigd_sim.fmu.device import FmuDevice, FmuDeviceConfig
+from rigd_sim.fmu.plant import FmuConfig, FmuPlant
+from rigd_sim.fmu.process import FmuProcess
 
 MS = 1_000_000
 RPM = 0.10471975511965977

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rigd.model.errors import ConfigError
-from rigd_sim.plants.mechanism.plant import MechanismConfig
+from rigd_sim.mechanism.plant import MechanismConfig
 
 GOOD = """\
 bodies:

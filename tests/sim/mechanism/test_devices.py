@@ -15,8 +15,8 @@ from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError, DeviceError
 from rigd.sdk.check import check_driver, check_plant
 from rigd.sdk.check.plant_bench import Device
-from rigd_sim.devices.mechanism import MechanismDevice, MechanismDeviceConfig, MechanismTruth
-from rigd_sim.plants.mechanism.plant import MechanismConfig, MechanismPlant
+from rigd_sim.mechanism.device import MechanismDevice, MechanismDeviceConfig, MechanismTruth
+from rigd_sim.mechanism.plant import MechanismConfig, MechanismPlant
 
 RIG = """\
 rig: bench
@@ -146,7 +146,7 @@ def test_operator_puts_another_weight_on() -> None:
 
 def test_checking_a_rig_loads_no_numba() -> None:
     code = (
-        "import sys; from rigd_sim.plants.mechanism.plant import MechanismConfig;"
+        "import sys; from rigd_sim.mechanism.plant import MechanismConfig;"
         "MechanismConfig().mechanism(); assert 'numba' not in sys.modules, 'numba'"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

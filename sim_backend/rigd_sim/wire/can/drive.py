@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Final, Self
 
-from rigd_sim.wire.can import misbehaviour
-from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
-from rigd_sim.wire.can.heartbeat import Watch
+from rigd_sim.wire.can.canopen import misbehaviour
+from rigd_sim.wire.can.canopen.dictionary import Abort, AbortCode, Entry, Kind
+from rigd_sim.wire.can.canopen.heartbeat import Watch
+from rigd_sim.wire.can.canopen.ids import Identity, Manners
+from rigd_sim.wire.can.canopen.node import CanopenNode
 from rigd_sim.wire.can.homing402 import Homing
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.ids import Identity, Manners
-from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.can.states402 import (
     FOLLOWS,
     LIMITED,

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
-from rigd_sim.wire.can import misbehaviour
-from rigd_sim.wire.can.dictionary import Entry, Kind
+from rigd_sim.wire.can.canopen import misbehaviour
+from rigd_sim.wire.can.canopen.dictionary import Entry, Kind
+from rigd_sim.wire.can.canopen.ids import Identity
+from rigd_sim.wire.can.canopen.node import CanopenNode
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.ids import Identity
-from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.options import number, whole
 from rigd_sim.wire.part import State
 

@@ -18,7 +18,7 @@ from rigd.model.errors import ConfigError
 from rigd.model.units import parse_quantity
 from rigd.sdk import Documented, In, wrong_entry
 from rigd.sdk.parameters import load_parameters
-from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind
+from rigd_sim.wire.can.canopen.dictionary import Dictionary, Entry, Kind
 
 _FOLDER: Final = Path(__file__).parent / "makes"
 _KINDS: Final = {

@@ -10,11 +10,11 @@ import time
 from collections.abc import Callable
 from typing import ClassVar, Final, Self
 
-from rigd_sim.wire.can import misbehaviour
-from rigd_sim.wire.can.dictionary import Abort, AbortCode, Entry, Kind
+from rigd_sim.wire.can.canopen import misbehaviour
+from rigd_sim.wire.can.canopen.dictionary import Abort, AbortCode, Entry, Kind
+from rigd_sim.wire.can.canopen.ids import Identity
+from rigd_sim.wire.can.canopen.node import CanopenNode
 from rigd_sim.wire.can.hub import CanHub
-from rigd_sim.wire.can.ids import Identity
-from rigd_sim.wire.can.node import CanopenNode
 from rigd_sim.wire.part import State
 
 #: Measuring device of the device profile 404.

@@ -13,7 +13,7 @@ from support.cases import some
 
 from rigd.analysis.calibration.result import CalibrationResult
 from rigd_analyses.approach_angle.calibration.rise import Push, calibrate_rise
-from rigd_sim.plants.angle.plant import AnglePlant
+from rigd_sim.approach_angle.plant import AnglePlant
 
 LOADS = (4.0, 4.0, 4.0, 4.0, 8.0, 8.0, 8.0, 8.0)
 RISE = 0.1  #: of the shipped plant, 1/m: 3 % over 0.3 m

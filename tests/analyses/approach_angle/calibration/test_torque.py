@@ -8,7 +8,7 @@ from support.angle_plant import make_plant, mean_volts, pass_time
 from support.cases import some
 
 from rigd_analyses.approach_angle.calibration.torque import ArmBench, calibrate_torque
-from rigd_sim.plants.angle.plant import AnglePlant
+from rigd_sim.approach_angle.plant import AnglePlant
 
 BENCH = ArmBench(
     arm_m=0.2039, u_arm_m=5e-4, u_mass=3e-4, gravity=9.81, u_gravity=5e-3,

@@ -1,1 +1,0 @@
-"""Contains the physics of the simulated rigs, one folder for each rig."""
