@@ -36,7 +36,7 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk import Driver

@@ -26,7 +26,7 @@ from rigd.catalogue import parse_where, search
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
-from rigd.record.brief import brief_info
+from rigd.record.read.brief import brief_info
 
 FIRST = datetime(2026, 1, 1, 8, tzinfo=UTC)
 STREAM = Stream("carriage", (Channel("position", "m"), Channel("speed", "m/s")))

@@ -30,8 +30,8 @@ from support.wire import wire_rig
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.engine.control import Control
-from rigd.engine.result import Progress
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import Progress
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure

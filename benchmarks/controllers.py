@@ -20,12 +20,12 @@ from rigd.config.rig import RigConfig
 from rigd.controllers.bank import Bank
 from rigd.controllers.driver import ControllerConfig
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.wiring import wire
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.model.limits import SetpointLimit
 from rigd.model.tables import Tables
-from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
 from rigd.sdk.shipped import shipped_folder
 

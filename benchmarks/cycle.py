@@ -51,8 +51,8 @@ from support.wire import ROOT, wire_rig
 from rigd.config.loader import load_rig
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.engine.control import Control
-from rigd.engine.result import Progress
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import Progress
 from rigd.engine.shared import RunFolder, View, Word, state_folder
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure

@@ -31,11 +31,11 @@ from scipy import signal
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import wire
-from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
 from rigd.sdk.shipped import shipped_folder
 

@@ -26,7 +26,7 @@ from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
 from rigd_analyses.lugre.design.design import DEFAULT

@@ -40,11 +40,11 @@ from support.wire import WireRig, wire_rig
 from rigd.config.loader import parse_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.result import Progress
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
+from rigd.engine.run.result import Progress
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import wire
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import CycleProgram, Recorded

@@ -63,8 +63,8 @@ def read(path: Path) -> None:
 def bring_in(path: Path) -> None:
     """Import the file."""
     from rigd.importing import import_files, parse_map
-    from rigd.importing.csv_table import CsvTable  # what a first file loads besides
     from rigd.importing.source import TextTableSource
+    from rigd.importing.tables.csv_table import CsvTable  # what a first file loads besides
 
     CsvTable(path, TextTableSource())
     what = parse_map(MAP, Path("map.yaml"))

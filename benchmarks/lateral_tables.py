@@ -21,7 +21,7 @@ from identify_data import record
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.recordings.corrections import Corrections
-from rigd.cli.evaluation_view import print_evaluation
+from rigd.cli.views.evaluation import print_evaluation
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure

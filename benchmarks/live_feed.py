@@ -32,9 +32,9 @@ from rigd.config.remote import RemoteSetup
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.wiring import streams_of
 from rigd.remote.protocol import RigEvent
 from rigd.remote.protocol.frame import HEADER
 from rigd.remote.server import Lease, Server

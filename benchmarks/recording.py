@@ -47,8 +47,8 @@ from numpy.typing import NDArray
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Recording, RecordingWriter
-from rigd.record.compression import ZSTD_LEVEL, Compression
-from rigd.record.schema import schema_text
+from rigd.record.mcap.compression import ZSTD_LEVEL, Compression
+from rigd.record.mcap.schema import schema_text
 
 FIELDS: Final = 12
 ROWS_PER_CALL: Final = 100

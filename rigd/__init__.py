@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rigd.analysis.estimates import Estimate
     from rigd.daemon.requested import run
     from rigd.record import Recording, Table, Trial, Trials
-    from rigd.record.reader import open_recording as open
+    from rigd.record.read.reader import open_recording as open
 
 __version__ = "0.1.0"
 
@@ -51,7 +51,7 @@ _PLACES: Final = {
     "Trials": ("rigd.record", "Trials"),
     "compare": ("rigd.analysis.compare.front", "compare"),
     "identify": ("rigd.analysis.api", "identify"),
-    "open": ("rigd.record.reader", "open_recording"),
+    "open": ("rigd.record.read.reader", "open_recording"),
     "run": ("rigd.daemon.requested", "run"),
 }
 

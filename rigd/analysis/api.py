@@ -22,11 +22,11 @@ from rigd.analysis.plan import analysis_of
 from rigd.analysis.recordings.corrections import Corrections
 from rigd.analysis.recordings.source import Correction, RecordedSweep
 from rigd.model.errors import ConfigError, DataError, RecordingError
-from rigd.model.extras import require
-from rigd.model.folders import make_folder
+from rigd.model.machine.extras import require
+from rigd.model.machine.folders import make_folder
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording, RunInfo, Table
-from rigd.record.moment import recorded_at
+from rigd.record.read.moment import recorded_at
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ from typing import Final
 
 from rigd.analysis.report import Heading
 from rigd.record import RunInfo
-from rigd.record.moment import VIRTUAL, Moment, is_virtual, recorded_at
+from rigd.record.read.moment import VIRTUAL, Moment, is_virtual, recorded_at
 
 _DATE: Final = "%Y-%m-%d %H:%M UTC"
 #: What gave the date of one recording, and of several.

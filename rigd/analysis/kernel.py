@@ -1,5 +1,5 @@
 """Provides the decorator ``@kernel``: it compiles functions; the same input gives the same bits."""
 
-from rigd.model.kernel import inlined, kernel, part
+from rigd.model.machine.kernel import inlined, kernel, part
 
 __all__ = ["inlined", "kernel", "part"]

@@ -16,7 +16,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rigd.model.parent import end_with
+from rigd.model.machine.parent import end_with
 
 if TYPE_CHECKING:  # Windows has none
     from multiprocessing.context import ForkProcess

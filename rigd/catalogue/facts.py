@@ -78,7 +78,7 @@ class Listing:
 
 def line_of(info: RunInfo, file: str) -> Listing:
     """Return the line of a recording, which is called ``file`` in its folder."""
-    from rigd.record.moment import recorded_at
+    from rigd.record.read.moment import recorded_at
 
     moment = recorded_at(info)
     return Listing(

@@ -186,7 +186,7 @@ def _add(
     unread: list[Unread],
 ) -> None:
     from rigd.model import RecordingError
-    from rigd.record.brief import brief_info
+    from rigd.record.read.brief import brief_info
 
     path = folder / file
     try:

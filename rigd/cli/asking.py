@@ -13,7 +13,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Final, TextIO
 
-from rigd.engine.answers import read_answer
+from rigd.engine.run.answers import read_answer
 from rigd.model.units import format_quantity
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 

@@ -14,44 +14,26 @@ from types import ModuleType
 from typing import Any, Final, NoReturn
 
 from rigd import __version__
-from rigd.cli import (
-    analyses,
-    calibrate,
-    can,
-    check,
-    compare,
-    completion,
-    design,
-    doctor,
-    drivers,
+from rigd.cli import remote
+from rigd.cli.analysis import analyses, compare, design, identify, measure, validate
+from rigd.cli.options import name_recordings
+from rigd.cli.plugins import can, completion, drivers, new, schema
+from rigd.cli.recordings import (
     export,
     filter,
-    identify,
     import_,
     info,
-    jog,
     layout,
-    measure,
-    new,
     note,
-    panel,
-    read,
     recover,
-    remote,
     report,
-    run,
     runs,
-    schema,
-    serve,
-    sim,
-    tare,
-    validate,
     verify,
 )
-from rigd.cli.options import name_recordings
-from rigd.cli.shown import OutputLost, screened
-from rigd.model import compiling
+from rigd.cli.rig import calibrate, check, doctor, jog, panel, read, run, serve, sim, tare
+from rigd.cli.views.output import OutputLost, screened
 from rigd.model.errors import Exit, RigdError
+from rigd.model.machine import compiling
 
 #: In the order in which a new user needs them.
 COMMANDS: tuple[ModuleType, ...] = (

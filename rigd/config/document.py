@@ -1,6 +1,6 @@
 """The reader of all YAML that rigd opens, which stands in the SDK: plants have files too."""
 
-from rigd.sdk.document import (
+from rigd.sdk.yaml.document import (
     MAX_BYTES,
     MAX_DEPTH,
     Data,

@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigd.config.binding import bind, named_key
-from rigd.config.calibration import read_setup
-from rigd.config.controllers import add_controllers
-from rigd.config.derived import add_derived
+from rigd.config.calibration.calibration import read_setup
+from rigd.config.checks.following import read_following
+from rigd.config.checks.links import check_link, read_links
+from rigd.config.checks.sharing import check_shared
+from rigd.config.computed.controllers import add_controllers
+from rigd.config.computed.derived import add_derived
+from rigd.config.computed.inputs import check_inputs
+from rigd.config.computed.observers import add_observers
 from rigd.config.display import displayed
 from rigd.config.document import Document, KeyPath, parse_document, read_document
-from rigd.config.following import read_following
-from rigd.config.inputs import check_inputs
-from rigd.config.links import check_link, read_links
-from rigd.config.observers import add_observers
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import (
     check_inside,
@@ -41,7 +42,6 @@ from rigd.config.rig import (
     Supervision,
     Waiver,
 )
-from rigd.config.sharing import check_shared
 from rigd.config.shipped import find_beside, find_file, location
 from rigd.config.source import ConstantSource, DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel

@@ -30,7 +30,7 @@ from rigd.sdk import (
 )
 
 if TYPE_CHECKING:  # the processes of a run read no file
-    from rigd.config.calibration import CalibrationSetup
+    from rigd.config.calibration.calibration import CalibrationSetup
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class SimulationSetup:
 
 @dataclass(frozen=True)
 class SiblingFile:
-    """The simulated sibling that a rig file names; :mod:`rigd.config.sibling` reads it.
+    """The simulated sibling that a rig file names; :mod:`rigd.config.sibling.sibling` reads it.
 
     ``place`` is where it is named.
     """

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from rigd.config.calibration_source import CalibrationSource
+from rigd.config.calibration.calibration_source import CalibrationSource
 from rigd.config.source import RigSource
 
 

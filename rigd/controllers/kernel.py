@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import inlined, kernel
+from rigd.model.machine.kernel import inlined, kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

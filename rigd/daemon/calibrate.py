@@ -14,13 +14,13 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.report.rounding import number, places_for
-from rigd.config.calibration import CalibratedValue, Calibration, load_calibration
-from rigd.config.calibration_file import renewed, write_calibration
+from rigd.config.calibration.calibration import CalibratedValue, Calibration, load_calibration
+from rigd.config.calibration.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
 from rigd.daemon.calibration import instrument_of
 from rigd.model.errors import ConfigError, DataError
 from rigd.record import Recording, RunInfo
-from rigd.record.info import COMPLETE
+from rigd.record.read.info import COMPLETE
 from rigd.sdk.shipped import shipped_folder
 
 #: A change of more standard uncertainties than this is not chance.

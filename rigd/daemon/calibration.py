@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 
 from rigd.analysis.plan import analysis_of
-from rigd.config.calibratable import calibratable
-from rigd.config.calibration import Calibration
+from rigd.config.calibration.calibratable import calibratable
+from rigd.config.calibration.calibration import Calibration
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import find_file
 from rigd.model.errors import ConfigError

@@ -14,8 +14,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from rigd.config.calibration import ATTACHMENT
-from rigd.config.lab import SPECIMEN_FILE, Specimen, stated_specimen
+from rigd.config.calibration.calibration import ATTACHMENT
+from rigd.config.lab.lab import SPECIMEN_FILE, Specimen, stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import titled
 from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
@@ -24,21 +24,21 @@ from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint, simulated_at
 from rigd.daemon.signals import handle_signals
 from rigd.daemon.trial_check import CheckApart, check_trial
-from rigd.engine.answers import Answers, OwnAnswers
-from rigd.engine.checked import TrialJudge
 from rigd.engine.clock import VirtualClock, WallClock
-from rigd.engine.control import Control
-from rigd.engine.draws import trial_seeds
-from rigd.engine.result import Progress, RunResult
-from rigd.engine.run import Run
+from rigd.engine.play.control import Control
+from rigd.engine.run.answers import Answers, OwnAnswers
+from rigd.engine.run.draws import trial_seeds
+from rigd.engine.run.result import Progress, RunResult
+from rigd.engine.run.run import Run
+from rigd.engine.run.trial_judgement import TrialJudge
 from rigd.model.about import About
 from rigd.model.errors import Blocked, RecordingError
-from rigd.model.folders import make_folder
-from rigd.model.system import require_linux
+from rigd.model.machine.folders import make_folder
+from rigd.model.machine.system import require_linux
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
-from rigd.record.compression import Compression
-from rigd.record.info import stated_metadata
+from rigd.record.mcap.compression import Compression
+from rigd.record.read.info import stated_metadata
 
 if TYPE_CHECKING:  # of runs in real time alone
     from rigd.engine.shared import RunFolder

@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rigd.config.rig import RigConfig
-from rigd.engine.asking import ChangePlant
 from rigd.engine.clock import Clock
-from rigd.engine.control import Control
-from rigd.engine.faults import Ask, ShownFaults
-from rigd.engine.host import Host
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.wiring import streams_of, wire
+from rigd.engine.cycle.wiring import streams_of, wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
+from rigd.engine.run.asking import ChangePlant
+from rigd.engine.run.faults import Ask, ShownFaults
+from rigd.engine.run.host import Host
 from rigd.model.errors import LinkError
 from rigd.procedure.program import Recorded
 from rigd.record import Attachment, RecordingWriter
-from rigd.record.compression import Compression
+from rigd.record.mcap.compression import Compression
 
 if TYPE_CHECKING:  # of runs in real time alone, on Linux
     from rigd.engine.recorder import RecorderProcess
@@ -108,7 +108,7 @@ def processes(
         Blocked: the rig is in use.
         RecordingError: the recording cannot be written.
     """
-    from rigd.engine.launch import launch, prepare
+    from rigd.engine.process.launch import launch, prepare
     from rigd.engine.recorder import RecorderProcess, drain_leftovers
     from rigd.engine.shared import Job, RunFolder
 

@@ -9,18 +9,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rigd.analysis.plan import judged
-from rigd.config.lab import stated_specimen
+from rigd.config.lab.lab import stated_specimen
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute, perform
 from rigd.daemon.resume import ResumePoint, left_out
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, Exit
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd.procedure.chosen_rig import chosen_rig
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
-from rigd.record.compression import Compression
+from rigd.record.mcap.compression import Compression
 
 #: The seed of a run that is given none.
 SEED = 1

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.config.rig import RigConfig
-from rigd.engine.answers import Given
+from rigd.engine.run.answers import Given
 from rigd.model.errors import ConfigError, RecordingError
-from rigd.model.system import on_linux
+from rigd.model.machine.system import on_linux
 from rigd.record import Recording, recover
-from rigd.record.info import SPECIMEN_METADATA
+from rigd.record.read.info import SPECIMEN_METADATA
 
 if TYPE_CHECKING:
     from rigd.engine.shared import RunFolder

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.model.severity import Severity
 
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 from rigd.model.errors import RigdError
 
 if TYPE_CHECKING:
-    from rigd.engine.child import Child
+    from rigd.engine.system.child import Child
 
 #: The recorder writes every second; a disk may be slow.
 WRITTEN_WITHIN_S: Final = 10.0
@@ -66,7 +66,7 @@ class CheckApart:
         Raises:
             Unchecked: it cannot be checked, or was given up.
         """
-        from rigd.engine.child import Child, module  # of Linux, as runs in real time are
+        from rigd.engine.system.child import Child, module  # of Linux, as runs in real time are
 
         command = module("rigd.daemon.trial_check", str(self._path), str(number))
         try:
@@ -108,7 +108,7 @@ def _written(path: Path, number: int) -> bool:
 
 def main() -> int:
     """Check the trial that the command names; print the reasons as JSON."""
-    from rigd.engine.realtime import set_nice  # of Linux
+    from rigd.engine.system.realtime import set_nice  # of Linux
 
     set_nice(NICENESS)
     path, number = Path(sys.argv[1]), int(sys.argv[2])

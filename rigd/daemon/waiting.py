@@ -9,7 +9,7 @@ from itertools import islice
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest
 from rigd.daemon.provenance import format_parameter, trial_label
-from rigd.engine.result import Progress
+from rigd.engine.run.result import Progress
 from rigd.model.states import RunState
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Hold
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.derived.graph import Op
-from rigd.model.kernel import inlined, kernel
+from rigd.model.machine.kernel import inlined, kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

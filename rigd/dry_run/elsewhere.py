@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rigd.config.differences import alike
 from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.config.sibling.differences import alike
 from rigd.model.errors import Blocked
 from rigd.procedure.program import (
     CompiledProcedure,
@@ -24,7 +24,7 @@ from rigd.procedure.program import (
     Step,
     Until,
 )
-from rigd.procedure.prompts import change_problem, changeable_plants
+from rigd.procedure.steps.prompts import change_problem, changeable_plants
 
 
 def for_sibling(

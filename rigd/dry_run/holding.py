@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Final
 
 from rigd.engine.clock import Clock
-from rigd.engine.cycle import Cycle
-from rigd.engine.holding import HoldPhase
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.player import Outcome
+from rigd.engine.cycle.cycle import Cycle
+from rigd.engine.play.holding import HoldPhase
+from rigd.engine.play.player import Outcome
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Sink
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Hold, Recorded, Step
 

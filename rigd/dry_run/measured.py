@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from rigd.procedure.condition_text import describe_until
+from rigd.procedure.conditions.condition_text import describe_until
 from rigd.procedure.program import Comparison, CompiledProcedure, Condition, CycleProgram
 
 

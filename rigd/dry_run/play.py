@@ -15,10 +15,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rigd.config.differences import Difference, pace
-from rigd.config.following import unseen_levels
+from rigd.config.checks.following import unseen_levels
 from rigd.config.rig import RigConfig
-from rigd.config.sibling import read_sibling
+from rigd.config.sibling.differences import Difference, pace
+from rigd.config.sibling.sibling import read_sibling
 from rigd.controllers.chain import sequence
 from rigd.controllers.driver import ControllerConfig
 from rigd.dry_run.at_limit import AtLimit
@@ -29,15 +29,15 @@ from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings
 from rigd.dry_run.wrong_sign import Departures, Turn, TurnedHost
-from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.draws import trial_seeds
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.mount import CYCLE_STREAM
-from rigd.engine.result import RunResult
-from rigd.engine.run import Run
-from rigd.engine.wiring import wire
+from rigd.engine.cycle.mount import CYCLE_STREAM
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
+from rigd.engine.run.answers import OwnAnswers
+from rigd.engine.run.draws import trial_seeds
+from rigd.engine.run.result import RunResult
+from rigd.engine.run.run import Run
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Fault, Prompt, Recorded

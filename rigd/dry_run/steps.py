@@ -10,9 +10,8 @@ from typing import Literal
 from rigd.config.quantities import rate_unit
 from rigd.config.rig import RigConfig
 from rigd.model.units import format_difference, format_quantity, parse_unit
-from rigd.procedure.agreement import check_of
-from rigd.procedure.condition_text import describe_condition
-from rigd.procedure.profiles import ConstantProfile, Profile, Ramp
+from rigd.procedure.conditions.condition_text import describe_condition
+from rigd.procedure.profiles.profiles import ConstantProfile, Profile, Ramp
 from rigd.procedure.program import (
     CompiledProcedure,
     Condition,
@@ -21,6 +20,7 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
+from rigd.procedure.steps.agreement import check_of
 
 #: How the duration of a step is known: it was `played` on physics; or without physics, it is
 #: `known` from the procedure, or only that it ends `at_most` at its timeout.

@@ -17,9 +17,9 @@ import numpy as np
 
 from rigd.controllers.driver import ControllerConfig
 from rigd.engine.clock import Clock
-from rigd.engine.cycle import Cycle
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.player import Outcome
+from rigd.engine.cycle.cycle import Cycle
+from rigd.engine.play.player import Outcome
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows, Sink
 from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity

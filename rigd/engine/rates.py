@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from rigd.config.rig import RigConfig
-from rigd.engine.wiring import in_cycle
+from rigd.engine.cycle.wiring import in_cycle
 from rigd.model.channels import Stream
 from rigd.sdk import BlockDriver, Driver
 

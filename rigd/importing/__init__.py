@@ -4,7 +4,7 @@
 """
 
 from rigd.importing.importer import Imported, import_files
-from rigd.importing.map import ImportMap
-from rigd.importing.map_reader import load_map, parse_map
+from rigd.importing.map.map import ImportMap
+from rigd.importing.map.map_reader import load_map, parse_map
 
 __all__ = ["ImportMap", "Imported", "import_files", "load_map", "parse_map"]

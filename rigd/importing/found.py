@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from itertools import dropwhile
 
 from rigd.config.problems import suggest
-from rigd.importing.csv_table import CsvTable
-from rigd.importing.files import SourceFiles
-from rigd.importing.formats import open_table
-from rigd.importing.map import ImportMap, ParameterMap
+from rigd.importing.map.files import SourceFiles
+from rigd.importing.map.map import ImportMap, ParameterMap
 from rigd.importing.reading import SourceReader, text_cells
-from rigd.importing.table import SourceTable, find_column, unit_of
+from rigd.importing.tables.csv_table import CsvTable
+from rigd.importing.tables.formats import open_table
+from rigd.importing.tables.table import SourceTable, find_column, unit_of
 from rigd.importing.trials import TrialSpan
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import Unit

@@ -16,21 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd import __version__
-from rigd.config.lab import SPECIMEN_FILE, Specimen, stated_specimen
-from rigd.importing.files import SourceFiles, sort_files
+from rigd.config.lab.lab import SPECIMEN_FILE, Specimen, stated_specimen
 from rigd.importing.found import FoundTrial, found_trials
-from rigd.importing.map import ImportMap
+from rigd.importing.map.files import SourceFiles, sort_files
+from rigd.importing.map.map import ImportMap
 from rigd.importing.reading import SourceReader, find_trials_in, open_source, prefetched
-from rigd.importing.table import HasMoments
-from rigd.importing.warned import listening
+from rigd.importing.tables.library_warnings import listening
+from rigd.importing.tables.table import HasMoments
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
-from rigd.model.folders import make_folder
+from rigd.model.machine.folders import make_folder
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity
 from rigd.procedure.identify import plan_metadata
 from rigd.record import Attachment, RecordingWriter
-from rigd.record.info import stated_metadata
+from rigd.record.read.info import stated_metadata
 
 #: Name of the map in a recording.
 MAP_FILE: Final = "import_map.yaml"

@@ -12,10 +12,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from rigd.importing.clock import FileClock
-from rigd.importing.formats import open_table
-from rigd.importing.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
-from rigd.importing.table import (
+from rigd.importing.map.map import RAW, ChannelMap, ImportMap, SourceMap, TimeMap
+from rigd.importing.tables.formats import open_table
+from rigd.importing.tables.table import (
     Batch,
     HasMoments,
     Kind,
@@ -24,7 +23,8 @@ from rigd.importing.table import (
     stated_unit,
     unit_of,
 )
-from rigd.importing.times import Times
+from rigd.importing.times.clock import FileClock
+from rigd.importing.times.times import Times
 from rigd.importing.trials import TrialFinder
 from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError

@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from rigd.importing.map import TrialsMap
-from rigd.importing.table import SourceTable
+from rigd.importing.map.map import TrialsMap
+from rigd.importing.tables.table import SourceTable
 from rigd.model.errors import ConfigError
 
 #: A column that changes more often shows no trials.

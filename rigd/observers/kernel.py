@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

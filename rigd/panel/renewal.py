@@ -13,7 +13,7 @@ from rigd.model.errors import RigdError
 from rigd.panel.hub import Hub
 from rigd.panel.rig import Rig
 from rigd.panel.sessions import Sessions
-from rigd.remote.client.renewing import renew_until_lost
+from rigd.remote.client.lease.renewing import renew_until_lost
 from rigd.remote.protocol import Kind, LeaseView
 
 log = logging.getLogger(__name__)

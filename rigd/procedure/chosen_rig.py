@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rigd.config.loader import load_rig
 from rigd.config.settings import SETTINGS_FILE
-from rigd.config.stated_rig import RIG_VARIABLE, ChosenRig, stated_rig
+from rigd.config.sibling.stated_rig import RIG_VARIABLE, ChosenRig, stated_rig
 from rigd.model.errors import ConfigError
 from rigd.procedure.loader import load_procedure
 

@@ -20,7 +20,6 @@ from rigd.procedure.expression import Number, Scope, Value, number_in
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.measures import check_measures
-from rigd.procedure.other_rig import other_rig
 from rigd.procedure.parameters import (
     Parameters,
     choices_of,
@@ -36,9 +35,10 @@ from rigd.procedure.program import (
     TrialPlan,
 )
 from rigd.procedure.reader import Reader, describe_unit
-from rigd.procedure.recorded import read_record
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
-from rigd.procedure.steps import StepCompiler
+from rigd.procedure.steps.other_rig import other_rig
+from rigd.procedure.steps.recorded import read_record
+from rigd.procedure.steps.steps import StepCompiler
 from rigd.procedure.sweep import MAX_SIZE, play_order, read_points
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from rigd.config.derived import add_derived
+from rigd.config.computed.derived import add_derived
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.derived.quantities import FormulaError, Stated

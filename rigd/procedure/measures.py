@@ -18,7 +18,7 @@ from rigd.config.quantities import rate_unit, read_uncertainty
 from rigd.config.rig import RigConfig
 from rigd.model.channels import ECHO
 from rigd.model.units import dimension_text, parse_unit
-from rigd.procedure.conditions import ChannelFinder, check_reachable, read_comparisons
+from rigd.procedure.conditions.conditions import ChannelFinder, check_reachable, read_comparisons
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import (
     Condition,

@@ -17,7 +17,7 @@ from enum import Enum
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.constants import Uncertainty
-from rigd.procedure.profiles import ConstantProfile, Profile
+from rigd.procedure.profiles.profiles import ConstantProfile, Profile
 
 
 class Comparison(Enum):

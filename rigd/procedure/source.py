@@ -30,7 +30,7 @@ from rigd.config.source import (
     Source,
 )
 from rigd.model.patterns import condition_schema
-from rigd.procedure.profile_source import ProfileSource, Time
+from rigd.procedure.profiles.profile_source import ProfileSource, Time
 
 #: A quantity, or an expression such as `0.5 * ${current}`.
 Expression = QuantityText

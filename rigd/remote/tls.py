@@ -24,7 +24,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from rigd.config.remote import HERE, TlsFiles
 from rigd.model.errors import ConfigError
-from rigd.model.system import BINARY
+from rigd.model.machine.system import BINARY
 from rigd.remote.protocol import check_name
 
 #: How long the authority and the certificates are valid.

@@ -2,9 +2,8 @@
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.model.system import dropped, readable
+from rigd.model.machine.system import dropped, readable
 from rigd.sdk.declaration import Declaration, Input
-from rigd.sdk.documented import Documented, WrongEntries, about_entry, wrong_entry
 from rigd.sdk.driver import (
     AnyDriver,
     Block,
@@ -17,9 +16,10 @@ from rigd.sdk.driver import (
 from rigd.sdk.idle_reader import IdleReader
 from rigd.sdk.link import DeviceSheet, Link, LinkConfig
 from rigd.sdk.on_plant import PlantSensor, accepted
+from rigd.sdk.options.documented import Documented, WrongEntries, about_entry, wrong_entry
+from rigd.sdk.options.quantities import In
 from rigd.sdk.parameters import ParameterGroup, ParametersConfig
 from rigd.sdk.plant import Energy, GridPlant, Plant, PlantConfig
-from rigd.sdk.quantities import In
 from rigd.sdk.row import Row
 from rigd.sdk.setting import Setting
 from rigd.sdk.shipped import shipped_configs

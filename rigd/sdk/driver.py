@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic
 from typing_extensions import TypeVar
 
 from rigd.sdk.declaration import Declaration
-from rigd.sdk.documented import Documented
 from rigd.sdk.link import LinkConfig
+from rigd.sdk.options.documented import Documented
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
     import numpy as np

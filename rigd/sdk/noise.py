@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 
 
 @kernel

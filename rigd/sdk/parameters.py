@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rigd.model.errors import ConfigError
-from rigd.sdk.documented import Documented, WrongEntries
+from rigd.sdk.options.documented import Documented, WrongEntries
 from rigd.sdk.plant import PlantConfig
 
 M = TypeVar("M", bound=BaseModel)
@@ -103,7 +103,7 @@ def load_parameters(path: Path, model: type[M], example: Path) -> M:
         ConfigError: see :meth:`ParametersConfig.read_parameters`.
 
     """
-    from rigd.sdk.document import read_document  # the processes of a run read no file
+    from rigd.sdk.yaml.document import read_document  # the processes of a run read no file
 
     document = read_document(path)
     try:

@@ -12,7 +12,7 @@ import pytest
 
 from rigd.analysis.heading import heading
 from rigd.record import Recording, RecordingWriter, RunInfo
-from rigd.record.moment import recorded_at
+from rigd.record.read.moment import recorded_at
 
 MADE = datetime(2026, 11, 22, 12, 30, tzinfo=UTC)
 FILE_DATE = datetime(2026, 10, 5, 8, 0, tzinfo=UTC)

@@ -20,11 +20,11 @@ from support.imported import MAP
 from support.wire import free_ports
 
 from rigd.cli.main import COMMANDS, build_parser, command_name, main
-from rigd.cli.new_rig.questions import defaults, described
+from rigd.cli.plugins.new_rig.questions import defaults, described
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
-from rigd.engine.result import Progress
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import Progress
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure

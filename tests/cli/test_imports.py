@@ -41,7 +41,7 @@ def check(file: str) -> str:
 @pytest.mark.parametrize(
     "module",
     [
-        "rigd.engine.cycle_process",
+        "rigd.engine.process.cycle_process",
         "rigd.engine.recorder.service",
         "rigd.engine.slow.block_process",
     ],
@@ -54,7 +54,7 @@ def test_process_of_a_run_loads_its_work_only(module: str) -> None:
 
 def test_command_line_loads_no_libraries() -> None:
     modules = loaded("from rigd.cli.main import build_parser\nbuild_parser()")
-    assert "rigd.cli.run" in modules
+    assert "rigd.cli.rig.run" in modules
     assert not modules & (NOT_AT_WORK | {"numpy", "pydantic", "rigd.record"})
 
 
@@ -91,7 +91,7 @@ def test_stop_loads_nothing_but_the_link(verb: str, tmp_path: Path) -> None:
         listed.write_text(f"remotes: {{{RIG}: {{endpoint: {remote.endpoint}, identity: ann}}}}")
         find = "import time; at = time.time_ns; time.time_ns = lambda: at() + 10**10\n"
         assert "pydantic" in loaded(
-            find + "from rigd.remote.client.target import find_target; find_target()", **homes
+            find + "from rigd.remote.client.rigs.target import find_target; find_target()", **homes
         )
         for options in (["--endpoint", remote.endpoint, "--as", "ann"], []):
             remote.rig.state, remote.rig.run = "running", RUN

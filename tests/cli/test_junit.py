@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 from support.command import rigd
 
-from rigd.cli.junit import JunitCase, Suite, case_of, suite_of_error, write_junit
-from rigd.engine.result import RunResult
+from rigd.cli.views.junit import JunitCase, Suite, case_of, suite_of_error, write_junit
+from rigd.engine.run.result import RunResult
 from rigd.model.errors import Blocked, Exit
 from rigd.model.states import RunState
 

@@ -204,7 +204,9 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("module", ["rigd.cli.options", "rigd.model.errors", "rigd.cli.shown"])
+@pytest.mark.parametrize(
+    "module", ["rigd.cli.options", "rigd.model.errors", "rigd.cli.views.output"]
+)
 def test_ctrl_c_during_imports_gives_no_traceback(module: str, tmp_path: Path) -> None:
     script = INTERRUPTED.replace("sys.argv[1]", repr(module))
     command = [sys.executable, "-c", script]

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from support.command import rigd
 
-from rigd.cli.new import KINDS, RETIRED, check_name, module_name, rendered
+from rigd.cli.plugins.new import KINDS, RETIRED, check_name, module_name, rendered
 from rigd.model.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]

@@ -14,9 +14,9 @@ from ruamel.yaml import YAML
 from support.command import rigd
 
 from rigd.cli.main import build_parser
-from rigd.cli.new_rig.folder import write_rig
-from rigd.cli.new_rig.questions import QUESTIONS, BenchQuestion, defaults, described
-from rigd.cli.new_rig.yaml_text import yaml_text
+from rigd.cli.plugins.new_rig.folder import write_rig
+from rigd.cli.plugins.new_rig.questions import QUESTIONS, BenchQuestion, defaults, described
+from rigd.cli.plugins.new_rig.yaml_text import yaml_text
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig
 from rigd.config.rig import Supervision

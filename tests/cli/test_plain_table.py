@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.cli.plain_table import plain_table
+from rigd.cli.views.plain_table import plain_table
 
 ROWS = [("a.mcap", "10"), ("longer.mcap", "9")]
 

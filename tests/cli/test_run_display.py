@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rigd.cli.run_display import RunDisplay, RunPosition
+from rigd.cli.views.run import RunDisplay, RunPosition
 
 
 def position(trial: int, done: int) -> RunPosition:

@@ -13,7 +13,7 @@ from support.command import rigd
 from support.terminal import Terminal
 
 from rigd.cli.main import main
-from rigd.cli.screen import print_rows, print_table, shared, wrapped
+from rigd.cli.views.screen import print_rows, print_table, shared, wrapped
 
 RECORDING = "runs/20261121-080000-constant_current-a_name_that_is_long.mcap"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rigd.cli.main import main
-from rigd.cli.shown import Screen, screened
+from rigd.cli.views.output import Screen, screened
 from rigd.record import RecordingWriter
 
 #: Turns what follows it.

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.calibration import load_calibration
+from rigd.config.calibration.calibration import load_calibration
 from rigd.config.document import MAX_BYTES, read_document
-from rigd.config.lab import load_lab, read_specimen
+from rigd.config.lab.lab import load_lab, read_specimen
 from rigd.config.loader import load_rig
 from rigd.config.settings import read_settings
-from rigd.importing.map_reader import load_map
+from rigd.importing.map.map_reader import load_map
 from rigd.model.errors import ConfigError
 from rigd.procedure.loader import load_procedure
-from rigd.remote.client.remotes import read_remotes
+from rigd.remote.client.rigs.remotes import read_remotes
 from rigd.sdk.shipped import shipped_folder
 from rigd_sim.lugre.plant import LugrePlant
 from rigd_sim.wire.faults import read_fault_file

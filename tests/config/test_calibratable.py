@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config import calibratable, registry
-from rigd.config.calibration import parse_calibration
+from rigd.config import registry
+from rigd.config.calibration import calibratable
+from rigd.config.calibration.calibration import parse_calibration
 from rigd.model.errors import ConfigError
 
 Install = Callable[[str, str], None]

@@ -13,12 +13,12 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from rigd.config.calibration import (
+from rigd.config.calibration.calibration import (
     CalibratedValue,
     load_calibration,
     parse_calibration,
 )
-from rigd.config.calibration_file import renewed, write_calibration
+from rigd.config.calibration.calibration_file import renewed, write_calibration
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.schema import calibration_schema
 from rigd.model import ConfigError
@@ -246,8 +246,8 @@ def test_kill_while_it_is_written_leaves_old_file(place: str, tmp_path: Path) ->
     (tmp_path / "new.yaml").write_text(renew(TEXT))
     code = f"""
 import os, pathlib, signal
-from rigd.config.calibration import parse_calibration
-from rigd.config.calibration_file import write_calibration
+from rigd.config.calibration.calibration import parse_calibration
+from rigd.config.calibration.calibration_file import write_calibration
 text, before = (pathlib.Path({str(tmp_path)!r}, name).read_text() for name in
                 ("new.yaml", "bench.yaml"))
 new = parse_calibration(text, {str(file)!r})

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.following import unsupervised
+from rigd.config.checks.following import unsupervised
 from rigd.config.loader import channel_names, parse_rig
 from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.manual.choice import only

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.following import trip_without_value
+from rigd.config.checks.following import trip_without_value
 from rigd.config.loader import channel_names, parse_rig
 from rigd.derived.driver import DerivedConfig
-from rigd.engine.wiring import streams_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
 
 FILE = Path("rig.yaml")

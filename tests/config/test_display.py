@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.following import blind_below, unseen_levels
+from rigd.config.checks.following import blind_below, unseen_levels
 from rigd.config.loader import parse_rig
 from rigd.model import ConfigError
 from rigd.model.channels import Channel

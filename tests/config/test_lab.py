@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.lab import load_lab, load_specimen, stated_specimen
+from rigd.config.lab.lab import load_lab, load_specimen, stated_specimen
 from rigd.model.about import About
 from rigd.model.errors import ConfigError
 

@@ -9,7 +9,7 @@ import pytest
 
 from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only
-from rigd.engine.wiring import streams_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
 from rigd.observers.driver import ObserverConfig
 from rigd.sdk.shipped import shipped_folder

@@ -97,7 +97,7 @@ def test_lists_show_both_packages(
 def test_list_without_plugins_is_empty(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("rigd.cli.inventory.entry_points", lambda **_: [])
+    monkeypatch.setattr("rigd.cli.plugins.inventory.entry_points", lambda **_: [])
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: [])
     assert main([command]) == Exit.OK
     assert "installed" in capsys.readouterr().err

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.differences import Difference
 from rigd.config.loader import load_rig
-from rigd.config.sibling import Sibling, read_sibling
+from rigd.config.sibling.differences import Difference
+from rigd.config.sibling.sibling import Sibling, read_sibling
 from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_folder
 

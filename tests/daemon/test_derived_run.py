@@ -11,8 +11,8 @@ from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.daemon.resume import read_resume_point
 from rigd.dry_run import dry_run
-from rigd.engine.control import Control
-from rigd.engine.result import Progress
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import Progress
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.record import Recording

@@ -11,7 +11,7 @@ from support.blocks import alive
 
 from rigd.config.loader import load_rig
 from rigd.daemon.forms import RecordingSpec, processes
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.engine.shared import RecorderState, RunFolder, Word
 from rigd.model.errors import RecordingError
 from rigd.procedure.program import Recorded
@@ -58,7 +58,7 @@ def test_failed_start_leaves_no_recorder_nor_file(
         recorders.append(board[Word.PID_RECORDER])
         raise RecordingError("cannot make latest: No space left on device")
 
-    monkeypatch.setattr("rigd.engine.launch.launch", no_room)
+    monkeypatch.setattr("rigd.engine.process.launch.launch", no_room)
     kept = RecordingSpec(tmp_path / "run.mcap", {"cycle": Recorded()}, {}, (), "none", False)
     try:
         for _ in range(2):  # the rig is free for another run

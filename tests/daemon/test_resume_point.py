@@ -10,7 +10,7 @@ import pytest
 from rigd.daemon.execute import perform
 from rigd.daemon.requested import requested
 from rigd.daemon.resume import read_resume_point
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.model import RecordingError
 from rigd.model.about import About
 from rigd.model.channels import Channel, Stream

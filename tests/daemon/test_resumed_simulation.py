@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.daemon.resume import read_resume_point
-from rigd.engine.answers import OwnAnswers
-from rigd.engine.control import Control
-from rigd.engine.draws import trial_seeds
-from rigd.engine.result import Progress
+from rigd.engine.play.control import Control
+from rigd.engine.run.answers import OwnAnswers
+from rigd.engine.run.draws import trial_seeds
+from rigd.engine.run.result import Progress
 from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rigd.daemon.trial_check import CheckApart, Unchecked
-from rigd.engine.realtime import before_programs
+from rigd.engine.system.realtime import before_programs
 
 POLICY = """#!{python}
 import json, os

@@ -11,7 +11,7 @@ from rigd.analysis.plan import judged
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest
 from rigd.daemon.waiting import what_waits
-from rigd.engine.result import Progress
+from rigd.engine.run.result import Progress
 from rigd.model.states import RunState
 from rigd.procedure.loader import parse_procedure
 

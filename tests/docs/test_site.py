@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from support.browser import chromium
 
-from rigd.cli.inventory import GROUPS
 from rigd.cli.main import COMMANDS, command_name
+from rigd.cli.plugins.inventory import GROUPS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCHEMAS = DOCS.parent / "schemas"

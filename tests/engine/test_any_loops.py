@@ -18,9 +18,9 @@ from support.bench import ListSink
 from rigd.config.loader import parse_rig
 from rigd.dry_run.holding import HoldingHost
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import wire
 from rigd.model.severity import Severity
 from rigd.procedure.program import Recorded
 

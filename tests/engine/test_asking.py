@@ -10,9 +10,9 @@ from functools import partial
 import pytest
 from support.bench import Axis, AxisRow, Bench, move, procedure
 
-from rigd.engine.answers import AnswerRefused, Answers, OwnAnswers, check_answer, read_answer
-from rigd.engine.result import Progress, RunResult
-from rigd.engine.run import Run
+from rigd.engine.run.answers import AnswerRefused, Answers, OwnAnswers, check_answer, read_answer
+from rigd.engine.run.result import Progress, RunResult
+from rigd.engine.run.run import Run
 from rigd.model.errors import Exit
 from rigd.model.severity import Severity
 from rigd.procedure.program import (

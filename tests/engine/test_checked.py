@@ -8,12 +8,12 @@ from typing import Any, cast
 
 import pytest
 
-from rigd.engine.answers import Answers, OwnAnswers
-from rigd.engine.asking import Asking
-from rigd.engine.checked import END, GO_ON, TrialJudge
-from rigd.engine.control import Control
-from rigd.engine.host import Host
-from rigd.engine.player import Outcome
+from rigd.engine.play.control import Control
+from rigd.engine.play.player import Outcome
+from rigd.engine.run.answers import Answers, OwnAnswers
+from rigd.engine.run.asking import Asking
+from rigd.engine.run.host import Host
+from rigd.engine.run.trial_judgement import END, GO_ON, TrialJudge
 from rigd.model.errors import DataError
 from rigd.model.severity import Severity
 from rigd.procedure.program import Answer, Prompt, TrialCheck

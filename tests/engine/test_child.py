@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support.blocks import until
 
-from rigd.engine.child import Child
+from rigd.engine.system.child import Child
 
 PATIENCE_S = 60.0
 

@@ -11,8 +11,8 @@ from support.bench import PERIOD_NS, Axis, Bench, ListSink, move
 
 from rigd.engine import clock
 from rigd.engine.clock import RealClock, WallClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.procedure.program import Recorded
@@ -41,7 +41,7 @@ class Wall:
 def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
     wall = Wall()
     monkeypatch.setattr(clock, "time", wall)
-    monkeypatch.setattr("rigd.engine.in_process.monotonic_ns", wall.monotonic_ns)
+    monkeypatch.setattr("rigd.engine.process.in_process.monotonic_ns", wall.monotonic_ns)
     return wall
 
 

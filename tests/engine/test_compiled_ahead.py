@@ -18,9 +18,9 @@ from support.slip import observer
 
 from rigd.config.loader import parse_rig
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
+from rigd.engine.cycle.wiring import wire
 from rigd.procedure.program import Recorded
 from rigd.sdk.shipped import shipped_folder
 

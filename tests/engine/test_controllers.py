@@ -16,10 +16,10 @@ from rigd.config.rig import RigConfig
 from rigd.dry_run import dry_run
 from rigd.dry_run.holding import HoldingHost
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import wire
 from rigd.model import ConfigError
 from rigd.model.channels import STALE, STATUS_FIELD
 from rigd.model.severity import Severity

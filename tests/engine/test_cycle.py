@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bench import Axis, Bench, move
 
-from rigd.engine.cycle import MOST_TRIPS
+from rigd.engine.cycle.cycle import MOST_TRIPS
 from rigd.engine.sink import Rows
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import STOPS, Severity
-from rigd.procedure.profiles import Chirp, ConstantProfile, Profile, Ramp, Sine
+from rigd.procedure.profiles.profiles import Chirp, ConstantProfile, Profile, Ramp, Sine
 from rigd.procedure.program import (
     Capture,
     Comparison,

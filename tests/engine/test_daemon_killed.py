@@ -25,11 +25,11 @@ DAEMON = """
 import os, sys, time
 from pathlib import Path
 from support import file_axis
-from rigd.engine.control import Control
-from rigd.engine.launch import launch
+from rigd.engine.play.control import Control
+from rigd.engine.process.launch import launch
 from rigd.engine.shared import Job, RunFolder
-from rigd.engine.wiring import streams_of
-from rigd.procedure.profiles import ConstantProfile
+from rigd.engine.cycle.wiring import streams_of
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
 
 rig = file_axis.two_axes(Path(sys.argv[1]), daemon_silence_s=60.0, **eval(sys.argv[2]))

@@ -12,16 +12,16 @@ from support.bench import ListSink
 from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only
 from rigd.engine.clock import VirtualClock
-from rigd.engine.computing import late_after
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
+from rigd.engine.cycle.computed import late_after
+from rigd.engine.cycle.wiring import wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import wire
 from rigd.model.channels import STALE, STATUS_FIELD
 from rigd.model.errors import LinkError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
-from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import Comparison, Condition, CycleProgram, Recorded, Segment
 from rigd.sdk.shipped import shipped_folder
 

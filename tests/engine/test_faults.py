@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from support.bench import Axis, Bench, move, procedure
 
-from rigd.engine.faults import ShownFaults
+from rigd.engine.run.faults import ShownFaults
 from rigd.model.errors import Blocked, Exit, LinkError
 from rigd.procedure.program import Fault
 

@@ -13,7 +13,7 @@ from support.bench import Bench, move, procedure
 from support.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
-from rigd.engine.interlocks import InterlockBank, Trip
+from rigd.engine.play.interlocks import InterlockBank, Trip
 from rigd.model.errors import Exit
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity

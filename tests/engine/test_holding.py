@@ -9,14 +9,14 @@ from types import MappingProxyType
 import pytest
 from support.bench import Bench, move, procedure
 
-from rigd.engine.holding import HoldPhase
-from rigd.engine.limiter import Limiter
-from rigd.engine.player import Outcome, Player
-from rigd.engine.result import Progress
+from rigd.engine.cycle.limiter import Limiter
+from rigd.engine.play.holding import HoldPhase
+from rigd.engine.play.player import Outcome, Player
+from rigd.engine.run.result import Progress
 from rigd.model.limits import SetpointLimit
 from rigd.model.severity import Severity
 from rigd.model.states import RunState
-from rigd.procedure.profiles import ConstantProfile, Ramp
+from rigd.procedure.profiles.profiles import ConstantProfile, Ramp
 from rigd.procedure.program import (
     Comparison,
     Condition,

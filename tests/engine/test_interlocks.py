@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd.engine.interlocks import InterlockBank, Trip
+from rigd.engine.play.interlocks import InterlockBank, Trip
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 

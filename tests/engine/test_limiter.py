@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd.engine.limiter import Limiter
+from rigd.engine.cycle.limiter import Limiter
 from rigd.model.limits import SetpointLimit
 
 PERIOD_S = 1e-3

@@ -12,11 +12,11 @@ from support.grid import PERIOD_NS, ClockPlant, Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.plant_blocks import PlantBlocks
+from rigd.engine.cycle.plant_blocks import PlantBlocks
+from rigd.engine.cycle.wiring import streams_of, wire
+from rigd.engine.play.control import Control
+from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of, wire
 from rigd.model.errors import Blocked
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity

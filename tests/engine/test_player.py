@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from rigd.engine.limiter import Limiter
-from rigd.engine.player import Outcome, Player
+from rigd.engine.cycle.limiter import Limiter
+from rigd.engine.play.player import Outcome, Player
 from rigd.model.limits import SetpointLimit
 from rigd.model.severity import Severity
-from rigd.procedure.profiles import ConstantProfile, Ramp
+from rigd.procedure.profiles.profiles import ConstantProfile, Ramp
 from rigd.procedure.program import (
     Comparison,
     Condition,

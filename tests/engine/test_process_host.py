@@ -23,17 +23,17 @@ from support.wire import ROOT
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import RestBound, RigConfig, Waiver
-from rigd.engine import process_host
-from rigd.engine.control import Control
-from rigd.engine.launch import launch
-from rigd.engine.player import Outcome
-from rigd.engine.process_host import ProcessHost
+from rigd.engine.cycle.wiring import streams_of
+from rigd.engine.play.control import Control
+from rigd.engine.play.player import Outcome
+from rigd.engine.process import process_host
+from rigd.engine.process.launch import launch
+from rigd.engine.process.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.wiring import streams_of
 from rigd.model.errors import Blocked, RecordingError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
-from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Hold, Recorded, Segment, TrialLimit
 
 pytestmark = pytest.mark.usefixtures("own_state")

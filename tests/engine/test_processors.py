@@ -13,8 +13,8 @@ import pytest
 
 from rigd.daemon.doctor.check import CheckVerdict
 from rigd.daemon.doctor.machine import rigs_check
-from rigd.engine import processors
-from rigd.engine.processors import Resident, fitting, freest, residents, taken_by
+from rigd.engine.system import processors
+from rigd.engine.system.processors import Resident, fitting, freest, residents, taken_by
 
 #: /proc/PID/stat from the state on; flags and policy are filled in.
 STAT = "S 1 1 1 0 -1 {flags} " + "0 " * 28 + "17 1 80 {policy} 0"
@@ -44,7 +44,7 @@ def test_only_cycles_that_keep_to_a_processor_count(tmp_path: Path) -> None:
     process(tmp_path, 11, "3")
     process(tmp_path, 12, "0-3")  # real time, and runs where there is room
     process(tmp_path, 13, "2", policy=os.SCHED_OTHER)  # no cycle of rigd
-    refused = "python -P -m rigd.engine.cycle_process /run/x 5"
+    refused = "python -P -m rigd.engine.process.cycle_process /run/x 5"
     process(tmp_path, 14, "1", policy=os.SCHED_OTHER, command=refused)
     process(tmp_path, 15, "0", flags=0x200040)  # a thread of the kernel
     (tmp_path / "16").mkdir()  # it has just ended
@@ -112,7 +112,7 @@ def test_doctor_warns_of_full_and_badly_shared_processors() -> None:
 
 KEPT = """
 import json, sys
-from rigd.engine.realtime import RealTime
+from rigd.engine.system.realtime import RealTime
 print("ready", flush=True)
 sys.stdin.readline()
 real_time = RealTime()
@@ -130,7 +130,7 @@ def test_cycles_that_start_at_once_share_out() -> None:
     count = 2 * len(allowed)
     others = [
         subprocess.Popen(
-            [sys.executable, "-c", KEPT, "rigd.engine.cycle_process"],
+            [sys.executable, "-c", KEPT, "rigd.engine.process.cycle_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -9,9 +9,9 @@ import pytest
 from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.config.rig import RestBound, Supervision
-from rigd.engine.cycle import Cycle
-from rigd.engine.resting import LEAST_NS, STEP_NS, STILL_NS, Resting
-from rigd.engine.result import RunResult
+from rigd.engine.cycle.cycle import Cycle
+from rigd.engine.cycle.resting import LEAST_NS, STEP_NS, STILL_NS, Resting
+from rigd.engine.run.result import RunResult
 from rigd.engine.sink import Rows
 from rigd.model.errors import DeviceError, Exit
 from rigd.model.rows import TIME_FIELD

@@ -10,12 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from rigd.engine.child import Child
-from rigd.engine.realtime import PREFERRED, as_program, before_programs, preferring, weigh_session
+from rigd.engine.system.child import Child
+from rigd.engine.system.realtime import (
+    PREFERRED,
+    as_program,
+    before_programs,
+    preferring,
+    weigh_session,
+)
 
 ENTER_AND_LEAVE = """
 import json, os
-from rigd.engine.realtime import RealTime
+from rigd.engine.system.realtime import RealTime
 
 before = os.sched_getaffinity(0)
 real_time = RealTime()
@@ -90,7 +96,7 @@ def test_session_of_a_preferred_process_is_preferred() -> None:
 
 
 def test_work_in_background_weighs_less_beside_sessions() -> None:
-    code = "import os; from rigd.engine.realtime import set_nice; input(); set_nice(15)"
+    code = "import os; from rigd.engine.system.realtime import set_nice; input(); set_nice(15)"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{code}; print(os.getpriority(os.PRIO_PROCESS, 0)); input()"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, text=True,
@@ -108,7 +114,10 @@ def test_work_in_background_weighs_less_beside_sessions() -> None:
 
 def test_session_that_prefers_a_child_keeps_its_weight() -> None:
     """A daemon that systemd starts began its session: only what it starts is preferred."""
-    code = "from rigd.engine.realtime import preferring\nwith preferring(): pass\nprint(); input()"
+    code = (
+        "from rigd.engine.system.realtime import preferring\n"
+        "with preferring(): pass\nprint(); input()"
+    )
     process = subprocess.Popen(
         [sys.executable, "-c", code],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, text=True,

@@ -10,7 +10,7 @@ import pytest
 from support import file_axis
 
 from rigd.config.rig import LinkSetup, RigConfig
-from rigd.engine.rescue import rescue
+from rigd.engine.process.rescue import rescue
 from rigd.sdk import Declaration, Driver, DriverConfig, Link, LinkConfig, Row
 
 

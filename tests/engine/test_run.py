@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 import pytest
 from support.bench import PERIOD_NS, Axis, AxisRow, Bench, ListSink, Stubborn, move, procedure
 
-from rigd.engine.control import Control
-from rigd.engine.cycle import CONFIRMING_NS
-from rigd.engine.result import Progress
+from rigd.engine.cycle.cycle import CONFIRMING_NS
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import Progress
 from rigd.model.errors import Blocked, DeviceError, Exit, LinkError, RecordingError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import Severity
@@ -135,7 +135,7 @@ class SlowToConfirm(Stubborn):
 
 def test_devices_without_time_to_confirm_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     other = SlowToConfirm()
-    monkeypatch.setattr("rigd.engine.cycle.monotonic_ns", lambda: other.late_ns)
+    monkeypatch.setattr("rigd.engine.cycle.cycle.monotonic_ns", lambda: other.late_ns)
     bench = Bench(other=other, axis=Unconfirmed(other))
     result = bench.run(procedure([move("one", 0.5)])).execute()
     (problem,) = result.problems

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from support.bench import Bench, move, procedure
 
-from rigd.engine.result import Progress
+from rigd.engine.run.result import Progress
 from rigd.model.states import RunState
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rigd.engine.result import Progress, TimeLeft
+from rigd.engine.run.result import Progress, TimeLeft
 from rigd.model.states import RunState
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Hold, Prompt, Segment, TrialPlan
 

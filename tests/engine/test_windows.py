@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from rigd.engine.block_rows import PATIENCE_NS, BlockQueue, BlockRecorder, BlockRows
-from rigd.engine.windows import RecordWindows, Windows
+from rigd.engine.cycle.block_rows import PATIENCE_NS, BlockQueue, BlockRecorder, BlockRows
+from rigd.engine.play.windows import RecordWindows, Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError
 from rigd.model.rows import row_dtype

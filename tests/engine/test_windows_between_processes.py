@@ -13,11 +13,11 @@ from support.blocks import until
 from support.grid import Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
-from rigd.engine.control import Control
-from rigd.engine.launch import launch
-from rigd.engine.process_host import ProcessHost
+from rigd.engine.cycle.wiring import streams_of
+from rigd.engine.play.control import Control
+from rigd.engine.process.launch import launch
+from rigd.engine.process.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder
-from rigd.engine.wiring import streams_of
 from rigd.model.severity import Severity
 from rigd.procedure.program import (
     Capture,

@@ -51,7 +51,7 @@ def test_mistake_in_a_file_is_named(bring_in: Import, tmp_path: Path, case: str)
 def test_mistake_beyond_the_first_block_is_placed(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", 64)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", 64)
     with pytest.raises(ConfigError) as raised:
         bring_in(TABLE + "0.01,3,3\n")
     assert str(raised.value.place).endswith("old.csv:22:1")

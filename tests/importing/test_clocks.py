@@ -60,7 +60,7 @@ def test_rows_of_a_stamp_are_spread_evenly(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, block_bytes: int, first: int
 ) -> None:
     """The first stamp of a file may lack rows: those that are there lie just before the next."""
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     recording = bring_in(table(COARSE[first:-2]), map=timed("{column: t, unit: s, coarse: spread}"))
     times = recording.read("samples")["t_ns"]
     assert times.tolist() == [START_NS + i * MS for i in range(first, 198)]
@@ -114,7 +114,7 @@ WRAPS = {
 def test_time_goes_on_where_counter_wraps(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, case: str, block_bytes: int
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     span, unit, period, first, spellings = WRAPS[case]
     truth = first + period * np.arange(300)
     counts = truth % span
@@ -179,7 +179,7 @@ def test_times_of_day_need_their_day(bring_in: Import) -> None:
 def test_times_of_day_go_on_over_midnight(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, block_bytes: int
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     first = datetime(2025, 3, 3, 22, 0, tzinfo=UTC)
     moments = [first + i * timedelta(minutes=7, microseconds=1) for i in range(600)]
     texts = [f"{moment:%H:%M:%S.%f}" for moment in moments]
@@ -241,7 +241,7 @@ def test_local_times_go_on_over_changes(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, case: str, block_bytes: int
 ) -> None:
     if not case.startswith("begins"):
-        monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+        monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     texts, expected = local(CHANGES[case][0], 900, CHANGES[case][1])
     recording = bring_in(table(texts), map=timed(LOCAL))
     assert recording.read("samples")["t_ns"].tolist() == expected

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.imported import MAP, Import
 
-from rigd.importing.formats import _ENDINGS
+from rigd.importing.tables.formats import _ENDINGS
 from rigd.model import ConfigError
 
 PAGE = (Path(__file__).parents[2] / "docs" / "import.md").read_text()

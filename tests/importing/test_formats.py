@@ -100,7 +100,7 @@ def bring_in(path: Path, group: str, time: str) -> Recording:
 def test_every_format_gives_the_same_rows(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd.importing.array_table.BATCH_ROWS", 128)
+    monkeypatch.setattr("rigd.importing.tables.array_table.BATCH_ROWS", 128)
     rows = bring_in(tmp_path / name, *FORMATS[name][1:]).read("samples")
     assert rows["t_ns"].tolist() == [START_NS + i * 1_000_000 for i in range(500)]
     assert rows["force"].tolist() == (FORCE * 1000.0).tolist()

@@ -75,7 +75,7 @@ def test_each_way_of_writing_gives_same_rows(
 def test_block_by_block_gives_the_same_rows(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", 100)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", 100)
     rows = bring_in(TABLE).read("samples")
     assert rows["force"].tolist() == [i * 0.5 for i in range(40)]
 
@@ -149,7 +149,7 @@ sources:
 def test_each_line_end_gives_the_same(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, end: str, block_bytes: int
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     rows = bring_in(TABLE.replace("\n", end)).read("samples")
     assert rows["force"].tolist() == [i * 0.5 for i in range(40)]
     with pytest.raises(ConfigError, match="'x' is no number") as raised:
@@ -201,7 +201,7 @@ def test_row_that_lacks_cell_beside_comment_is_named(bring_in: Import) -> None:
 def test_last_line_parts_tables_of_a_file(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch, block_bytes: int
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     text = f"{TABLE}\nsecond stroke\n{TABLE.replace('.5', '.75')}"
     with pytest.raises(ConfigError, match="the line is empty, and others follow") as raised:
         bring_in(text)

@@ -63,7 +63,7 @@ def test_texts_keep_the_plus_times_lose(bring_in: Import) -> None:
 def test_trials_are_the_same_in_small_blocks(
     bring_in: Import, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", 64)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", 64)
     recording = bring_in(TWO, more=BY_LOAD)
     assert spans(recording) == [(0, 19_000_001), (20_000_000, 39_000_001)]
     assert [step.name for step in recording.trials[1].steps] == ["up", "on"]
@@ -110,7 +110,7 @@ def test_trial_that_outlasts_file_is_incomplete(bring_in: Import) -> None:
 def test_parameter_may_change_between_trials(
     bring_in: Import, trials: str, block_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd.importing.csv_table.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("rigd.importing.tables.csv_table.BLOCK_BYTES", block_bytes)
     goes_on = [i % 20 < 12 for i in range(40)]
     text = table(*(f"{i / 1000},{i},{9 if on else 0},{5 if i < 16 else 10},"
                    f"{i // 20 if on else ' pause'}" for i, on in enumerate(goes_on)))  # fmt: skip

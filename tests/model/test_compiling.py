@@ -12,10 +12,10 @@ from types import ModuleType
 import pytest
 
 from rigd.cli.main import COMPILING, main
-from rigd.model import compiling
+from rigd.model.machine import compiling
 
 KERNELS = """
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 
 @kernel
 def double(number: float) -> float:

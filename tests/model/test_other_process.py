@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from rigd.model.other_process import OtherProcess, child_ending, how_ended, shows_end
+from rigd.model.machine.other_process import OtherProcess, child_ending, how_ended, shows_end
 
 #: Some lines of /proc/PID/stat, cut after the pending signals: a process that sleeps, one that was
 #: stopped by SIGSTOP, one with SIGKILL pending, one that exits, one that is not reaped.

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from support import warm
 
-KERNEL = "from rigd.model.kernel import kernel\n\n\n@kernel\ndef twice(x):\n    return 2.0 * x\n"
+KERNEL = (
+    "from rigd.model.machine.kernel import kernel\n\n\n@kernel\ndef twice(x):\n    return 2.0 * x\n"
+)
 CODE = """\
 import sys
 

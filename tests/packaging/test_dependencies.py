@@ -14,7 +14,7 @@ from typing import Final
 import pytest
 from packaging.requirements import Requirement
 
-from rigd.model.extras import MODULES
+from rigd.model.machine.extras import MODULES
 
 ROOT = Path(__file__).parents[2]
 PRODUCT = [

@@ -15,7 +15,7 @@ from support.daemon import listening
 from support.served_rig import free_port
 
 from rigd.model.errors import Exit
-from rigd.model.extras import MODULES, MissingExtra, is_installed, require
+from rigd.model.machine.extras import MODULES, MissingExtra, is_installed, require
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "configs" / "sim_lugre.yaml"

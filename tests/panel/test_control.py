@@ -14,7 +14,7 @@ from support.panel import ServedPanel, Visitor
 from support.played_rig import PlayedRig
 
 from rigd.panel.session_store import SessionStore
-from rigd.remote.client import renewing
+from rigd.remote.client.lease import renewing
 from rigd.remote.protocol import ClientUser
 
 #: How long a lease lasts here, in s; it is renewed every 0.1 s.

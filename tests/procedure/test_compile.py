@@ -14,7 +14,15 @@ from rigd.model.limits import SetpointLimit
 from rigd.model.units import parse_quantity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
-from rigd.procedure.profiles import Chirp, ConstantProfile, Prbs, Ramp, Sine, Square, TableProfile
+from rigd.procedure.profiles.profiles import (
+    Chirp,
+    ConstantProfile,
+    Prbs,
+    Ramp,
+    Sine,
+    Square,
+    TableProfile,
+)
 from rigd.procedure.program import (
     AnswerKind,
     Comparison,

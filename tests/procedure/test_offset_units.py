@@ -13,7 +13,7 @@ from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.procedure.profiles import ConstantProfile, Ramp, Sine, TableProfile
+from rigd.procedure.profiles.profiles import ConstantProfile, Ramp, Sine, TableProfile
 from rigd.procedure.program import (
     CompiledProcedure,
     Condition,

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from rigd.procedure.profiles import (
+from rigd.procedure.profiles.profiles import (
     TAPS,
     Chirp,
     ConstantProfile,

@@ -9,7 +9,6 @@ import pytest
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
-from rigd.procedure.agreement import band, check_of
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import (
@@ -21,6 +20,7 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
+from rigd.procedure.steps.agreement import band, check_of
 
 AGREES = "agrees: {with: scale.mass, within: 5 %, for: 1 s}"
 TEXT = f"""\

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Note, Recording, RecordingWriter, add_note, verify
-from rigd.record.moment import recorded_at
-from rigd.record.wire import DATA_END
+from rigd.record.mcap.wire import DATA_END
+from rigd.record.read.moment import recorded_at
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

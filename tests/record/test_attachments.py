@@ -12,9 +12,9 @@ import pytest
 from rigd.cli.main import main
 from rigd.model import RecordingError
 from rigd.record import Recording
-from rigd.record.attachments import file_names
 from rigd.record.export import export
-from rigd.record.wire import FRAME, MAGIC
+from rigd.record.mcap.wire import FRAME, MAGIC
+from rigd.record.read.attachments import file_names
 
 #: Names that a recording of anybody may have, and where they go.
 NAMES = {

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from rigd.model import ConfigError, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record.brief import brief_info
-from rigd.record.chunks import index_messages
-from rigd.record.compression import decompress
-from rigd.record.contents import Contents, SummaryWriter
-from rigd.record.events import CDR_HEADER, cdr_string, parse_event
-from rigd.record.verify import verify
-from rigd.record.wire import DATA_END, FRAME, MAGIC, Malformed, records
+from rigd.record.events.event import CDR_HEADER, cdr_string, parse_event
+from rigd.record.mcap.chunks import index_messages
+from rigd.record.mcap.compression import decompress
+from rigd.record.mcap.contents import Contents, SummaryWriter
+from rigd.record.mcap.wire import DATA_END, FRAME, MAGIC, Malformed, records
+from rigd.record.read.brief import brief_info
+from rigd.record.repair.verify import verify
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -90,9 +90,10 @@ CHILD = """
 import json, resource, sys, time
 from pathlib import Path
 from rigd.model import RecordingError
-from rigd.record import Recording, recover
-from rigd.record.brief import brief_info
-from rigd.record.verify import verify
+from rigd.record import Recording
+from rigd.record import recover
+from rigd.record.read.brief import brief_info
+from rigd.record.repair.verify import verify
 
 for call in (brief_info, verify, recover):
     try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record.brief import brief_info
+from rigd.record.read.brief import brief_info
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -19,7 +19,7 @@ from support.cases import some
 
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Attachment, Recording, RecordingWriter, recover
-from rigd.record.compression import Compression
+from rigd.record.mcap.compression import Compression
 
 Rows = NDArray[np.void]
 Create = Callable[..., RecordingWriter]

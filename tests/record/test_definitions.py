@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.wire import Record, records
+from rigd.record.mcap.wire import Record, records
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

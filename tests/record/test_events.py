@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Event, Recording, RecordingWriter, recover
-from rigd.record.openchunk import EVENTS_SPAN_NS, MIN_BYTES
+from rigd.record.write.openchunk import EVENTS_SPAN_NS, MIN_BYTES
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

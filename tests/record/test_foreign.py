@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rigd.cli.main import main
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record.chunks import ChunkHead, unpack_chunk
 from rigd.record.export import Format, export
+from rigd.record.mcap.chunks import ChunkHead, unpack_chunk
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -95,7 +95,7 @@ def test_mixed_chunk_is_unpacked_once(
         unpacked.append(head.size)
         return unpack_chunk(head, check_crc=check_crc)
 
-    monkeypatch.setattr("rigd.record.rows.unpack_chunk", counted)
+    monkeypatch.setattr("rigd.record.read.rows.unpack_chunk", counted)
     recording = Recording.open(theirs)
     for name in (*recording.streams, *recording.streams):
         recording.read(name)

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigd.config.publication import Author, Publication
+from rigd.config.lab.publication import Author, Publication
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter
 from rigd.record.export import export
 from rigd.record.export.rocrate import Published, export_rocrate
-from rigd.record.file import RecordingInUse
+from rigd.record.mcap.file import RecordingInUse
 
 Rows = Callable[..., np.ndarray[Any, Any]]
 

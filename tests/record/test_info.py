@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigd.cli.main import main
 from rigd.model import Stream
 from rigd.record import Event, Recording, RecordingWriter, trials
-from rigd.record.info import run_state
+from rigd.record.read.info import run_state
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -17,7 +17,7 @@ from support.shipped_runs import Pair, play
 
 from rigd.cli.main import main
 from rigd.config.loader import load_rig
-from rigd.engine.wiring import streams_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.model import Channel, Stream
 from rigd.record import Recording
 from rigd.record.layout import FORMATS, layout

@@ -15,7 +15,7 @@ from rigd.model import RecordingError, Stream
 from rigd.model.channels import Channel
 from rigd.model.rows import row_dtype
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record import writer as writing
+from rigd.record.write import writer as writing
 
 STREAM = Stream("s", tuple(Channel(f"c{index}") for index in range(12)))
 

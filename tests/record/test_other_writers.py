@@ -23,7 +23,7 @@ from support.odd_mcap import messages_in
 from rigd.cli.main import main
 from rigd.model import RecordingError
 from rigd.record import Recording, recover, verify
-from rigd.record.condition import FileCondition
+from rigd.record.read.condition import FileCondition
 
 COUNT = 300
 START_NS = 1_790_000_000_000_000_000

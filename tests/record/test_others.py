@@ -13,7 +13,7 @@ from support.odd_mcap import VALID, Content, content_of, messages_in
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.condition import FileCondition
+from rigd.record.read.condition import FileCondition
 
 ROWS = 400  #: of each stream
 #: Messages of one chunk at most; the writers here put as many into one.

@@ -21,7 +21,7 @@ from support.cases import some
 from rigd.catalogue import search
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.journal import journal_path
+from rigd.record.mcap.journal import journal_path
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import rigd.record.rebuild
+import rigd.record.repair.rebuild
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.journal import journal_path
-from rigd.record.moment import recorded_at
+from rigd.record.mcap.journal import journal_path
+from rigd.record.read.moment import recorded_at
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -48,7 +48,7 @@ def left(given: NDArray[np.void]) -> bytes:
 def step(name: str, act: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
     """Have ``act`` done when the repair comes to the step of that name."""
     owner: object = {
-        "write_all": rigd.record.rebuild,
+        "write_all": rigd.record.repair.rebuild,
         "link": os,
         "sync_folder": sys.modules[recover.__module__],
         "replace": Path,

@@ -16,7 +16,7 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 from rigd.cli.main import main
-from rigd.config.publication import Author, Publication
+from rigd.config.lab.publication import Author, Publication
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Attachment, Recording, RecordingWriter, add_note

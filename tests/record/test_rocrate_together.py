@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rigd.config.publication import Author, Publication
+from rigd.config.lab.publication import Author, Publication
 from rigd.model import Channel, Stream
 from rigd.record import Attachment, Recording, RecordingWriter
 from rigd.record.export.rocrate import Published, export_rocrate

@@ -11,8 +11,8 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rigd.record import Recording, verify
-from rigd.record.condition import FileCondition
-from rigd.record.ros2msg import numbers_of
+from rigd.record.read.condition import FileCondition
+from rigd.record.read.ros2msg import numbers_of
 
 LINE = "=" * 80
 DEFINITION = f"""\

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record.compression import Compression
-from rigd.record.wire import DATA_END, encode_data_end
+from rigd.record.mcap.compression import Compression
+from rigd.record.mcap.wire import DATA_END, encode_data_end
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

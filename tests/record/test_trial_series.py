@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import Channel, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify
-from rigd.record.schema import TRIAL_CHANNEL
+from rigd.record.mcap.schema import TRIAL_CHANNEL
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import Channel, Stream
 from rigd.record import Recording, RecordingWriter
-from rigd.record.compression import Compression
-from rigd.record.crc import crc32
+from rigd.record.mcap.compression import Compression
+from rigd.record.mcap.crc import crc32
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.records import ChunkIndex
 
-from rigd.record.wire import FRAME, decode_chunk_index, encode, encode_chunk_index
+from rigd.record.mcap.wire import FRAME, decode_chunk_index, encode, encode_chunk_index
 
 NUMBERS = st.integers(0, 2**64 - 1)
 INDEXES = st.builds(

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import RecordingError, Stream
 from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter, recover
-from rigd.record.compression import Compression
+from rigd.record.mcap.compression import Compression
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

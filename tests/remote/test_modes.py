@@ -12,8 +12,8 @@ from support.served_rig import request as message
 from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.remote.client.queries import rigs_alive
+from rigd.remote.client.rigs.target import make_target
 from rigd.remote.client.session import open_session
-from rigd.remote.client.target import make_target
 
 TIMEOUT_S = 60.0
 

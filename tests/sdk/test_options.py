@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 
 from rigd.sdk import DriverConfig, In
-from rigd.sdk.options import Option, options_of
+from rigd.sdk.options.options import Option, options_of
 
 
 class Level(Enum):

@@ -21,7 +21,7 @@ from support.angle_runs import TABLE_1
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
-from rigd.record.prefix import Attachment
+from rigd.record.mcap.prefix import Attachment
 
 START_NS: Final = 1_790_000_000_000_000_000
 RATE_HZ: Final = 9600.0

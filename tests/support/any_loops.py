@@ -12,7 +12,7 @@ from support.formula_draws import formulas
 
 from rigd.model.severity import STOPS, Severity
 from rigd.model.units import quotient
-from rigd.procedure.profiles import ConstantProfile, Profile, Ramp, Sine
+from rigd.procedure.profiles.profiles import ConstantProfile, Profile, Ramp, Sine
 from rigd.procedure.program import CycleProgram, Hold, Segment
 
 PERIOD_NS: Final = 1_000_000

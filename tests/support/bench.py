@@ -7,18 +7,18 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
-from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
-from rigd.engine.control import Control
-from rigd.engine.cycle import Cycle
-from rigd.engine.in_process import InProcessHost
-from rigd.engine.interlocks import InterlockBank
-from rigd.engine.limiter import Limiter
-from rigd.engine.mount import mount
-from rigd.engine.run import Run
+from rigd.engine.cycle.cycle import Cycle
+from rigd.engine.cycle.limiter import Limiter
+from rigd.engine.cycle.mount import mount
+from rigd.engine.play.control import Control
+from rigd.engine.play.interlocks import InterlockBank
+from rigd.engine.process.in_process import InProcessHost
+from rigd.engine.run.answers import OwnAnswers
+from rigd.engine.run.run import Run
 from rigd.engine.sink import Rows
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.procedure.profiles import ConstantProfile
+from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from rigd.controllers.bank import Bank
 from rigd.controllers.driver import ControllerConfig
-from rigd.engine.limiter import Limiter
+from rigd.engine.cycle.limiter import Limiter
 from rigd.model.limits import SetpointLimit
 from rigd.model.tables import Tables
 

@@ -21,7 +21,7 @@ from support.stalls import witnessed
 from support.wire import ROOT, WireRig
 
 from rigd.config.loader import load_rig
-from rigd.engine.cycle_rows import HeldRows
+from rigd.engine.cycle.rows import HeldRows
 from rigd.engine.shared import RecorderState, RunFolder, Word, state_folder
 from rigd.model.errors import Exit
 from rigd.record import Recording

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from support.lugre_bench import RADIUS_M, Bench
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 
 FloatArray = NDArray[np.float64]
 

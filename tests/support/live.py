@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rigd.config.rig import RigConfig
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.wiring import streams_of
 from rigd.model import Stream
 from rigd.remote.protocol import Frame, RigEvent, decode_frame
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 

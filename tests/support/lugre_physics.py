@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 
 FloatArray = NDArray[np.float64]
 

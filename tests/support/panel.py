@@ -23,7 +23,7 @@ from rigd.model.errors import LinkError
 from rigd.panel.server import Listen, serve
 from rigd.panel.session_store import SessionStore
 from rigd.remote.client.connection import Connection
-from rigd.remote.client.target import make_target
+from rigd.remote.client.rigs.target import make_target
 from rigd.remote.protocol import Kind, RigEvent, Status
 
 R = TypeVar("R")

@@ -19,8 +19,8 @@ from support.altered import Content
 
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
-from rigd.engine.result import RunResult
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import RunResult
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder

@@ -18,8 +18,8 @@ from support.random_rigs import number_of, replaced, with_unit
 
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
-from rigd.engine.result import RunResult
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import RunResult
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder

@@ -30,7 +30,7 @@ from rigd.daemon.serve.service import RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
-from rigd.engine import run
+from rigd.engine.run import run
 from rigd.engine.shared import RunFolder
 from rigd.remote.protocol import (
     Kind,

@@ -9,8 +9,8 @@ from pathlib import Path
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
-from rigd.engine.result import RunResult
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import RunResult
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.command import rigd
 
-from rigd.cli.check import _kind
+from rigd.cli.rig.check import _kind
 
 PROCEDURES = Path(__file__).parents[2] / "procedures"
 

@@ -9,7 +9,7 @@ import pytest
 from support.command import Ended, rigd
 from support.terminal import Terminal
 
-from rigd.config.calibration import load_calibration, parse_calibration
+from rigd.config.calibration.calibration import load_calibration, parse_calibration
 from rigd.record import Recording
 from rigd.sdk.shipped import shipped_folder
 

@@ -13,12 +13,12 @@ import pytest
 
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.engine.preflight import PREFLIGHT_CYCLES
+from rigd.engine.run.preflight import PREFLIGHT_CYCLES
 from rigd.model.channels import STATUS_FIELD
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
-from rigd.record.compression import Compression
+from rigd.record.mcap.compression import Compression
 from rigd.sdk import Driver
 
 

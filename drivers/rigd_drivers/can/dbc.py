@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.model.extras import is_installed, missing
+from rigd.model.machine.extras import is_installed, missing
 from rigd.model.units import Unit, parse_unit
 from rigd.sdk import Channel, wrong_entry
 

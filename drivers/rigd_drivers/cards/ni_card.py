@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 
 from rigd.model.errors import RigdError
-from rigd.model.extras import is_installed, missing
+from rigd.model.machine.extras import is_installed, missing
 from rigd.sdk import DeviceError, DriverConfig, LinkError, ProtocolError
 
 #: How long a device server may take to accept a connection,

@@ -1,6 +1,6 @@
 """Contains what the calibration of any rig needs: recordings by step, values with their budgets."""
 
-from rigd.config.calibration import (
+from rigd.config.calibration.calibration import (
     ATTACHMENT,
     CalibratedValue,
     Calibration,

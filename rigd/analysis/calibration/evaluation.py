@@ -18,7 +18,7 @@ from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined, listed
 from rigd.analysis.report.rounding import number, places_for
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
-from rigd.record.moment import is_virtual, recorded_at
+from rigd.record.read.moment import is_virtual, recorded_at
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.result import FloatArray
-from rigd.config.calibration import (
+from rigd.config.calibration.calibration import (
     ATTACHMENT,
     CalibratedValue,
     Calibration,

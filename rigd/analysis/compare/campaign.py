@@ -26,7 +26,7 @@ from rigd.analysis.result import Curve, FloatArray, Verdict
 from rigd.model.errors import ConfigError, DataError, RecordingError
 from rigd.model.units import parse_unit, si_symbol
 from rigd.record import Recording
-from rigd.record.moment import recorded_at
+from rigd.record.read.moment import recorded_at
 
 #: What stands behind a measure in place of a model.
 MEASURES: Final = "measures"

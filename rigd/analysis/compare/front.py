@@ -29,7 +29,7 @@ from rigd.analysis.compare.evaluation import ComparisonEvaluation
 from rigd.analysis.compare.texts import change_texts, named, value_text
 from rigd.analysis.recordings.corrections import Corrections
 from rigd.model.errors import ConfigError, DataError
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd.record import Recording, Table
 
 if TYPE_CHECKING:

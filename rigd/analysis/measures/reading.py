@@ -17,10 +17,10 @@ from rigd.analysis.recordings.resample import stale_rows
 from rigd.derived.driver import DERIVED
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
-from rigd.procedure.condition_text import describe_until
+from rigd.procedure.conditions.condition_text import describe_until
 from rigd.procedure.program import Condition, Measure, Window
 from rigd.record import Event, Recording, TrialInfo
-from rigd.record.trials import Step, held
+from rigd.record.events.trials import Step, held
 
 
 class Unread(Exception):

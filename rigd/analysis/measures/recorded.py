@@ -21,7 +21,7 @@ from rigd.config.loader import parse_constants, parse_formulas
 from rigd.config.problems import Problems
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, DataError
-from rigd.procedure.conditions import ChannelFinder
+from rigd.procedure.conditions.conditions import ChannelFinder
 from rigd.procedure.expression import Value, number_in
 from rigd.procedure.loader import Procedure, parse_procedure
 from rigd.procedure.measures import measured_channels, read_measures

@@ -16,7 +16,7 @@ from rigd.analysis.measures.result import (
 )
 from rigd.analysis.measures.trend import FALSE_ALARM
 from rigd.model.units import parse_unit, si_symbol
-from rigd.procedure.condition_text import describe_until
+from rigd.procedure.conditions.condition_text import describe_until
 from rigd.procedure.program import Measure
 
 #: What the intervals hold, and what not; stands below every table.

@@ -15,7 +15,7 @@ from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.model.tables import Tables
 from rigd.observers.driver import Observer, ObserverConfig
 from rigd.observers.runner import Runner
-from rigd.procedure.recorded import CYCLE_STREAM
+from rigd.procedure.steps.recorded import CYCLE_STREAM
 from rigd.record import Recording
 
 Rows = NDArray[np.void]

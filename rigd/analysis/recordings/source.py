@@ -36,8 +36,8 @@ from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
 from rigd.procedure.program import IdentifyPlan
 from rigd.record import Event, Recording, RunInfo, TrialInfo
-from rigd.record.info import COMPLETE
-from rigd.record.trials import held
+from rigd.record.events.trials import held
+from rigd.record.read.info import COMPLETE
 
 #: Here also what the author of an analysis needs of recordings as such.
 __all__ = [

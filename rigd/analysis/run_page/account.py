@@ -13,8 +13,8 @@ from rigd.analysis.run_page.figures import StepSpan
 from rigd.analysis.run_page.groups import shown_value
 from rigd.analysis.run_page.samples import Attempt, Samples
 from rigd.record import Event, Recording, RunInfo, Step, TrialInfo
-from rigd.record.info import COMPLETE
-from rigd.record.trials import INTERRUPTED
+from rigd.record.events.trials import INTERRUPTED
+from rigd.record.read.info import COMPLETE
 
 #: Kinds of events that stand elsewhere on the page: in the figures and the table of trials.
 _ELSEWHERE: Final = frozenset({"step", "trial_start", "trial_end"})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rigd.config.remote import TlsFiles
     from rigd.remote import AsyncClient, Client
-    from rigd.remote.client.target import Target
+    from rigd.remote.client.rigs.target import Target
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def find(args: argparse.Namespace) -> Target:
     Raises:
         ConfigError: the options contradict each other, or name no rig.
     """
-    from rigd.remote.client.target import find_target
+    from rigd.remote.client.rigs.target import find_target
 
     return find_target(args.rig, args.endpoint, _tls(args), args.identity)
 

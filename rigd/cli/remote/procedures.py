@@ -11,7 +11,7 @@ from rigd.cli.options import add_json, add_set, read_assignments
 from rigd.cli.remote.command import RemoteCommand, connect, print_json
 
 if TYPE_CHECKING:
-    from rigd.config.differences import Difference
+    from rigd.config.sibling.differences import Difference
     from rigd.dry_run import Physics, PredictedPeak, StepRow
     from rigd.remote.protocol.results import DryRun
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def _procedures(args: argparse.Namespace) -> int:
     from rich.markup import escape
 
-    from rigd.cli.screen import folding_table, open_console, print_table
+    from rigd.cli.views.screen import folding_table, open_console, print_table
 
     with connect(args) as rig:
         found = rig.procedures()
@@ -53,7 +53,7 @@ def _configure_dry_run(parser: argparse.ArgumentParser) -> None:
 
 
 def _dry_run(args: argparse.Namespace) -> int:
-    from rigd.cli.dry_run_view import dry_run_json, print_dry_run
+    from rigd.cli.views.dry_run import dry_run_json, print_dry_run
     from rigd.model.errors import Exit
 
     with connect(args) as rig:
@@ -81,7 +81,7 @@ class _PlayedElsewhere:
 
 
 def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
-    from rigd.config.differences import Difference
+    from rigd.config.sibling.differences import Difference
     from rigd.dry_run import PredictedPeak, StepRow
 
     def bound(value: float | None, missing: float) -> float:

@@ -48,7 +48,7 @@ def _print(found: RunList, where: str, again: str) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.screen import open_console, print_table
+    from rigd.cli.views.screen import open_console, print_table
 
     console = open_console()
     if not found.runs:

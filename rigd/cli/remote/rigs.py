@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def _execute(args: argparse.Namespace) -> int:
     import asyncio
 
-    from rigd.model.system import on_linux
+    from rigd.model.machine.system import on_linux
     from rigd.remote.client.discovery import discover_rigs
 
     served = {}
@@ -35,9 +35,9 @@ def show_rigs(found: list[DiscoveredRig]) -> None:
     """Print a line for each rig, or what to do if there is none."""
     from rich.markup import escape
 
-    from rigd.cli.screen import folding_table, open_console, print_table
+    from rigd.cli.views.screen import folding_table, open_console, print_table
     from rigd.config.remote import DEFAULT_ENDPOINT
-    from rigd.remote.client.address import list_path
+    from rigd.remote.client.rigs.address import list_path
 
     console = open_console()
     if not found:

@@ -91,7 +91,7 @@ def _act(rig: Client, args: argparse.Namespace) -> str:
 
 def _answer(rig: Client, args: argparse.Namespace) -> str:
     from rigd.cli.remote.watching import as_prompt
-    from rigd.engine.answers import read_answer
+    from rigd.engine.run.answers import read_answer
     from rigd.model.errors import ConfigError
     from rigd.remote.protocol import Code, Refusal
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Final
 
 from rigd.cli.asking import ask, ask_prompt, is_terminal
 from rigd.cli.remote.command import again
-from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
-from rigd.cli.shown import outlive_output
+from rigd.cli.views.output import outlive_output
+from rigd.cli.views.run import Conclusion, RunDisplay, RunPosition
 from rigd.daemon.signals import ESCALATION, present
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.model.errors import Exit, LinkError, RigdError
 from rigd.procedure.program import AnswerKind, Prompt
 from rigd.remote.client.watching import RunWatch

@@ -17,9 +17,9 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.engine.child import module
 from rigd.engine.clock import RealClock
-from rigd.engine.realtime import RealTime
+from rigd.engine.system.child import module
+from rigd.engine.system.realtime import RealTime
 
 #: How long starting the interpreter may take on a busy machine, in s.
 START_S: Final = 30.0

@@ -16,9 +16,9 @@ from rigd.daemon.doctor.storage import StorageNeeds, examine_storage
 from rigd.daemon.doctor.timing import examine_timing
 from rigd.daemon.forms import RING_S
 from rigd.daemon.signals import handle_signals
-from rigd.engine.control import Control
+from rigd.engine.cycle.wiring import streams_of
+from rigd.engine.play.control import Control
 from rigd.engine.rates import most_rows_hz, ring_rows
-from rigd.engine.wiring import streams_of
 from rigd.model.rows import row_struct
 
 

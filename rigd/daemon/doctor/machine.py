@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Final
 
 from rigd.daemon.doctor.check import Check, CheckVerdict
-from rigd.engine.processors import LEAST_SHARE, MOST_SHARE, Resident, fitting, residents, taken_by
+from rigd.engine.system.processors import (
+    LEAST_SHARE,
+    MOST_SHARE,
+    Resident,
+    fitting,
+    residents,
+    taken_by,
+)
 
 _GROUP: Final = "machine"
 _CLOCK_SOURCE: Final = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")

@@ -13,8 +13,8 @@ from rigd.daemon.doctor.check import Check, CheckVerdict, OnCheck
 from rigd.daemon.doctor.machine import rigs_check
 from rigd.daemon.doctor.survey import Survey
 from rigd.daemon.manual import UnarmedSession, open_unarmed
-from rigd.engine.control import Control
-from rigd.engine.processors import residents
+from rigd.engine.play.control import Control
+from rigd.engine.system.processors import residents
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.severity import Severity
 

@@ -17,10 +17,10 @@ from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.timing import lateness_check, silence_check
 from rigd.derived.driver import DerivedConfig
-from rigd.engine.mount import CYCLE_STREAM
+from rigd.engine.cycle.mount import CYCLE_STREAM
+from rigd.engine.cycle.wiring import in_cycle
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import in_cycle
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_difference, format_quantity

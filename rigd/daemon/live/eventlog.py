@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import Any, Final
 
-from rigd.record.events import Event as RecordedEvent
-from rigd.record.events import data_to_json
+from rigd.record.events.event import Event as RecordedEvent
+from rigd.record.events.event import data_to_json
 from rigd.remote.protocol import VERSION, RigEvent
 
 #: Events that are kept.

@@ -20,12 +20,12 @@ from typing import Any, Final, Protocol, Self
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.eventlog import EventLog
 from rigd.daemon.live.stream import LiveStream
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.shared import EVENT_SOURCES, EventView, RunFolder, Word
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import Stream
-from rigd.record.events import NO_TRIAL
-from rigd.record.events import Event as RecordedEvent
+from rigd.record.events.event import NO_TRIAL
+from rigd.record.events.event import Event as RecordedEvent
 from rigd.remote.protocol import Code, Refusal, RigEvent, encode_frame
 from rigd.remote.protocol.limits import LIVE_HZ
 from rigd.remote.protocol.results import History, LatestReply, LatestValues

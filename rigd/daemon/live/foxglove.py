@@ -14,15 +14,16 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from rigd.config.rig import RigConfig
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError, LinkError
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd.model.rows import TIME_FIELD
-from rigd.record.events import CDR_HEADER, Event
-from rigd.record.schema import (
+from rigd.record.events.event import CDR_HEADER, Event
+from rigd.record.events.trial_series import TrialSeries
+from rigd.record.mcap.schema import (
     TRIAL_SCHEMA,
     TRIAL_TOPIC,
     TRIAL_TYPE,
@@ -30,7 +31,6 @@ from rigd.record.schema import (
     schema_text,
     type_names,
 )
-from rigd.record.trial_series import TrialSeries
 
 if TYPE_CHECKING:  # the extra rigd[foxglove]
     from foxglove import Channel

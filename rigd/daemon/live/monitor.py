@@ -10,7 +10,7 @@ from typing import Final
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.feed import Feed
 from rigd.daemon.manual import open_unarmed
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, RigdError
 from rigd.model.severity import Severity

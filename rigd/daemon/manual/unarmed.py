@@ -17,19 +17,19 @@ from pathlib import Path
 from typing import Final
 
 from rigd.config.rig import RigConfig, Supervision
-from rigd.engine.control import Control
-from rigd.engine.interlocks import Trip
-from rigd.engine.launch import launch, prepare
-from rigd.engine.player import Outcome
-from rigd.engine.process_host import ProcessHost
+from rigd.engine.cycle.wiring import streams_of
+from rigd.engine.play.control import Control
+from rigd.engine.play.interlocks import Trip
+from rigd.engine.play.player import Outcome
+from rigd.engine.process.launch import launch, prepare
+from rigd.engine.process.process_host import ProcessHost
 from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, state_folder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
 from rigd.model.severity import Severity
 from rigd.procedure.program import Recorded
-from rigd.record.events import Event
+from rigd.record.events.event import Event
 
 #: Rows are taken out of the rings every 50 ms; they hold this much if that stalls.
 RING_S: Final = 5.0

@@ -30,12 +30,12 @@ from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.supervised_process import SupervisedProcess
 from rigd.daemon.serve.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
-from rigd.engine.realtime import as_program, before_programs
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
+from rigd.engine.system.realtime import as_program, before_programs
 from rigd.model.channels import Stream
-from rigd.record.events import Event
+from rigd.record.events.event import Event
 from rigd.remote.server import Lease, Server
 
 #: The daemon does its periodic work this often, and at once if something has changed; in s.

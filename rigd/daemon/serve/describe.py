@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import cast
 
-from rigd.config.lab import load_lab
+from rigd.config.lab.lab import load_lab
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.stream import LiveStream
 from rigd.daemon.manual import actions_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.rates import most_rows_hz
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed, Monitor
 from rigd.daemon.manual import check_action, only, open_unarmed
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import ConfigError
 from rigd.remote.protocol import Code, Refusal

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from rigd.engine.answers import AnswerRefused, check_answer
+from rigd.engine.run.answers import AnswerRefused, check_answer
 from rigd.model.errors import ProcedureError
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 from rigd.remote.protocol import Code, Refusal

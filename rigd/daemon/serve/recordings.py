@@ -24,12 +24,12 @@ from rigd.catalogue import parse_where, search
 from rigd.catalogue.facts import assigned, condition_of
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import ConfigError, RecordingError
-from rigd.model.folders import make_folder
+from rigd.model.machine.folders import make_folder
 from rigd.model.pages import page_of
 from rigd.record import Recording, RunInfo, info_json
-from rigd.record.index import DamagedRecording
-from rigd.record.moment import is_virtual, recorded_at
-from rigd.record.trials import INTERRUPTED
+from rigd.record.events.trials import INTERRUPTED
+from rigd.record.read.index import DamagedRecording
+from rigd.record.read.moment import is_virtual, recorded_at
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import RUN_NAME
 from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView

@@ -14,7 +14,7 @@ from rigd.engine.recorder import drain_leftovers
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import RecordingError
 from rigd.record import Event, Recording, recover
-from rigd.record.file import RecordingInUse
+from rigd.record.mcap.file import RecordingInUse
 from rigd.remote.protocol.status import Interrupted
 
 #: So many interrupted runs are offered, the newest.

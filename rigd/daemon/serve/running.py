@@ -11,9 +11,9 @@ from typing import Final
 
 from rigd.daemon.execute import RunRequest, perform
 from rigd.daemon.serve.prompts import RemoteAnswers
-from rigd.engine.control import Control
-from rigd.engine.interlocks import Trip
-from rigd.engine.result import Progress, TimeLeft
+from rigd.engine.play.control import Control
+from rigd.engine.play.interlocks import Trip
+from rigd.engine.run.result import Progress, TimeLeft
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.severity import Severity

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.analysis.plan import judged
-from rigd.config.lab import stated_specimen
+from rigd.config.lab.lab import stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
@@ -29,9 +29,9 @@ from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.running import RunListeners, Running
 from rigd.daemon.serve.trips import RememberedTrip, TripMemory
-from rigd.engine.control import Control
-from rigd.engine.interlocks import Trip
-from rigd.engine.result import TimeLeft
+from rigd.engine.play.control import Control
+from rigd.engine.play.interlocks import Trip
+from rigd.engine.run.result import TimeLeft
 from rigd.engine.shared import RunFolder
 from rigd.model.about import About
 from rigd.model.severity import Severity

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final, Self
 
 from rigd.daemon.serve.notices import Notices
-from rigd.engine.child import Child
+from rigd.engine.system.child import Child
 
 #: One that died is started again at once. If it dies again it is started after this long, and after
 #: twice as long each time: it may die of something that lasts, and a start costs a second of CPU.

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from rigd.engine.interlocks import Trip
+from rigd.engine.play.interlocks import Trip
 from rigd.model.errors import RecordingError
 from rigd.model.severity import Severity
 from rigd.record import Event

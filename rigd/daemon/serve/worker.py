@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigd.config.rig import RigConfig
-from rigd.engine.child import Child, module
-from rigd.engine.realtime import set_nice
+from rigd.engine.system.child import Child, module
+from rigd.engine.system.realtime import set_nice
 from rigd.model.errors import ConfigError, RigdError
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd.remote.protocol import Code, Message, Refusal
 from rigd.remote.protocol.results import CheckReport, DryRun, RenewedCalibration, Reported
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import RunFolder, leftovers
 from rigd.model.errors import RecordingError
-from rigd.record.file import RecordingInUse
+from rigd.record.mcap.file import RecordingInUse
 
 
 def drain_leftovers(folder: RunFolder) -> Path | None:

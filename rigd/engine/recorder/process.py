@@ -7,10 +7,10 @@ import time
 from enum import Enum, auto
 from typing import Final
 
-from rigd.engine.child import Child, module
 from rigd.engine.recorder.service import ERROR_FILE
 from rigd.engine.shared import RecorderState, RunFolder, Word
 from rigd.engine.shared.scarce import insist
+from rigd.engine.system.child import Child, module
 from rigd.model.errors import RecordingError
 
 #: Output of the recorder, which is empty unless it has a bug.

@@ -16,7 +16,7 @@ from typing import Final
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import Board, Phase, RecorderState, RunFolder, Word
 from rigd.model.errors import Exit, RecordingError
-from rigd.model.other_process import OtherProcess
+from rigd.model.machine.other_process import OtherProcess
 
 #: File in the run's folder with the error that stopped the recording.
 ERROR_FILE: Final = "recorder.error"

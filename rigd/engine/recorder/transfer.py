@@ -20,8 +20,8 @@ from typing import Any, Final
 from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder
 from rigd.model.errors import RecordingError
 from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter, recover
-from rigd.record.file import RecordingInUse
-from rigd.record.recover import Headless
+from rigd.record.mcap.file import RecordingInUse
+from rigd.record.repair.recover import Headless
 
 #: The contents of the file at the start of the run, in the run's folder; written before the first
 #: row.

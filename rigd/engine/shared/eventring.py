@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 from rigd.engine.shared.mapping import SharedFile
 from rigd.engine.shared.ring import CAPACITY, CLAIM, HEAD, OVERRUNS, TAIL, Ring
 from rigd.model.errors import RecordingError
-from rigd.record.events import Event, data_to_json
+from rigd.record.events.event import Event, data_to_json
 
 _MAGIC: Final = b"rigdevt1"
 _RELEASED: Final = 17  #: events released since the beginning; written before the tail

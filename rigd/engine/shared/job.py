@@ -12,8 +12,8 @@ from typing import Any
 from rigd.model.channels import Stream
 from rigd.model.errors import RecordingError
 from rigd.record import Attachment
-from rigd.record.compression import Compression
-from rigd.record.schema import stream_from_json, stream_to_json
+from rigd.record.mcap.compression import Compression
+from rigd.record.mcap.schema import stream_from_json, stream_to_json
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Final
 
 from rigd.config.rig import DeviceConfig
-from rigd.engine.child import Child, module
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
+from rigd.engine.system.child import Child, module
 from rigd.model.channels import Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError, RigdError
-from rigd.model.system import readable
+from rigd.model.machine.system import readable
 
 #: Longest time for opening: connect to a device server, set up a card and start it.
 OPEN_S: Final = 30.0

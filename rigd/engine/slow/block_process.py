@@ -17,12 +17,12 @@ import threading
 import traceback
 from typing import Final
 
-from rigd.engine.block_rows import BlockRecorder, BlockRows
 from rigd.engine.clock import monotonic_ns
-from rigd.engine.realtime import HELPER_PRIORITY, RealTime
+from rigd.engine.cycle.block_rows import BlockRecorder, BlockRows
 from rigd.engine.shared.rowring import RowRing
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
+from rigd.engine.system.realtime import HELPER_PRIORITY, RealTime
 from rigd.model.errors import DeviceError, RigdError
 from rigd.sdk import Block, BlockDriver
 

@@ -14,7 +14,7 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any, Final, Protocol, TypeVar
 
 from rigd.engine.clock import monotonic_ns
-from rigd.engine.cycle import DEVICE_ERRORS
+from rigd.engine.cycle.cycle import DEVICE_ERRORS
 from rigd.engine.slow.orders import DeviceOrders, Done, Order
 from rigd.engine.slow.table import Slot
 from rigd.model.errors import DeviceError, LinkError, RigdError

@@ -8,14 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from rigd.config.rig import RigConfig
-from rigd.engine.cycle import DEVICE_ERRORS
+from rigd.engine.cycle.cycle import DEVICE_ERRORS
+from rigd.engine.play.windows import Windows
 from rigd.engine.shared import Job, RowRing, RunFolder
 from rigd.engine.slow.block_helper import BlockHelper
 from rigd.engine.slow.devices import SlowDevices
 from rigd.engine.slow.orders import ORDERS, DeviceOrders, Orders, acting_devices
 from rigd.engine.slow.stand_ins import TABLE, off_cycle_streams
 from rigd.engine.slow.table import LatestTable
-from rigd.engine.windows import Windows
 from rigd.procedure.program import Recorded
 from rigd.sdk import BlockDriver, SlowDriver
 

@@ -11,11 +11,11 @@ from typing import Final
 
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.engine.clock import monotonic_ns
+from rigd.engine.cycle.stand_in import StandIn
+from rigd.engine.cycle.wiring import in_cycle
+from rigd.engine.play.windows import Windows
 from rigd.engine.slow.orders import ORDERS, DeviceOrders, Done, Order, Orders, acting_devices
 from rigd.engine.slow.table import LatestTable, Slot
-from rigd.engine.stand_in import StandIn
-from rigd.engine.windows import Windows
-from rigd.engine.wiring import in_cycle
 from rigd.model.channels import Stream
 from rigd.sdk import Driver
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Self
 
+from rigd.engine.play.windows import Windows
 from rigd.engine.shared.mapping import SharedFile
-from rigd.engine.windows import Windows
 from rigd.model.channels import Stream
 
 _MAGIC: Final = b"rigdlat2"

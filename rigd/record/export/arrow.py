@@ -12,7 +12,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
 from rigd.record.export.part import Origin, Part
-from rigd.record.tables import Table
+from rigd.record.read.tables import Table
 
 
 def write_parquet(path: Path, parts: Sequence[Part], origin: Origin) -> None:

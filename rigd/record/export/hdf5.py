@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 
 from rigd.model import RecordingError
-from rigd.record.attachments import file_names
 from rigd.record.export.part import Origin, Part, step_column, step_numbers, unused
+from rigd.record.read.attachments import file_names
 
 #: Rows of a compressed block of a dataset: 128 kB of float64.
 _CHUNK_ROWS: Final = 16_384

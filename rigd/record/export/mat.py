@@ -12,7 +12,7 @@ import scipy.io
 
 from rigd.model import RecordingError
 from rigd.record.export.part import Origin, Part, step_column, step_numbers, unused
-from rigd.record.tables import Table
+from rigd.record.read.tables import Table
 
 #: Longest name of a field that MATLAB 7 files can hold (``long_field_names`` of scipy).
 MAX_NAME: Final = 63

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from rigd import __version__
 from rigd.model import Stream
-from rigd.record.joined import JOINED_TABLE, TimeBase, joined_batches, joined_head
-from rigd.record.prefix import Attachment
-from rigd.record.reader import Recording
-from rigd.record.schema import EVENTS_STREAM
-from rigd.record.tables import (
+from rigd.record.mcap.prefix import Attachment
+from rigd.record.mcap.schema import EVENTS_STREAM
+from rigd.record.read.joined import JOINED_TABLE, TimeBase, joined_batches, joined_head
+from rigd.record.read.reader import Recording
+from rigd.record.read.tables import (
     STEP,
     STEPS_TABLE,
     TRIALS_TABLE,

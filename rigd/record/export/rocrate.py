@@ -23,16 +23,16 @@ from typing import Any, Final, Literal
 from urllib.parse import quote
 
 from rigd import __version__
-from rigd.config.publication import Author, Publication
+from rigd.config.lab.publication import Author, Publication
 from rigd.model import RecordingError
-from rigd.record.attachments import file_names
 from rigd.record.export import export
 from rigd.record.export.part import Measures
-from rigd.record.file import RecordingInUse
-from rigd.record.index import is_written
-from rigd.record.info import RunInfo
-from rigd.record.moment import is_virtual, recorded_at
-from rigd.record.reader import Recording
+from rigd.record.mcap.file import RecordingInUse
+from rigd.record.read.attachments import file_names
+from rigd.record.read.index import is_written
+from rigd.record.read.info import RunInfo
+from rigd.record.read.moment import is_virtual, recorded_at
+from rigd.record.read.reader import Recording
 
 SPECIFICATION: Final = "https://w3id.org/ro/crate/1.2"
 METADATA_FILE: Final = "ro-crate-metadata.json"

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rigd.model.channels import ECHO
 from rigd.record.layout.plots import Plot, Tab
-from rigd.record.schema import TRIAL_TOPIC
+from rigd.record.mcap.schema import TRIAL_TOPIC
 
 #: Of the height of the window, in percent: the bars of trials and steps.
 BARS_PERCENT: Final = 16

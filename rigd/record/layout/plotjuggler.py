@@ -12,7 +12,7 @@ from typing import Final
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from rigd.record.layout.plots import Plot, Tab
-from rigd.record.schema import TRIAL_TOPIC
+from rigd.record.mcap.schema import TRIAL_TOPIC
 
 #: Of the height of a tab: the plot of trial and step.
 TRIAL_SHARE: Final = 0.16

@@ -9,8 +9,8 @@ from typing import Final, Self
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import LinkError
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
-from rigd.remote.client.lease_keeper import LeaseKeeper
-from rigd.remote.client.target import find_target
+from rigd.remote.client.lease.lease_keeper import LeaseKeeper
+from rigd.remote.client.rigs.target import find_target
 from rigd.remote.client.verbs import AsyncVerbs
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps
 from rigd.remote.protocol import (
@@ -28,8 +28,8 @@ PATIENCE_S: Final = 10.0
 class AsyncClient(AsyncVerbs):
     """Controls one rig through its daemon: ``async with AsyncClient("lugre-1") as rig: ...``.
 
-    ``rig`` is looked up in the client's own list (:mod:`rigd.remote.client.remotes`), or is on this
-    machine; ``endpoint`` (``tls/rig.lab:7447``), ``tls`` and ``identity`` take precedence.
+    ``rig`` is looked up in the client's own list (:mod:`rigd.remote.client.rigs.remotes`), or is on
+    this machine; ``endpoint`` (``tls/rig.lab:7447``), ``tls`` and ``identity`` take precedence.
 
     Every verb raises :class:`~rigd.model.errors.LinkError` if no daemon answers, and
     :class:`~rigd.remote.protocol.Refusal`, with a ``code``, if the daemon refuses; then nothing has

@@ -20,6 +20,7 @@ from rigd.model.errors import ConfigError, LinkError, ProtocolError
 from rigd.remote.client.decoding import decode_or_raise
 from rigd.remote.client.payload_queue import PayloadQueue
 from rigd.remote.client.queries import query, rigs_alive
+from rigd.remote.client.rigs.target import Target
 from rigd.remote.client.session import (
     QUESTION_S,
     QueryReply,
@@ -30,7 +31,6 @@ from rigd.remote.client.session import (
     listen,
     open_session,
 )
-from rigd.remote.client.target import Target
 from rigd.remote.protocol import (
     PATIENCE_S,
     Code,

@@ -9,12 +9,12 @@ from types import MappingProxyType
 
 from rigd.config.remote import DEFAULT_ENDPOINT
 from rigd.model.errors import RigdError
-from rigd.remote.client.address import Remote
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.queries import rigs_alive
-from rigd.remote.client.remotes import read_remotes
+from rigd.remote.client.rigs.address import Remote
+from rigd.remote.client.rigs.remotes import read_remotes
+from rigd.remote.client.rigs.target import Target, make_target
 from rigd.remote.client.session import close_session, open_session
-from rigd.remote.client.target import Target, make_target
 from rigd.remote.protocol import Status
 
 

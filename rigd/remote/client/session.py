@@ -13,7 +13,7 @@ from typing import Final
 import zenoh
 
 from rigd.model.errors import ConfigError, LinkError
-from rigd.remote.client.target import Target
+from rigd.remote.client.rigs.target import Target
 from rigd.remote.network import client_config
 from rigd.remote.protocol.keys import EVERY_ALIVE
 

@@ -13,8 +13,8 @@ from typing import Final, TypeVar
 
 import zenoh
 
+from rigd.remote.client.rigs.target import Target
 from rigd.remote.client.session import begin_look, begin_query, close_session, open_session
-from rigd.remote.client.target import Target
 from rigd.remote.protocol.keys import Keys, Kind
 from rigd.remote.protocol.stop import PlainStop
 

@@ -13,7 +13,7 @@ from rigd.config.shipped import is_path
 from rigd.model.pages import page_of
 from rigd.procedure.loader import load_own_procedure
 from rigd.remote.client.connection import Connection
-from rigd.remote.client.lease_keeper import LeaseKeeper
+from rigd.remote.client.lease.lease_keeper import LeaseKeeper
 from rigd.remote.client.transfer import Progress, fetch
 from rigd.remote.client.watching import all_events
 from rigd.remote.protocol import (

@@ -22,7 +22,7 @@ from rigd.sdk.check.opening import AnyBench, any_bench
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
-from rigd.sdk.options import options_of
+from rigd.sdk.options.options import options_of
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Every call on a driver that is not open must return at once; machines stall, so in s:

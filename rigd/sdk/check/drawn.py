@@ -19,7 +19,7 @@ from pydantic.fields import FieldInfo
 
 from rigd.model.units import format_quantity
 from rigd.sdk.driver import DriverConfig
-from rigd.sdk.quantities import In
+from rigd.sdk.options.quantities import In
 
 if TYPE_CHECKING:
     from rigd.sdk.check.subject import Subject

@@ -30,11 +30,11 @@ from rigd.sdk.check.plant_bench import (
     wild,
 )
 from rigd.sdk.check.subject import NamedRule, UnfitSubject, described
-from rigd.sdk.document import parse_document
 from rigd.sdk.driver import Driver
 from rigd.sdk.parameters import ParametersConfig
 from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.setting import Setting
+from rigd.sdk.yaml.document import parse_document
 
 if TYPE_CHECKING:  # drivers are checked without numpy
     import numpy as np

@@ -6,7 +6,7 @@ import socket
 from typing import Final, NamedTuple
 
 from rigd.model.errors import DeviceError, LinkError
-from rigd.model.system import dropped, readable
+from rigd.model.machine.system import dropped, readable
 
 #: Longest datagram kept, in bytes, unless the driver gives another length.
 MAX_DATAGRAM: Final = 8192

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import kernel
+from rigd.model.machine.kernel import kernel
 from rigd.sdk.noise import normal_pair
 
 Row = Any

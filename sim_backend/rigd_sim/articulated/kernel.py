@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import inlined, kernel
+from rigd.model.machine.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 from rigd_sim.articulated.records import Robot
 

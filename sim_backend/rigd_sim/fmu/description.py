@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rigd.model.extras import is_installed, missing
+from rigd.model.machine.extras import is_installed, missing
 from rigd_sim.fmu.units import FmuUnit, unit_of
 
 if TYPE_CHECKING:

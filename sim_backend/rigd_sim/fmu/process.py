@@ -16,8 +16,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rigd.model.errors import DeviceError
-from rigd.model.other_process import child_ending, how_ended
-from rigd.model.system import require_linux
+from rigd.model.machine.other_process import child_ending, how_ended
+from rigd.model.machine.system import require_linux
 from rigd_sim.fmu.description import FmuFile
 from rigd_sim.fmu.messages import FAILED, LARGEST, REQUEST, STEP, Setup, Wires
 

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.kernel import inlined, kernel
+from rigd.model.machine.kernel import inlined, kernel
 from rigd.sdk.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of such rows.

@@ -20,7 +20,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_quantity
 from rigd.sdk import Documented, In, wrong_entry
-from rigd.sdk.document import read_document
+from rigd.sdk.yaml.document import read_document
 from rigd_sim.wire.part import Part, State
 
 #: Longer signs first, so that `<=` is not read as `<`.

@@ -15,7 +15,7 @@ from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.result import FitOutcome
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
+from rigd.engine.play.control import Control
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 

@@ -13,7 +13,7 @@ from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import Heading, Provenance, ReportSection
 from rigd.analysis.report.opening import listed, opening_of
 from rigd.analysis.result import FitOutcome, Gate
-from rigd.cli.evaluation_view import print_evaluation
+from rigd.cli.views.evaluation import print_evaluation
 
 Maker = Callable[..., ReportSection]
 

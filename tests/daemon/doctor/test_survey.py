@@ -14,8 +14,8 @@ from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.rig import Reason, split_reasons
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.survey import Survey, judge_channel
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import STALE, Channel
 from rigd.model.rows import row_dtype
 from rigd.sdk.shipped import shipped_folder

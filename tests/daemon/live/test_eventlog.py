@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rigd.daemon.live.eventlog import ANSWER_BYTES, KEPT, MAX_DATA_BYTES, EventLog
-from rigd.record.events import Event
+from rigd.record.events.event import Event
 from rigd.remote.protocol import encode
 
 

@@ -16,9 +16,9 @@ from support.ring_writer import STEP_NS, numbered
 from rigd.config.loader import load_rig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.describe import describe
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.shared import RunFolder, Word
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
 from rigd.model.rows import row_dtype

@@ -27,12 +27,12 @@ from websockets.typing import Subprotocol
 
 from rigd.config.loader import load_rig
 from rigd.daemon.live.foxglove import STOP_S, FoxgloveServer
-from rigd.engine.wiring import streams_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError, LinkError
-from rigd.model.extras import MissingExtra
-from rigd.record.events import Event
-from rigd.record.schema import stream_from_json
+from rigd.model.machine.extras import MissingExtra
+from rigd.record.events.event import Event
+from rigd.record.mcap.schema import stream_from_json
 
 RIG = load_rig("angle-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from rigd.cli.readings_view import LineView, view_for
+from rigd.cli.views.readings import LineView, view_for
 from rigd.config.loader import load_rig
 from rigd.daemon.manual import Newest, Reading, check_action, chosen_channels, only
+from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.channels import STALE
 from rigd.model.errors import ConfigError
 from rigd.model.rows import row_dtype

@@ -8,11 +8,11 @@ import numpy as np
 
 from rigd.config.loader import load_rig
 from rigd.daemon.manual import UnarmedSession
-from rigd.engine.control import Control
-from rigd.engine.process_host import ProcessHost
+from rigd.engine.cycle.wiring import streams_of
+from rigd.engine.play.control import Control
+from rigd.engine.process.process_host import ProcessHost
 from rigd.engine.shared import RunFolder
 from rigd.engine.sink import Rows
-from rigd.engine.wiring import streams_of
 from rigd.model.rows import row_dtype
 
 RIG = load_rig("lugre-1")

@@ -15,7 +15,7 @@ from support.wire import ROOT
 
 import rigd
 from rigd.analysis.plan import judged
-from rigd.config.calibration import load_calibration
+from rigd.config.calibration.calibration import load_calibration
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.daemon.serve.compared_pages import ComparedPages

@@ -14,7 +14,7 @@ from support import file_axis
 from support.file_axis import word
 from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
-from rigd.config.calibration import CalibrationSetup, load_calibration
+from rigd.config.calibration.calibration import CalibrationSetup, load_calibration
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.limits import Interlock

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rigd.daemon.serve.trips import RememberedTrip, TripMemory
-from rigd.engine.interlocks import Trip
+from rigd.engine.play.interlocks import Trip
 from rigd.model.errors import RecordingError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity

@@ -11,7 +11,7 @@ import pytest
 from rigd.engine.shared import EventRing, EventView, RowRing, View
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.events import Event
+from rigd.record.events.event import Event
 
 STREAM = Stream("s", (Channel("a"), Channel("b", "A")), has_status=True)
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from support.blocks import Counter, CounterConfig, device_of, until
 
+from rigd.engine.play.windows import Windows
 from rigd.engine.shared import RowRing
 from rigd.engine.slow.off_cycle import SlowRows
 from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.engine.slow.table import LatestTable, Slot
-from rigd.engine.windows import Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
 

@@ -17,7 +17,7 @@ from support.served_rig import Served
 
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote import AsyncClient, Client
-from rigd.remote.client import lease_keeper, renewing
+from rigd.remote.client.lease import lease_keeper, renewing
 from rigd.remote.protocol import VERBS, ClientUser, Code, Kind, LeaseView, Refusal, Role, as_json
 from rigd.remote.protocol.results import Stopped
 

@@ -21,7 +21,7 @@ from rigd.model.errors import LinkError
 from rigd.remote import AsyncClient, Client
 from rigd.remote.client import connection
 from rigd.remote.client.connection import Connection
-from rigd.remote.client.target import make_target
+from rigd.remote.client.rigs.target import make_target
 from rigd.remote.protocol import Kind, LeaseView
 from rigd.remote.tls import SERVER, files_of, setup_tls
 

@@ -10,7 +10,7 @@ import pytest
 from support.virtual_loop import VirtualLoop, in_virtual_time
 
 from rigd.model.errors import LinkError, RigdError
-from rigd.remote.client.renewing import renew_until_lost
+from rigd.remote.client.lease.renewing import renew_until_lost
 from rigd.remote.protocol import ClientUser, Refusal
 from rigd.remote.server.lease import Lease
 

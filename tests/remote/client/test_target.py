@@ -9,8 +9,8 @@ import pytest
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
-from rigd.remote.client.address import list_path
-from rigd.remote.client.target import find_target, make_target
+from rigd.remote.client.rigs.address import list_path
+from rigd.remote.client.rigs.target import find_target, make_target
 from rigd.remote.protocol import Refusal
 from rigd.remote.tls import files_of, setup_tls
 

@@ -10,8 +10,8 @@ from support.played_rig import PlayedRig
 from support.served_rig import key, request, serve
 
 from rigd.remote.client.queries import query
+from rigd.remote.client.rigs.target import make_target
 from rigd.remote.client.session import open_session
-from rigd.remote.client.target import make_target
 from rigd.remote.protocol import Message, Requester, Verb
 from rigd.remote.server import still_connected
 

@@ -19,7 +19,7 @@ import pytest
 from rigd.cli.main import main
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError, DeviceError, Exit
-from rigd.record.reader import Recording
+from rigd.record.read.reader import Recording
 from rigd.sdk.check import check_driver
 from rigd_sim.fmu.loop_device import FmuInLoop, FmuInLoopConfig
 

@@ -10,7 +10,7 @@ import pytest
 
 from rigd.cli.main import main
 from rigd.model.errors import ConfigError, DeviceError, Exit
-from rigd.record.reader import Recording
+from rigd.record.read.reader import Recording
 from rigd.sdk.check import check_plant
 from rigd_sim.fmu.device import FmuDevice, FmuDeviceConfig
 from rigd_sim.fmu.plant import FmuConfig, FmuPlant

@@ -13,9 +13,9 @@ from support import wire
 from support.command import rigd
 from support.wire import TRIBOMETER, WireRig, wire_rig
 
-from rigd.cli.new_rig.at_wire import NotServed, at_wire
-from rigd.cli.new_rig.folder import write_rig
-from rigd.cli.new_rig.yaml_text import yaml_text
+from rigd.cli.plugins.new_rig.at_wire import NotServed, at_wire
+from rigd.cli.plugins.new_rig.folder import write_rig
+from rigd.cli.plugins.new_rig.yaml_text import yaml_text
 from rigd.config.loader import load_rig
 from rigd.model.channels import STALE
 from rigd.model.errors import ConfigError

@@ -11,11 +11,11 @@ import pytest
 from support.command import rigd
 from support.wire import WireRig, free_ports
 
-from rigd.cli.new_rig.folder import write_rig
-from rigd.cli.new_rig.questions import defaults, described
+from rigd.cli.plugins.new_rig.folder import write_rig
+from rigd.cli.plugins.new_rig.questions import defaults, described
 from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError
-from rigd.record.reader import Recording
+from rigd.record.read.reader import Recording
 
 TEXT = (
     described("bench", defaults)

@@ -21,7 +21,7 @@ from support.fresh_mutants import sensor
 from support.written_drivers import written
 
 from rigd.analysis.check import examine_analysis
-from rigd.cli.new import module_name
+from rigd.cli.plugins.new import module_name
 from rigd.sdk import AnyDriver
 from rigd.sdk.check import Report, examine_driver, examine_plant
 

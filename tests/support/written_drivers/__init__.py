@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from rigd.cli.new import filled, rendered
+from rigd.cli.plugins.new import filled, rendered
 
 KINDS: Final = ("block", "serial", "scpi")
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Self
 from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from rigd.model.extras import is_installed
+from rigd.model.machine.extras import is_installed
 from rigd.sdk import Channel, DriverConfig, In, WrongEntries, wrong_entry
 from rigd_drivers.instruments.lines.config import ChannelName, LineChannel
 from rigd_drivers.instruments.lines.outputs import ReadBack, check_acting, check_read_back

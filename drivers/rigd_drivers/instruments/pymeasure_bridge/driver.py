@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
-from rigd.model.extras import is_installed, missing
+from rigd.model.machine.extras import is_installed, missing
 from rigd.sdk import (
     Declaration,
     DeviceError,

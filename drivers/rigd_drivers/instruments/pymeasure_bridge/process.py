@@ -11,7 +11,7 @@ import tempfile
 import threading
 from typing import IO, Any, Final
 
-from rigd.model.other_process import how_ended
+from rigd.model.machine.other_process import how_ended
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.instruments.pymeasure_bridge.checking import PYTHON
 from rigd_drivers.instruments.pymeasure_bridge.helper import GRACE_S

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd_sim.wire.can.hub import CanHub, Port
 from rigd_sim.wire.part import Part, State
 

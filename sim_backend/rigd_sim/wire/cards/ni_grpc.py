@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, Final
 
-from rigd.model.extras import require
+from rigd.model.machine.extras import require
 from rigd_sim.wire.cards.ni_card import DaqFault
 
 SERVICE: Final = "nidaqmx_grpc.NiDAQmx"

@@ -16,8 +16,8 @@ from support.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
 from rigd.analysis.recordings.observers import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control
-from rigd.engine.result import RunResult
+from rigd.engine.play.control import Control
+from rigd.engine.run.result import RunResult
 from rigd.model.tables import Tables
 from rigd.observers.driver import ObserverConfig
 from rigd.observers.memory import Memory

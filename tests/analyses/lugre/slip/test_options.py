@@ -10,7 +10,7 @@ import pytest
 from support.slip import STONE, observer, with_filter
 
 from rigd.config.loader import parse_rig
-from rigd.engine.wiring import streams_of
+from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
 from rigd.observers.driver import ObserverConfig
 from rigd.sdk.shipped import shipped_folder

@@ -1,0 +1,1 @@
+"""Contains the commands that compute results from recordings."""

@@ -1,0 +1,1 @@
+"""Contains the commands that read, repair, list and convert recordings."""

@@ -1,0 +1,1 @@
+"""Contains the commands that check, open or move a rig."""

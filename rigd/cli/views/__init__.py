@@ -1,0 +1,1 @@
+"""Prints at a terminal, or returns as JSON, what commands have found."""

@@ -1,0 +1,1 @@
+"""Checks the devices of a rig against each other: links, shared resources, interlocks."""

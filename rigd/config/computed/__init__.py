@@ -1,0 +1,1 @@
+"""Reads what the cycle computes: derived channels, controllers, observers."""

@@ -1,0 +1,1 @@
+"""Reads what a lab demands of every run, and what a publication of data states."""

@@ -1,0 +1,1 @@
+"""Runs the control cycle: read, compute, limit, write, record."""

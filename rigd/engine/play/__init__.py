@@ -1,0 +1,1 @@
+"""Plays a program: steps, pauses, conditions, interlocks, requests."""

@@ -1,0 +1,1 @@
+"""Hosts the cycle in the process of the run, or in one of its own."""

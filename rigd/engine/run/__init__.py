@@ -1,0 +1,1 @@
+"""Runs a procedure once: preflight, prompts, trials, result."""

@@ -1,0 +1,1 @@
+"""Reads the map that describes what the files of another program mean."""

@@ -1,0 +1,1 @@
+"""Puts the times of a table in order."""

@@ -1,0 +1,1 @@
+"""Covers what differs between machines: systems, processes, folders, libraries, compilation."""

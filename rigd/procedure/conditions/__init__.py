@@ -1,0 +1,1 @@
+"""Reads the conditions that end a step, and prints them."""

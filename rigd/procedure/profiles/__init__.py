@@ -1,0 +1,1 @@
+"""Computes setpoints over time, and defines how a procedure file states them."""

@@ -1,0 +1,1 @@
+"""Holds what a recording has beside samples: events, trials, lost rows."""

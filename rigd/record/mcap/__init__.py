@@ -1,0 +1,1 @@
+"""Holds the MCAP format as bytes: records, chunks, the index, the file and its locks."""

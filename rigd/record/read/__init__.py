@@ -1,0 +1,1 @@
+"""Reads recordings: rows as columns, tables, trials, summaries."""

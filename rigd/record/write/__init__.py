@@ -1,0 +1,1 @@
+"""Writes recordings, and adds to finished ones."""

@@ -1,0 +1,1 @@
+"""Renews the control lease of a client."""

@@ -1,0 +1,1 @@
+"""Reads YAML with the position of each key and value."""
