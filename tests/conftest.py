@@ -65,9 +65,9 @@ compile_once.install(warm.shared_folder())
 HERE = Path(__file__).parent
 
 
-def places(*names: str) -> tuple[Path, ...]:
+def places(*names: str) -> frozenset[str]:
     """Return folders and files of tests."""
-    return tuple(HERE / name for name in names)
+    return frozenset(str(HERE / name) for name in names)
 
 
 #: Tests that compute, or wait for answers and not by the clock. All others run rigs or watchdogs
@@ -139,13 +139,20 @@ DATED_IN_PART = places("docs", "system/test_calibrate.py")
 FIRST = places("system", "cli/test_examples.py", "panel/test_page.py", "panel/test_presses.py")
 #: Files whose tests wait for devices more than they compute: together they leave processors idle.
 WAITING = places("drivers", "sdk", "sim/wire")
+DOCUMENTS = places("docs")
+LONG, LONG_AS_A_WHOLE = places(*long.FILES), places(*long.WHOLE)
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
 @cache
-def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
+def above(path: Path) -> frozenset[str]:
+    """Return a file and the folders that it stands in."""
+    return frozenset(map(str, (path, *path.parents)))
+
+
+def is_in(path: Path, listed: frozenset[str]) -> bool:
     """Return whether a file stands in one of these folders, or is one of these files."""
-    return not {path, *path.parents}.isdisjoint(listed)
+    return not listed.isdisjoint(above(path))
 
 
 def pytest_sessionstart() -> None:
@@ -156,16 +163,15 @@ def pytest_sessionstart() -> None:
     gc.disable()
     listed = {
         place
-        for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, FIRST, places(*long.FILES))
+        for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART, FIRST, LONG)
         for place in those
     }
-    if missing := sorted(str(place) for place in listed if not place.exists()):
+    if missing := sorted(place for place in listed if not Path(place).exists()):
         raise pytest.UsageError(f"tests/conftest.py lists what is not there: {missing}")
 
 
 def pytest_collection_finish() -> None:
     """Leave what is there out of later searches for garbage."""
-    gc.collect()
     gc.freeze()
     gc.enable()
 
@@ -181,11 +187,11 @@ def is_needless(path: Path, term: str) -> bool:
         case "not side_by_side":
             return is_in(path, SIDE_BY_SIDE)
         case "long":
-            return not is_in(path, places(*long.FILES))
+            return not is_in(path, LONG)
         case "not long":
-            return is_in(path, places(*long.WHOLE))
+            return is_in(path, LONG_AS_A_WHOLE)
         case "dates":
-            return not is_in(path, DATES + DATED_IN_PART)
+            return not is_in(path, DATES | DATED_IN_PART)
     return term in MARKED and not is_in(path, MARKED[term])
 
 
@@ -201,7 +207,7 @@ def spread(items: list[pytest.Item]) -> None:
     """Put the largest files first, and those that wait evenly among the others."""
     files = dict.fromkeys(item.path for item in items)
     waiting = [file for file in files if is_in(file, WAITING)]
-    others = [file for file in files if not is_in(file, WAITING + FIRST)]
+    others = [file for file in files if not is_in(file, WAITING | FIRST)]
     turn = {
         file: (number + 0.5) / len(kind)
         for kind in (waiting, others)
@@ -226,7 +232,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(marker)
         if why := long.reason(file, test):
             item.add_marker(pytest.mark.long(why))
-        if is_in(item.path, places("docs")) and item.name.endswith(DATED_DOCUMENTS):
+        if is_in(item.path, DOCUMENTS) and item.name.endswith(DATED_DOCUMENTS):
             item.add_marker("dates")
     if of := os.environ.get("RIGD_TESTS_SLICE"):
         number, slices = (int(part) for part in of.split("/"))

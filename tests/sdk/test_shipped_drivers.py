@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rigd.config.loader import load_rig
-from rigd.config.rig import DeviceConfig
 from rigd.sdk.check import FAULTS, Observed, Peer, check_driver
 from rigd.sdk.shipped import shipped_folder
 from rigd_sim.articulated.drive import ArticulatedDrive
@@ -53,19 +53,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
 ELSEWHERE = {"can-message", "fmu-in-loop", "sim-mechanism", "sim-mechanism-truth"}
 
 
-def devices() -> list[Any]:
-    found = []
-    for file in sorted(shipped_folder("configs").glob("*.yaml")):
-        rig = load_rig(file)
-        found += [
-            pytest.param(device, id=f"{rig.name}-{device.name}") for device in rig.devices.values()
-        ]
-    return found
+RIGS = sorted(shipped_folder("configs").glob("*.yaml"))
 
 
-@pytest.mark.parametrize("device", devices())
-def test_every_device_of_shipped_rig_declares_itself_well(device: DeviceConfig) -> None:
-    check_driver(device.driver_class, device.config)
+@pytest.mark.parametrize("file", RIGS, ids=lambda file: file.stem)
+def test_every_device_of_shipped_rig_declares_itself_well(file: Path) -> None:
+    for device in load_rig(file).devices.values():
+        check_driver(device.driver_class, device.config)
 
 
 @pytest.mark.parametrize("name", sorted(OPTIONS))
@@ -80,7 +74,12 @@ def test_no_driver_is_left_out() -> None:
         for point in entry_points(group="rigd.drivers")
         if point.dist is not None and point.dist.name == "rigd"
     }
-    assert shipped <= {device.values[0].driver for device in devices()} | OPTIONS.keys() | ELSEWHERE
+    assert (
+        shipped
+        <= {device.driver for file in RIGS for device in load_rig(file).devices.values()}
+        | OPTIONS.keys()
+        | ELSEWHERE
+    )
 
 
 def lugre() -> LugrePlant:
