@@ -22,7 +22,7 @@ from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_sc
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, friction, friction_gradient
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import RigSystem
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s

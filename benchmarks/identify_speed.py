@@ -38,7 +38,7 @@ from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.reading import arrays, rig_constants
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.outputs import DYNAMIC, WHEEL_DELAY, outputs
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import RigSystem

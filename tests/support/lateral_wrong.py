@@ -15,7 +15,7 @@ from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s
 

@@ -76,7 +76,7 @@ PLACE: Final = slice(2, 4)  #: outputs that are drawn in the plane: x and y of t
 def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
     """Return the result for a report."""
     system, fit = found.system, diagnosed.fit
-    gate = settled_gate(diagnosed.gate, fit)
+    gate = settled_gate(diagnosed.gate, fit.unsettled)
     white = [
         noise.whiten_errors(error)[:, SHOWN]
         for noise, error in zip(fit.model.noise, fit.errors, strict=True)

@@ -1,7 +1,7 @@
 """Holds the numbers of method A to the simulated rig: the same gate stands before both methods.
 
 Method A takes slip and constants as exact. Output error simulates the rig, corrects the constants
-within their uncertainties, and tests what is left (:mod:`.rig.identify`). If the model does not
+within their uncertainties, and tests what is left (:mod:`.rig.family`). If the model does not
 fit, method A gives no number either; a number that output error contradicts is not given.
 """
 
@@ -24,16 +24,16 @@ from rigd.analysis.result import (
 )
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, PROFILED, TOTAL_DAMPING
-from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT
-from rigd_analyses.lugre.rig.identify import FirstFit
+from rigd_analyses.lugre.rig.family import RigFit
+from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT
 
 QUANTITIES = {item.name: item for item in (*PROFILED, *BY_COVARIANCE, TOTAL_DAMPING, HEIGHT)}
 HINT = "`--method output-error` gives its numbers."
 
 
-def checked(result: IdentificationResult, begun: FirstFit) -> IdentificationResult:
+def checked(result: IdentificationResult, begun: RigFit) -> IdentificationResult:
     """Return ``result`` of method A with the gate of ``begun``, a fit of the same trials."""
-    gate = settled_gate(begun.gate, begun.whole)
+    gate = settled_gate(begun.gate, begun.whole.unsettled)
     if gate.outcome is FitOutcome.MISFIT:
         return replace(
             result,
@@ -51,12 +51,12 @@ def checked(result: IdentificationResult, begun: FirstFit) -> IdentificationResu
         parameters=tuple(_held(item, theta) for item in result.parameters),
         derived=tuple(_held(item, theta) for item in result.derived),
         curve=_widened(result.curve, theta),
-        warnings=(*named, *changes(begun.alike), *result.warnings),
+        warnings=(*named, *changes(begun.tests), *result.warnings),
         gate=gate,
     )
 
 
-def _named(begun: FirstFit) -> Iterator[str]:
+def _named(begun: RigFit) -> Iterator[str]:
     yield f"{begun.gate.sentence} Slip-force does not correct for it. {HINT}"
     yield from begun.gate.findings[1:]
 

@@ -8,10 +8,8 @@ from rigd.analysis.result import IdentificationResult
 from rigd_analyses.lugre.design.further import with_further_tests
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.found import WINDOW_S
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, rig_system, with_intervals
+from rigd_analyses.lugre.rig.family import RigFit, fit_group, with_intervals
 from rigd_analyses.lugre.rig.result import result
-from rigd_analyses.lugre.rig.system import RigSystem
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 
@@ -31,15 +29,7 @@ def identify_output_error(
     return conclude_group(fit_group(trials, constants, rig, settings))
 
 
-def conclude_group(begun: FirstFit) -> IdentificationResult:
+def conclude_group(begun: RigFit) -> IdentificationResult:
     """Return the result of ``begun``: profiles, other filters of the current, intervals."""
-    first = begun.system
-
-    def system(window_s: float) -> RigSystem:
-        if window_s == WINDOW_S:
-            return first
-        return rig_system(begun.parts, first.constants, begun.starts[0], window_s)
-
-    found = with_intervals(begun.whole, system, begun.gate, begun.block, begun.alike, begun.shifts)
-    concluded = result(first, found, begun.rejected, begun.starts, begun.block)
-    return with_further_tests(concluded, found, first)
+    found = with_intervals(begun)
+    return with_further_tests(result(found), found)

@@ -17,7 +17,7 @@ from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.needs import DRIVE, NEEDS
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
+from rigd_analyses.lugre.rig.family import RigFit, fit_group
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 #: What a person calls a trial, by its parameters.
@@ -121,7 +121,7 @@ def _missing(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> list[str]:
 
 def first_fit(
     trials: Sequence[tuple[RecordedSweep, TrialInfo]], options: Options
-) -> tuple[FirstFit, list[TrialRejection]]:
+) -> tuple[RigFit, list[TrialRejection]]:
     """Return the fit of one group for a joint fit, and its trials that cannot be used.
 
     The masses of the trials may differ.

@@ -29,7 +29,7 @@ from rigd_analyses.lugre.reading import (
     SLIP_FORCE,
     as_stated,
 )
-from rigd_analyses.lugre.rig.identify import FirstFit
+from rigd_analyses.lugre.rig.family import RigFit
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 
 OF_THE_FLOOR = "rolling_resistance"
@@ -78,7 +78,7 @@ def masses(sweeps: Sequence[RecordedSweep]) -> tuple[str, ...]:
 
 def identify_together(
     groups: Sequence[Group],
-    begun: Sequence[tuple[FirstFit, list[TrialRejection]]],
+    begun: Sequence[tuple[RigFit, list[TrialRejection]]],
     options: Options,
 ) -> tuple[list[tuple[Group, IdentificationResult]], list[RefusedGroup], JointAccount]:
     """Return the results of ``groups``, those that cannot answer, and what their joint fit is.
@@ -95,7 +95,7 @@ def identify_together(
     joint = Joint((), ())
     if fitting:
         alone = [first[k].whole for k in fitting]
-        joint = join(alone, OF_THE_RIG, [first[k].block for k in fitting])
+        joint = join(alone, OF_THE_RIG, [first[k].family.block for k in fitting])
     wholes = {k: whole for k, whole in zip(fitting, joint.fits, strict=True)}
     labels = [group.label for group in groups]
 
@@ -117,7 +117,7 @@ def identify_together(
 
 
 def _account(
-    labels: Sequence[str], first: Sequence[FirstFit], joint: Joint, fitting: Sequence[int],
+    labels: Sequence[str], first: Sequence[RigFit], joint: Joint, fitting: Sequence[int],
     results: Mapping[str, IdentificationResult],
 ) -> JointAccount:  # fmt: skip
     used = tuple(labels[k] for k in fitting)
@@ -149,10 +149,10 @@ def _account(
     return JointAccount(used, joint.constants_account(), narrower, (*sentences, *apart))
 
 
-def _loads(label: str, item: FirstFit) -> Iterator[str]:
+def _loads(label: str, item: RigFit) -> Iterator[str]:
     """Yield a sentence if trials of several masses have one friction."""
-    mass = item.system.constants.mass.value
-    found = dict.fromkeys(f"{mass * trial.trial.load:g} kg" for trial in item.system.trials)
+    mass = item.family.system.constants.mass.value
+    found = dict.fromkeys(f"{mass * trial.trial.load:g} kg" for trial in item.family.system.trials)
     if len(found) > 1:
         yield f"{label}: one friction for all masses, {', '.join(found)}."
 

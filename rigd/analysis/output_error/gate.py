@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rigd.analysis.output_error.diagnosis import Diagnosis
-from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import Explanation, FitOutcome, Gate, Meaning
 
 CONTRADICTED = 8.0  #: a constant that the data move by more of its uncertainties is another one
@@ -82,12 +81,15 @@ def strained_gate(gate: Gate, strained: Explanation | None) -> Gate:
     return Gate(FitOutcome.MISFIT, text, (text, *gate.findings), (strained, *gate.explanations))
 
 
-def settled_gate(gate: Gate, fit: OutputErrorFit) -> Gate:
-    """Return ``gate``, without numbers if ``fit`` has not come to its end."""
-    if fit.converged or gate.outcome is FitOutcome.MISFIT:
+def settled_gate(gate: Gate, why: str, advice: str = "") -> Gate:
+    """Return ``gate``, without numbers if the fit has not come to its end.
+
+    ``why`` is what keeps it, empty if nothing does; ``advice`` is a sentence on what to do.
+    """
+    if not why or gate.outcome is FitOutcome.MISFIT:
         return gate
-    text = f"No number is given: {fit.unsettled}."
-    return Gate(FitOutcome.MISFIT, text, (fit.unsettled, *gate.findings), gate.explanations)
+    text = " ".join(filter(None, [f"No number is given: {why}.", advice]))
+    return Gate(FitOutcome.MISFIT, text, (why, *gate.findings), gate.explanations)
 
 
 def sentence(item: Explanation) -> str:

@@ -12,7 +12,7 @@ from rigd.analysis import DataError
 from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import process
-from rigd_analyses.lugre.rig.identify import fit_group
+from rigd_analyses.lugre.rig.family import fit_group
 from rigd_analyses.lugre.rig.parts import sort_out
 
 

@@ -11,13 +11,13 @@ from support.lugre_wrong import World, right
 from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
 from rigd_analyses.lugre.checked import checked
 from rigd_analyses.lugre.identify import Settings, identify_lugre
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
+from rigd_analyses.lugre.rig.family import RigFit, fit_group
 
 FEW = tuple(((amps, 2.0),) for amps in (0.45, 0.75, 1.05, 1.35))
 SETTINGS = Settings(starts=2)
 
 
-def both(world: World) -> tuple[IdentificationResult, FirstFit]:
+def both(world: World) -> tuple[IdentificationResult, RigFit]:
     """Return what method A finds, and the fit of output error that its gate stands on."""
     trials = replace(world, program=FEW).trials(1)
     alone = identify_lugre(trials, world.constants, SETTINGS)
@@ -31,12 +31,12 @@ def found(world: World) -> tuple[IdentificationResult, IdentificationResult]:
 
 
 @pytest.fixture(scope="module")
-def of_right_rig() -> tuple[IdentificationResult, FirstFit]:
+def of_right_rig() -> tuple[IdentificationResult, RigFit]:
     return both(right("pvc"))
 
 
 def test_right_rig_keeps_numbers_of_method_a(
-    of_right_rig: tuple[IdentificationResult, FirstFit],
+    of_right_rig: tuple[IdentificationResult, RigFit],
 ) -> None:
     alone, held = of_right_rig[0], checked(*of_right_rig)
     assert held.gate is not None
@@ -59,7 +59,7 @@ def assert_no_number(alone: IdentificationResult, held: IdentificationResult) ->
 
 
 def test_misfit_leaves_no_number_of_method_a(
-    of_right_rig: tuple[IdentificationResult, FirstFit],
+    of_right_rig: tuple[IdentificationResult, RigFit],
 ) -> None:
     alone, begun = of_right_rig
     misfit = replace(begun, gate=Gate(FitOutcome.MISFIT, "It does not fit.", ("first", "second")))
@@ -93,7 +93,7 @@ def test_number_that_output_error_contradicts_is_withdrawn() -> None:
 
 
 def test_correction_stands_above_other_warnings(
-    of_right_rig: tuple[IdentificationResult, FirstFit],
+    of_right_rig: tuple[IdentificationResult, RigFit],
 ) -> None:
     alone, begun = of_right_rig
     gate = Gate(FitOutcome.CORRECTED, "The zero is off.", ("first", "second"))
@@ -106,7 +106,7 @@ def test_correction_stands_above_other_warnings(
 
 
 def test_fit_that_has_not_converged_leaves_no_number(
-    of_right_rig: tuple[IdentificationResult, FirstFit],
+    of_right_rig: tuple[IdentificationResult, RigFit],
 ) -> None:
     alone, begun = of_right_rig
     whole = replace(begun.whole, left=np.full_like(begun.whole.left, 3.0))
@@ -116,11 +116,11 @@ def test_fit_that_has_not_converged_leaves_no_number(
 
 
 def test_change_of_friction_stands_above_other_warnings(
-    of_right_rig: tuple[IdentificationResult, FirstFit],
+    of_right_rig: tuple[IdentificationResult, RigFit],
 ) -> None:
     alone, begun = of_right_rig
     rises = ResidualTest("steady friction", 17.0, 4e-5, False, "The friction rises.")
-    held = checked(replace(alone, warnings=("other",)), replace(begun, alike=(rises,)))
+    held = checked(replace(alone, warnings=("other",)), replace(begun, tests=(rises,)))
     assert held.warnings == ("The friction rises.", "other")
     assert held.parameter("sigma_0").identifiable
 

@@ -14,7 +14,7 @@ from rigd.analysis.recordings.resample import bridge, means_around
 from rigd.analysis.result import FitOutcome, FloatArray
 from rigd_analyses.lugre.counts import Rounding, count
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.identify import fit_group, rig_system
+from rigd_analyses.lugre.rig.family import fit_group, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import LugreTrial
 

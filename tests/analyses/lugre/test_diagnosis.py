@@ -21,7 +21,7 @@ from rigd.analysis.output_error.score import holm
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.identify import fit_group, rig_system
+from rigd_analyses.lugre.rig.family import fit_group, rig_system
 from rigd_analyses.lugre.rig.outputs import late
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.trial import sampling_period_s

@@ -17,11 +17,18 @@ from rigd.analysis import DataError
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.model import to_natural
 from rigd.analysis.fitting.profile import ProfileScan, axis
-from rigd.analysis.output_error.estimator import CONVERGED, by_cost, conclude, estimate
+from rigd.analysis.output_error.estimator import (
+    CONVERGED,
+    OutputErrorFit,
+    by_cost,
+    conclude,
+    estimate,
+)
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import (
     Explanation,
     FitOutcome,
+    FloatArray,
     Gate,
     IdentificationResult,
     Meaning,
@@ -36,8 +43,8 @@ from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.estimates import estimates
-from rigd_analyses.lugre.rig.found import HEIGHT, Beside, Found, beside
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group, rig_system, with_intervals
+from rigd_analyses.lugre.rig.family import RigFit, fit_group, rig_system, with_intervals
+from rigd_analyses.lugre.rig.identification import HEIGHT, Beside, RigIdentification, beside
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import effect_shown
@@ -123,13 +130,13 @@ def test_slow_sampling_fits_and_gives_the_friction(bench: Bench) -> None:
 
 
 @pytest.fixture(scope="module")
-def begun(bench: Bench) -> FirstFit:
+def begun(bench: Bench) -> RigFit:
     rig = bench("pvc")
     return fit_group(rig.sweep(3, CURRENTS_A), rig.constants, known_rig(rig.constants))
 
 
 @pytest.fixture(scope="module")
-def pvc(begun: FirstFit) -> IdentificationResult:
+def pvc(begun: RigFit) -> IdentificationResult:
     return conclude_group(begun)
 
 
@@ -149,7 +156,13 @@ def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, benc
         assert found.high - found.low < widest.get(name, 0.2) * value, name
 
 
-def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
+def shown(
+    begun: RigFit, whole: OutputErrorFit, gate: Gate, *variants: FloatArray
+) -> RigIdentification:
+    return RigIdentification(begun.family, whole, gate, variants=variants, visited=(0.0, 1.0))
+
+
+def test_fit_that_has_not_converged_gives_no_number(begun: RigFit) -> None:
     assert begun.whole.converged
     left = begun.whole.left.copy()
     left[3] = 2.0 * CONVERGED
@@ -160,15 +173,15 @@ def test_fit_that_has_not_converged_gives_no_number(begun: FirstFit) -> None:
     assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
 
 
-def test_change_too_small_to_refuse_is_warned_of(begun: FirstFit) -> None:
+def test_change_too_small_to_refuse_is_warned_of(begun: RigFit) -> None:
     drift = ResidualTest("steady friction", 17.0, 4e-5, False, "The friction rises.")
     apart = ResidualTest("agreement of recordings", 16.0, 6e-5, False, "a, b disagree.")
-    result = conclude_group(replace(begun, alike=(drift, apart)))
+    result = conclude_group(replace(begun, tests=(drift, apart)))
     assert result.warnings == ("a, b disagree.", "The friction rises.")
     assert result.parameter("sigma_0").identifiable
 
 
-def test_effect_within_doubt_leaves_stribeck_speed_open(begun: FirstFit) -> None:
+def test_effect_within_doubt_leaves_stribeck_speed_open(begun: RigFit) -> None:
     """What else explains a misfit as well would take a third of the effect away."""
     moved = np.zeros(6)
     moved[MU_C], moved[RATIO] = 0.04, -0.08
@@ -178,18 +191,18 @@ def test_effect_within_doubt_leaves_stribeck_speed_open(begun: FirstFit) -> None
     assert result.parameter("sigma_0").identifiable
 
 
-def test_fit_without_effect_leaves_stribeck_speed_open(begun: FirstFit) -> None:
+def test_fit_without_effect_leaves_stribeck_speed_open(begun: RigFit) -> None:
     """The best fit of some recordings on stone has mu_s = mu_c: no logarithm of its height."""
     whole = begun.whole
     fitted = replace(whole.fit, theta=whole.fit.theta.copy())
     fitted.theta[RATIO] = 0.0
-    flat = Found(replace(whole, fit=fitted), (fitted.theta,), {}, (0.0, 1.0), begun.gate)
+    flat = shown(begun, replace(whole, fit=fitted), begun.gate, fitted.theta)
     assert not effect_shown(scan_of(begun, 0.0), flat.doubt(HEIGHT))
-    other = Found(whole, (fitted.theta,), {}, (0.0, 1.0), begun.gate)  # flat with another filter
+    other = shown(begun, whole, begun.gate, fitted.theta)  # flat with another filter
     assert other.doubt(HEIGHT) == other.method(HEIGHT) == math.inf
 
 
-def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
+def scan_of(begun: RigFit, low: float | None) -> ProfileScan:
     """Return a profile of V_s from ``low``: the optimum, and a point with a statistic of 5."""
     best, inverse = begun.whole.fit.theta, begun.whole.inverse
     return ProfileScan(
@@ -198,7 +211,7 @@ def scan_of(begun: FirstFit, low: float | None) -> ProfileScan:
     )  # fmt: skip
 
 
-def test_open_stribeck_speed_widens_the_region(begun: FirstFit) -> None:
+def test_open_stribeck_speed_widens_the_region(begun: RigFit) -> None:
     closed, free = (
         [item.reach for item in beside({"V_s": scan_of(begun, low)})] for low in (-9.0, None)
     )
@@ -206,11 +219,11 @@ def test_open_stribeck_speed_widens_the_region(begun: FirstFit) -> None:
     assert free == pytest.approx([np.sqrt(5.991), np.sqrt(5.991 - 5.0)], abs=1e-3)
 
 
-def test_interval_reaches_around_an_accepted_point(begun: FirstFit) -> None:
+def test_interval_reaches_around_an_accepted_point(begun: RigFit) -> None:
     whole = begun.whole
     theta, inverse = whole.fit.theta[:6].copy(), whole.inverse[:6, :6].copy()
     gate = Gate(FitOutcome.FITS, "")
-    alone = Found(whole, (), {}, (0.0, 1.0), gate)
+    alone = shown(begun, whole, gate)
     usual = alone.ridge(DAMPING)
     assert usual == pytest.approx([Z_95 * alone.chance(DAMPING.log_gradient(theta))] * 2)
     theta[SIGMA_1] *= 1.1
@@ -221,17 +234,18 @@ def test_interval_reaches_around_an_accepted_point(begun: FirstFit) -> None:
     assert above + below == pytest.approx(2.0 * 3.0 * usual[0])
 
 
-def test_interval_beyond_all_numbers_is_open(begun: FirstFit) -> None:
+def test_interval_beyond_all_numbers_is_open(begun: RigFit) -> None:
     whole, line = begun.whole, scan_of(begun, None)
     inverse = 1e8 * whole.inverse[:6, :6]
     point = Beside(whole.fit.theta[:6], inverse, 1e4)
-    found = Found(whole, (), {"V_s": line}, (0.0, 1.0), Gate(FitOutcome.FITS, ""), beside=(point,))
+    found = shown(begun, whole, Gate(FitOutcome.FITS, ""))
+    found = replace(found, scans={"V_s": line}, beside=(point,))
     (damping,) = (item for item in estimates(found) if item.name == "sigma_1")
     assert (damping.low, damping.high) == (None, None)
     assert damping.verdict is Verdict.UNIDENTIFIABLE
 
 
-def test_unexplained_rest_is_no_lack_of_data(begun: FirstFit) -> None:
+def test_unexplained_rest_is_no_lack_of_data(begun: RigFit) -> None:
     moved = np.zeros(6)
     moved[SIGMA_1] = 0.8  # of its logarithm
     entry = conclude_group(replace(begun, shifts=(moved,))).parameter("sigma_1")
@@ -240,7 +254,7 @@ def test_unexplained_rest_is_no_lack_of_data(begun: FirstFit) -> None:
     assert "what is left unexplained" in entry.sentence
 
 
-def test_point_beside_the_optimum_has_steps_left(begun: FirstFit) -> None:
+def test_point_beside_the_optimum_has_steps_left(begun: RigFit) -> None:
     model, best = begun.whole.model, begun.whole.fit
     half = 0.5 * np.sqrt(begun.whole.covariance[3, 3])
     scaled = best.scaled + half * begun.whole.inverse[:, 3] / begun.whole.inverse[3, 3]
@@ -250,7 +264,7 @@ def test_point_beside_the_optimum_has_steps_left(begun: FirstFit) -> None:
     assert off.left[3] == pytest.approx(-0.5, abs=0.05)
 
 
-def test_optimum_that_takes_much_for_noise_loses(begun: FirstFit) -> None:
+def test_optimum_that_takes_much_for_noise_loses(begun: RigFit) -> None:
     """Under noise of its own, its cost is the least."""
     whole = begun.whole
     theta = whole.fit.theta.copy()
@@ -307,10 +321,10 @@ def test_friction_curve_holds_the_truth(pvc: IdentificationResult, bench: Bench)
     assert pvc.curve.high[middle] - pvc.curve.low[middle] < 0.12 * true[middle]
 
 
-def test_band_of_curve_counts_noise_once(begun: FirstFit) -> None:
+def test_band_of_curve_counts_noise_once(begun: RigFit) -> None:
     """The profiles' points are noise too: added to it, the band was wider by half."""
-    found = with_intervals(begun.whole, lambda _: begun.system, begun.gate, begun.block)
-    curve = result(begun.system, found, (), begun.starts, begun.block).curve
+    found = with_intervals(begun)
+    curve = result(found).curve
     place = int(np.argmin(np.abs(curve.x - 0.02)))
     theta = found.theta[:6]
     gradient = friction_gradient(theta, curve.x[[place]]) / curve.y[place]
@@ -337,13 +351,13 @@ def test_each_constant_is_in_the_budget(pvc: IdentificationResult) -> None:
     assert combined == pytest.approx(entry.standard_error / entry.estimate, rel=0.1)
 
 
-def test_budget_keeps_filters_and_unexplained_apart(begun: FirstFit) -> None:
+def test_budget_keeps_filters_and_unexplained_apart(begun: RigFit) -> None:
     whole = begun.whole
     varies = Explanation("dirt", "1", 0.08, 0.01, 90.0, meaning=Meaning.VARIES)
     gate = Gate(FitOutcome.CORRECTED, "It varies.", (), (varies,))
     filtered = whole.fit.theta.copy()
     filtered[SIGMA_1] *= 1.01
-    budget = Found(whole, (filtered,), {}, (0.0, 1.0), gate).budget(DAMPING)
+    budget = shown(begun, whole, gate, filtered).budget(DAMPING)
     assert budget["filter of the current"] == pytest.approx(math.log(1.01))
     assert budget["what varies or is not explained"] == pytest.approx(0.08)
 
@@ -549,7 +563,7 @@ def test_mass_is_a_constant_with_its_doubt(bench: Bench) -> None:
         assert entry.low <= true <= entry.high, name
 
 
-def test_mass_is_in_the_budget(begun: FirstFit) -> None:
+def test_mass_is_in_the_budget(begun: RigFit) -> None:
     gradient = np.zeros(len(begun.whole.fit.theta))
     gradient[3] = 1.0
     assert begun.whole.budget(gradient)["mass of the carriage"] > 0.0

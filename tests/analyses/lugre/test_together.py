@@ -24,7 +24,7 @@ from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.rig.identify import FirstFit, fit_group
+from rigd_analyses.lugre.rig.family import RigFit, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 from rigd_analyses.lugre.together import check_joint, identify_together
 
@@ -33,7 +33,7 @@ CURRENTS_A = (0.3, 0.7, 1.2)
 TOGETHER = Options(joint=True)
 
 
-def first_fit(bench: Bench, floor: str, *, current_gain: float = 1.0) -> FirstFit:
+def first_fit(bench: Bench, floor: str, *, current_gain: float = 1.0) -> RigFit:
     rig = bench(floor)
     trials = [
         replace(trial, motor_current_a=current_gain * trial.motor_current_a)
@@ -44,14 +44,14 @@ def first_fit(bench: Bench, floor: str, *, current_gain: float = 1.0) -> FirstFi
 
 
 @pytest.fixture(scope="module")
-def floors(bench: Bench) -> list[FirstFit]:
+def floors(bench: Bench) -> list[RigFit]:
     return [first_fit(bench, "stone"), first_fit(bench, "pvc")]
 
 
-def test_floors_with_shared_constants_are_known_better(
-    floors: list[FirstFit], bench: Bench
-) -> None:
-    joint = join([item.whole for item in floors], OF_THE_RIG, [item.block for item in floors])
+def test_floors_with_shared_constants_are_known_better(floors: list[RigFit], bench: Bench) -> None:
+    joint = join(
+        [item.whole for item in floors], OF_THE_RIG, [item.family.block for item in floors]
+    )
     assert not joint.differing
     assert [item.name for item in joint.constants] == list(OF_THE_RIG)
     pvc = floors[1]
@@ -63,10 +63,12 @@ def test_floors_with_shared_constants_are_known_better(
     assert shared.high - shared.low < 0.9 * (alone.high - alone.low)
 
 
-def test_floor_that_cannot_answer_stops_no_other(floors: list[FirstFit]) -> None:
+def test_floor_that_cannot_answer_stops_no_other(floors: list[RigFit]) -> None:
     stone, pvc = floors
-    jumping = [replace(trial, jumps=np.ones_like(trial.jumps)) for trial in pvc.system.trials]
-    silent = replace(pvc, system=replace(pvc.system, trials=tuple(jumping)))
+    system = pvc.family.system
+    jumping = [replace(trial, jumps=np.ones_like(trial.jumps)) for trial in system.trials]
+    unseen = replace(pvc.family, system=replace(system, trials=tuple(jumping)))
+    silent = replace(pvc, family=unseen)
     groups = [Group("stone", []), Group("pvc", [])]
     found, refused, account = identify_together(groups, [(stone, []), (silent, [])], TOGETHER)
     assert [group.label for group, _ in found] == ["stone"]
@@ -75,10 +77,10 @@ def test_floor_that_cannot_answer_stops_no_other(floors: list[FirstFit]) -> None
     assert list(account.narrower) == ["stone"]
 
 
-def test_floors_with_unlike_drives_stay_apart(floors: list[FirstFit], bench: Bench) -> None:
+def test_floors_with_unlike_drives_stay_apart(floors: list[RigFit], bench: Bench) -> None:
     other = first_fit(bench, "pvc", current_gain=1.02)
     pair = (floors[0], other)
-    joint = join([item.whole for item in pair], OF_THE_RIG, [item.block for item in pair])
+    joint = join([item.whole for item in pair], OF_THE_RIG, [item.family.block for item in pair])
     assert joint.differing[0].name == "drive_gain"
     assert joint.fits == tuple(item.whole for item in pair)
 

@@ -12,7 +12,7 @@ from support.lugre_bench import known_rig
 
 from rigd.analysis.output_error.whitened_residuals import noise_at
 from rigd_analyses.lugre.rig.deviations import may_turn
-from rigd_analyses.lugre.rig.identify import rig_system
+from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.outputs import ACCELERATION
 from rigd_analyses.lugre.rig.system import RigSystem
 

@@ -18,8 +18,7 @@ from rigd.analysis.result import (
 )
 from rigd_analyses.lugre.design.outlook import LIGHT, Outlook
 from rigd_analyses.lugre.design.subject import QUANTITIES, slip_of
-from rigd_analyses.lugre.rig.found import Found
-from rigd_analyses.lugre.rig.system import RigSystem
+from rigd_analyses.lugre.rig.identification import RigIdentification
 
 SLIPS = ("g@5mm/s", "g@10mm/s", "g@20mm/s", "g@50mm/s")  #: at which g is asked for
 OPEN = (Verdict.UNIDENTIFIABLE, Verdict.WEAK, Verdict.CONSTANTS)
@@ -28,7 +27,7 @@ MENTIONED = 3.0  #: half width of a logarithm beyond which it is no more than op
 
 
 def with_further_tests(
-    result: IdentificationResult, found: Found, system: RigSystem
+    result: IdentificationResult, found: RigIdentification
 ) -> IdentificationResult:
     """Return ``result`` with what further tests would make of all that it leaves open."""
     every = (*result.parameters, *result.derived)
@@ -36,7 +35,7 @@ def with_further_tests(
     verdicts |= dict.fromkeys(open_slips(result), Verdict.UNIDENTIFIABLE)
     if found.gate.outcome is FitOutcome.MISFIT or not verdicts:
         return result
-    tests = {item.target: item for item in _tests(Outlook(found, system), verdicts)}
+    tests = {item.target: item for item in _tests(Outlook(found), verdicts)}
 
     def advised(entry: ParameterEstimate) -> ParameterEstimate:
         return replace(entry, advice=tests[entry.name].sentence) if entry.name in tests else entry

@@ -26,7 +26,7 @@ from rigd_analyses.lugre.model import PARAMETERS, RATIO, V_S, friction, friction
 from rigd_analyses.lugre.quantities import STRIBECK_SPEED, TOTAL_DAMPING
 from rigd_analyses.lugre.rig import sensors as rows
 from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, Found
+from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT, RigIdentification
 from rigd_analyses.lugre.rig.outputs import TRAVEL
 from rigd_analyses.lugre.rig.ridge import SHOWN
 from rigd_analyses.lugre.rig.system import GUIDE, MASS, NO_LOAD, OF_THE_ENCODER, RigSystem
@@ -71,9 +71,10 @@ class _Motion:
 
 
 class Outlook:
-    """What further tests would make of the fit ``found`` of ``system``."""
+    """What further tests would make of the fit ``found``."""
 
-    def __init__(self, found: Found, system: RigSystem) -> None:
+    def __init__(self, found: RigIdentification) -> None:
+        system = found.family.system
         self._found, self._system = found, system
         self._count = sum(len(error) for error in found.whole.errors)
         self._motions: dict[tuple[FurtherShape, Point], _Motion | None] = {}
@@ -177,7 +178,7 @@ class Outlook:
         block = found.whole.inverse[:FRICTION, :FRICTION]
         by_best = math.sqrt(max(float(scaled @ block @ scaled), 0.0))
         coloured = max(found.chance(by_natural) / by_best, 1.0) if by_best > 0.0 else 1.0
-        moved = [_log(name, other[:FRICTION]) - _log(name, theta) for other in found.others]
+        moved = [_log(name, other[:FRICTION]) - _log(name, theta) for other in found.variants]
         filters = math.sqrt(float(np.mean(np.square(moved)))) if moved else 0.0
         weight = 0.0 if name == STRIBECK_SPEED.name else found.weight_u
         return coloured, math.hypot(filters, found.unexplained(by_natural), weight)
@@ -208,7 +209,7 @@ class Outlook:
             yield FurtherShape(words, turned)
 
 
-def _points(found: Found, system: RigSystem) -> Iterator[Point]:
+def _points(found: RigIdentification, system: RigSystem) -> Iterator[Point]:
     """Yield the fit, and the ends of the accepted V_s if the data leave it open."""
     count, sensors = MASS + 1, _sensors(system)
     limits = _limits(system)

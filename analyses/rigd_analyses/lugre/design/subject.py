@@ -11,7 +11,7 @@ import numpy as np
 from rigd.analysis import parse_quantity
 from rigd.analysis.design.optimal import DesignTarget, PossibleTest
 from rigd.analysis.fitting.model import scaled_bounds, slopes
-from rigd.analysis.output_error.estimator import estimate
+from rigd.analysis.output_error.pipeline import DiagnosedFit
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, IdentificationResult
 from rigd_analyses.lugre.curve import SLIDING, slid_range
@@ -22,8 +22,8 @@ from rigd_analyses.lugre.model import PARAMETERS, V_S, friction, friction_gradie
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.found import FRICTION
-from rigd_analyses.lugre.rig.identify import SCORES_S, rig_system, with_intervals
+from rigd_analyses.lugre.rig.family import RigFamily, family_of, rig_system, with_intervals
+from rigd_analyses.lugre.rig.identification import FRICTION
 from rigd_analyses.lugre.rig.parts import free_part
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.system import RigSystem
@@ -86,35 +86,29 @@ class Subject:
         u = [item.u for item in system.shared[FRICTION:]]
         return np.diag(1.0 / np.append(box, u) ** 2)[None]
 
-    def system(
-        self, shapes: Sequence[Shape], motions: Sequence[Motion], window_s: float | None = None
-    ) -> RigSystem:
-        """Return the system of predicted recordings."""
+    def family(self, shapes: Sequence[Shape], motions: Sequence[Motion]) -> RigFamily:
+        """Return predicted recordings for the pipeline of output error."""
         trials = [
             reading(motion, shape, self.sensors, SEED + k, f"test {k + 1}")
             for k, (shape, motion) in enumerate(zip(shapes, motions, strict=True))
         ]
         settings = Settings()
         parts = [(trial, free_part(trial, self.sensors.period_s, settings)) for trial in trials]
-        if window_s is None:
-            return rig_system(parts, self.constants, self.theta)
-        return rig_system(parts, self.constants, self.theta, window_s)
+        return family_of(rig_system(parts, self.constants, self.theta), parts, (self.shared,))
+
+    def system(self, shapes: Sequence[Shape], motions: Sequence[Motion]) -> RigSystem:
+        """Return the system of predicted recordings."""
+        return self.family(shapes, motions).system
 
     def predicted(
         self, shapes: Sequence[Shape], notify: Callable[[str], None]
     ) -> IdentificationResult:
         """Return what the estimator makes of predicted recordings of these tests."""
         motions = {shape: self.motion(shape) for shape in set(shapes)}
-        each = [motions[shape] for shape in shapes]
-        first = self.system(shapes, each)
-        block = max(1, round(SCORES_S / self.sensors.period_s))
+        family = self.family(shapes, [motions[shape] for shape in shapes])
         notify(f"{self.name}: the intervals of {len(shapes)} tests, from predicted recordings")
-        whole = estimate(first, [self.shared], block)
         gate = Gate(FitOutcome.FITS, "Predicted recordings.")
-        found = with_intervals(
-            whole, lambda window_s: self.system(shapes, each, window_s), gate, block
-        )
-        return result(first, found, [], [self.theta], block)
+        return result(with_intervals(DiagnosedFit(family, family.fitted(), gate)))
 
     def target(self, name: str, group: int, size: int) -> DesignTarget:
         """Return a target by its name: a parameter, or g at a slip, such as ``g@50mm/s``."""

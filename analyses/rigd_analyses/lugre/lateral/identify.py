@@ -61,8 +61,8 @@ from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.rig.found import WINDOW_S
-from rigd_analyses.lugre.rig.identify import described, rig_system
+from rigd_analyses.lugre.rig.family import described, rig_system
+from rigd_analyses.lugre.rig.identification import WINDOW_S
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import along_ridge
 from rigd_analyses.lugre.rig.system import GUIDE, LEAD, RigSystem
@@ -338,7 +338,7 @@ def _judged(
     with np.errstate(over="ignore", invalid="ignore"):
         diagnosis = diagnose(whole, partial(candidates, system), begun, block, period, _refit)
     whole = diagnosis.fit
-    gate = settled_gate(judge_fit(diagnosis, labels, period), whole)
+    gate = settled_gate(judge_fit(diagnosis, labels, period), whole.unsettled)
     if gate.outcome is not FitOutcome.MISFIT:
         end = coupled(whole, block)
         other = LiftedRows.PHYSICAL if system.rows is LiftedRows.PRINTED else LiftedRows.PRINTED

@@ -29,7 +29,7 @@ from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRow
 from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
 from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
-from rigd_analyses.lugre.rig.found import UNEXPLAINED, WINDOW_S
+from rigd_analyses.lugre.rig.identification import UNEXPLAINED, WINDOW_S
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25

@@ -18,7 +18,7 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.rig import kernel as rig
 from rigd_analyses.lugre.rig.deviations import moving, stepped
-from rigd_analyses.lugre.rig.found import FRICTION
+from rigd_analyses.lugre.rig.identification import FRICTION
 from rigd_analyses.lugre.rig.outputs import (
     ACCELERATION,
     ACCELERATION_DELAY,

@@ -24,7 +24,7 @@ from rigd_analyses.lugre.quantities import (
     Quantity,
     height,
 )
-from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, Found
+from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT, RigIdentification
 
 FARTHEST = 50.0  #: of a logarithm: an end beyond it is open
 BY_METHOD = (
@@ -33,7 +33,7 @@ BY_METHOD = (
 )
 
 
-def estimates(found: Found) -> list[ParameterEstimate]:
+def estimates(found: RigIdentification) -> list[ParameterEstimate]:
     """Return V_s, mu_c, mu_s, sigma_0, sigma_1, sigma_2 with intervals and verdicts."""
     speed = _profiled(found, STRIBECK_SPEED, found.scans["V_s"])
     side = _outside(found)
@@ -49,7 +49,7 @@ def estimates(found: Found) -> list[ParameterEstimate]:
     return [speed, *friction_lines, *(_by_covariance(found, item) for item in BY_COVARIANCE)]
 
 
-def derived(found: Found) -> list[ParameterEstimate]:
+def derived(found: RigIdentification) -> list[ParameterEstimate]:
     """Return the height of the Stribeck effect and sigma_1 + sigma_2."""
     theta = found.theta[:FRICTION]
     rise = height(theta)
@@ -80,7 +80,7 @@ def derived(found: Found) -> list[ParameterEstimate]:
     return [entry, _by_covariance(found, TOTAL_DAMPING)]
 
 
-def refused(found: Found) -> list[ParameterEstimate]:
+def refused(found: RigIdentification) -> list[ParameterEstimate]:
     """Return the parameters without numbers: the model does not fit."""
     return [
         ParameterEstimate(
@@ -92,13 +92,13 @@ def refused(found: Found) -> list[ParameterEstimate]:
     ]  # fmt: skip
 
 
-def _outside(found: Found) -> str:
+def _outside(found: RigIdentification) -> str:
     """Return on which side of the visited slip V_s lies, empty if within."""
     speed, (low, high) = STRIBECK_SPEED.value(found.theta[:FRICTION]), found.visited
     return "below" if speed < low else "beyond" if speed > high else ""
 
 
-def _extrapolated(found: Found, quantity: Quantity, side: str) -> ParameterEstimate:
+def _extrapolated(found: RigIdentification, quantity: Quantity, side: str) -> ParameterEstimate:
     """Return a friction that V_s leaves outside of the visited slip, without a number."""
     return ParameterEstimate(
         quantity.name, quantity.symbol, quantity.unit, quantity.meaning,
@@ -107,7 +107,7 @@ def _extrapolated(found: Found, quantity: Quantity, side: str) -> ParameterEstim
     )  # fmt: skip
 
 
-def _profiled(found: Found, quantity: Quantity, line: ProfileScan) -> ParameterEstimate:
+def _profiled(found: RigIdentification, quantity: Quantity, line: ProfileScan) -> ParameterEstimate:
     """Return an estimate whose interval is the profile's, widened by the filter's choice."""
     value = quantity.value(found.theta[:FRICTION])
     centre = math.log(value)
@@ -138,18 +138,20 @@ def _profiled(found: Found, quantity: Quantity, line: ProfileScan) -> ParameterE
     )  # fmt: skip
 
 
-def _by_line(found: Found, quantity: Quantity, line: ProfileScan, centre: float) -> float:
+def _by_line(
+    found: RigIdentification, quantity: Quantity, line: ProfileScan, centre: float
+) -> float:
     """Return the standard error of the logarithm that the profile alone stands for."""
     if line.low is None or line.high is None:
         return math.inf
     return math.hypot(max(centre - line.low, line.high - centre) / Z_95, found.weight(quantity))
 
 
-def _joined(found: Found, quantity: Quantity, reach: float) -> float:
+def _joined(found: RigIdentification, quantity: Quantity, reach: float) -> float:
     return math.hypot(max(reach, 0.0), Z_95 * found.method(quantity), Z_95 * found.weight(quantity))
 
 
-def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
+def _by_covariance(found: RigIdentification, quantity: Quantity) -> ParameterEstimate:
     value = quantity.value(found.theta[:FRICTION])
     error = found.error(quantity)
     others = Z_95 * math.hypot(found.method(quantity), found.weight(quantity))
@@ -165,7 +167,12 @@ def _by_covariance(found: Found, quantity: Quantity) -> ParameterEstimate:
 
 
 def _entry(
-    found: Found, quantity: Quantity, value: float, evidence: Evidence, error: float, source: str
+    found: RigIdentification,
+    quantity: Quantity,
+    value: float,
+    evidence: Evidence,
+    error: float,
+    source: str,
 ) -> ParameterEstimate:
     evidence = replace(evidence, owed=found.owed(quantity, evidence.log_sd))
     if evidence.data_log_sd <= UNIDENTIFIABLE_LOG_SD < evidence.log_sd:

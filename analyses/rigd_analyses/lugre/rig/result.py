@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from rigd.analysis.result import (
     Signal,
     StartOutcome,
     TrialFit,
-    TrialRejection,
 )
 from rigd_analyses.lugre.curve import POINTS
 from rigd_analyses.lugre.model import (
@@ -44,7 +43,14 @@ from rigd_analyses.lugre.quantities import (
 )
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
-from rigd_analyses.lugre.rig.found import FRICTION, HEIGHT, WINDOW_S, Found, all_states, slip
+from rigd_analyses.lugre.rig.identification import (
+    FRICTION,
+    HEIGHT,
+    WINDOW_S,
+    RigIdentification,
+    all_states,
+    slip,
+)
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
 from rigd_analyses.lugre.rig.parts import rows_used
 from rigd_analyses.lugre.rig.seen import seen
@@ -54,15 +60,10 @@ from rigd_analyses.lugre.rig.system import RigSystem
 METHOD = "output error: current in; slip, travel and acceleration out"
 
 
-def result(
-    system: RigSystem,
-    found: Found,
-    rejected: Sequence[TrialRejection],
-    starts: Sequence[FloatArray],
-    block: int,
-) -> IdentificationResult:
-    """Return the result for a report; ``starts`` are those of the fits, ``block`` in samples."""
-    whole, gate = found.whole, found.gate
+def result(found: RigIdentification) -> IdentificationResult:
+    """Return the result for a report."""
+    family, whole, gate = found.family, found.whole, found.gate
+    system = family.system
     count = FRICTION
     samples = sum(error.shape[0] for error in whole.errors)
     fits = gate.outcome is not FitOutcome.MISFIT
@@ -73,7 +74,6 @@ def result(
         part[:: len(system.outputs)]
         for part in (whole.model.linearise(k, found.theta)[0] for k in range(len(system.trials)))
     ]
-    period = system.period_s
     return IdentificationResult(
         model="lugre",
         method=METHOD,
@@ -89,26 +89,26 @@ def result(
         inflation=1.0,
         starts=tuple(
             StartOutcome(
-                {p.name: float(x) for p, x in zip(PARAMETERS, start, strict=True)},
+                {p.name: float(x) for p, x in zip(PARAMETERS, start, strict=False)},
                 {p.name: float(x) for p, x in zip(PARAMETERS, found.theta, strict=False)},
                 whole.fit.cost, whole.fit.iterations, whole.fit.converged,
             )
-            for start in starts[:1]
+            for start in family.starts[:1]
         ),
-        curve=_curve(found, seen(system, found)),
+        curve=_curve(found, seen(found)),
         trials=_trial_fits(system, whole),
         profiles=_profile_rows(found),
         residual_tests=(
             tests.ljung_box(white, 20), tests.outliers(np.concatenate(white)), *found.tests
         ),
-        autocorrelation=tests.autocorrelation(white, block, period),
-        preprocessing=_account(system, found, rejected),
+        autocorrelation=tests.autocorrelation(white, family.block, system.period_s),
+        preprocessing=_account(found),
         visited=f"slip from {span(*found.visited, 'm/s')}; "
         "beyond it every statement, V_s included, is extrapolation",
         warnings=(
             *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
             *(changes(found.tests) if fits else ()),
-            *(f"{item.label} was left out: {item.reason}" for item in rejected),
+            *(f"{item.label} was left out: {item.reason}" for item in family.rejected),
         ),
         gate=gate,
         point=_point(found) if fits else None,
@@ -116,17 +116,17 @@ def result(
     )  # fmt: skip
 
 
-def _point(found: Found) -> FittedPoint:
+def _point(found: RigIdentification) -> FittedPoint:
     """Return the friction at which the fit ended, for programs that simulate it."""
     accepted = [line.accepted[:, :FRICTION] for line in found.scans.values()]
     return fitted_point(
         PARAMETERS, found.theta[:FRICTION], found.whole.covariance[:FRICTION, :FRICTION],
-        [other[:FRICTION] for other in found.others],
+        [other[:FRICTION] for other in found.variants],
         np.concatenate([np.empty((0, FRICTION)), *accepted]),
     )  # fmt: skip
 
 
-def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
+def _curve(found: RigIdentification, data: tuple[Seen, ...]) -> Curve:
     """Return g with its band: the region of noise and constants, and the filter's choice."""
     theta = found.theta[:FRICTION]
     points = 0 if found.gate.outcome is FitOutcome.MISFIT else POINTS
@@ -139,7 +139,7 @@ def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
         return friction_gradient(theta, slip) / friction(theta, slip)[:, None]
 
     centre = friction(theta, slip)
-    moved = [log_g(other[:FRICTION]) - np.log(centre) for other in found.others]
+    moved = [log_g(other[:FRICTION]) - np.log(centre) for other in found.variants]
     method = np.mean(np.square(moved), axis=0) if moved else np.zeros(points)
     method += np.array([found.unexplained(row[None]) ** 2 for row in gradient(theta)])
     besides = Z_95 * np.sqrt(method + found.weight_u**2)
@@ -183,7 +183,7 @@ def _trial_fits(system: RigSystem, whole: OutputErrorFit) -> tuple[TrialFit, ...
     return tuple(fits)
 
 
-def _profile_rows(found: Found) -> tuple[Profile, ...]:
+def _profile_rows(found: RigIdentification) -> tuple[Profile, ...]:
     def natural(value: float | None) -> float | None:
         return None if value is None else math.exp(value)
 
@@ -205,8 +205,8 @@ def _profile_rows(found: Found) -> tuple[Profile, ...]:
     return tuple(rows)
 
 
-def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]) -> Preprocessing:
-    whole = found.whole
+def _account(found: RigIdentification) -> Preprocessing:
+    system, whole, rejected = found.family.system, found.whole, found.family.rejected
     samples = sum(len(error) for error in whole.errors)
     return Preprocessing(
         statements=(
@@ -231,12 +231,12 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
             }
             for driven, error in zip(system.trials, whole.errors, strict=True)
         },
-        rejected=tuple(rejected),
+        rejected=rejected,
         rows={item.label: rows_used(item.trial, item.part) for item in system.trials},
     )
 
 
-def _budget(found: Found, known: Collection[str]) -> dict[str, dict[str, float]]:
+def _budget(found: RigIdentification, known: Collection[str]) -> dict[str, dict[str, float]]:
     """Return the relative standard uncertainties of the ``known`` parameters by their sources."""
     quantities = (STRIBECK_SPEED, COULOMB, STATIC, *BY_COVARIANCE, HEIGHT, TOTAL_DAMPING)
     return {

@@ -13,14 +13,13 @@ from rigd_analyses.lugre.curve import SLIDING, in_ranges
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.preprocess import Guards, smooth, window_samples
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.found import FRICTION, Found, all_states, slip
+from rigd_analyses.lugre.rig.identification import FRICTION, RigIdentification, all_states, slip
 from rigd_analyses.lugre.rig.outputs import ACCELERATION
-from rigd_analyses.lugre.rig.system import RigSystem
 
 
-def seen(system: RigSystem, found: Found) -> tuple[Seen, ...]:
+def seen(found: RigIdentification) -> tuple[Seen, ...]:
     """Return g plus the residual of the measured traction, in ranges of the fitted slip."""
-    theta, guards = found.theta[:FRICTION], Guards()
+    system, theta, guards = found.family.system, found.theta[:FRICTION], Guards()
     window = window_samples(guards, system.period_s)
     share = system.constants.mass.value / system.constants.normal_force_n
     sizes, shown = [], []

@@ -22,7 +22,7 @@ from rigd_analyses.lugre.preprocess import Guards, window_samples
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.current import SimulatedCurrent, simulated_current
-from rigd_analyses.lugre.rig.found import WINDOW_S
+from rigd_analyses.lugre.rig.identification import WINDOW_S
 from rigd_analyses.lugre.rig.parts import free_part
 from rigd_analyses.lugre.rig.system import DRAG_N_S_M, LEAD, REST, SLOPE_M_S2
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s

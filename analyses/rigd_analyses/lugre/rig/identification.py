@@ -1,10 +1,10 @@
-"""Holds what output error found: the fit, other filters of the current, profiles, the gate."""
+"""Makes standard errors and regions of what an identification of the rig shows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -16,14 +16,9 @@ from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.fitting.uncertainty import delta_sd
 from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.jackknife import jackknife_sd
 from rigd.analysis.output_error.limiting_constant import owed_to_constants
-from rigd.analysis.result import (
-    FloatArray,
-    Gate,
-    Meaning,
-    ResidualTest,
-)
+from rigd.analysis.output_error.pipeline import Family, Identification
+from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.lugre.model import (
     PARAMETERS,
 )
@@ -62,32 +57,21 @@ class Beside:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """The fit, what other filters of the current make of it, and the profiles."""
+class RigIdentification(Identification[Family[RigSystem]]):
+    """What the trials of the rig show: the fit, other filters of the current, and the profiles.
 
-    whole: OutputErrorFit
-    others: tuple[FloatArray, ...]
-    scans: dict[str, ProfileScan]
-    visited: tuple[float, float]
-    gate: Gate
-    tests: tuple[ResidualTest, ...] = ()
-    load: tuple[Share, ...] = ()  #: of its constants, on the logarithm of friction over it
-    #: (6,) or longer, scaled: of what is left unexplained, and of what explains as much
-    shifts: tuple[FloatArray, ...] = ()
-    without: FloatArray = field(  #: (trials, p), scaled: steps without each trial, if named
-        default_factory=lambda: np.zeros((0, FRICTION))
-    )
+    ``visited`` is the range of slip in m/s at which the bristle shows g. ``load`` is the doubt in
+    the load, as shares of the logarithm of friction over it.
+    """
+
+    visited: tuple[float, float] = (0.0, 0.0)
+    load: tuple[Share, ...] = ()
     beside: tuple[Beside, ...] = ()
 
     @property
     def weight_u(self) -> float:
         """Relative standard uncertainty of the load on the wheel."""
         return math.hypot(*(share.effect for share in self.load))
-
-    @property
-    def theta(self) -> FloatArray:
-        """All fitted parameters in natural units, (p,)."""
-        return self.whole.fit.theta
 
     def error(self, quantity: Quantity) -> float:
         """Return the standard error of the logarithm: noise, constants, filter of the current."""
@@ -101,7 +85,7 @@ class Found:
         """
         gradient = self._padded(by_natural[0])
         chance = math.sqrt(max(float(gradient @ self.whole.covariance @ gradient), 0.0))
-        return max(chance, jackknife_sd(self.without[:, :FRICTION] @ gradient[:FRICTION]))
+        return max(chance, self.by_trials(gradient[:FRICTION]))
 
     def by_data(self, quantity: Quantity) -> float:
         """Return the standard error of the logarithm that data and constants alone leave."""
@@ -124,17 +108,14 @@ class Found:
     def filters(self, quantity: Quantity) -> float:
         """Return the root mean square change of the logarithm with other filters of the current."""
         centre = quantity.log(self.theta[:FRICTION])[0]
-        moved = [quantity.log(other[:FRICTION])[0] - centre for other in self.others]
-        return float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
+        return self.by_method(lambda other: float(quantity.log(other[:FRICTION])[0] - centre))
 
     def unexplained(self, by_natural: FloatArray) -> float:
         """Return by how much what is left may move a logarithm with this gradient (1, 6).
 
         That is too what something else that explains as much would make of it.
         """
-        gradient = self._padded(by_natural[0])[:FRICTION]
-        moved = (abs(float(gradient @ shift[:FRICTION])) for shift in self.shifts)
-        shift = max(moved, default=0.0)
+        shift = self.by_unexplained(self._padded(by_natural[0])[:FRICTION])
         varies = [item for item in self.gate.explanations if item.meaning is Meaning.VARIES]
         return math.hypot(shift, *(abs(item.size) for item in varies))
 

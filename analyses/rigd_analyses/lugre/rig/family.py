@@ -1,11 +1,10 @@
-"""Identifies LuGre parameters by output error: current in; slip, travel, acceleration out."""
+"""Brings the omni-wheel rig to output error: current in; slip, travel, acceleration out."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -14,21 +13,18 @@ from rigd.analysis import DataError
 from rigd.analysis.fitting.fit import Fit, fit, multi_start
 from rigd.analysis.fitting.model import scaled_bounds
 from rigd.analysis.fitting.profile import ProfileScan, axis, follow
-from rigd.analysis.output_error.augmented_system import same_with, without_added
-from rigd.analysis.output_error.diagnosis import diagnose
-from rigd.analysis.output_error.estimator import (
-    ENOUGH,
-    NEAR,
-    ROUGH,
-    OutputErrorFit,
-    estimate,
-    improve,
-    retried,
-)
-from rigd.analysis.output_error.gate import judge_fit, sentence
+from rigd.analysis.output_error.augmented_system import without_added
+from rigd.analysis.output_error.estimator import ROUGH, OutputErrorFit
+from rigd.analysis.output_error.gate import sentence
 from rigd.analysis.output_error.homogeneity import TrialParts, changes, homogeneity
-from rigd.analysis.output_error.jackknife import without_each_trial
-from rigd.analysis.output_error.system import Diverged
+from rigd.analysis.output_error.pipeline import (
+    DiagnosedFit,
+    Family,
+    concluded,
+    diagnosed,
+    fitted,
+)
+from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.result import (
     FitOutcome,
     FloatArray,
@@ -51,11 +47,11 @@ from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.extensions import BY_TRIAL, candidates
-from rigd_analyses.lugre.rig.found import (
+from rigd_analyses.lugre.rig.identification import (
     FRICTION,
     HEIGHT,
     WINDOW_S,
-    Found,
+    RigIdentification,
     all_states,
     beside,
     slip,
@@ -79,43 +75,82 @@ from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_perio
 #: and longer blocks would be too few.
 SCORES_S = 0.05
 OTHER_WINDOWS_S = (0.013, 0.041)  #: by how much the choice moves a parameter
-MOST_BETTER = 3  #: times that profiles may find a better fit
 SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
 OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
 BASINS = 3  #: optima of method A that output error starts from
 OTHER_BASIN = 0.3  #: in scaled coordinates
 MONOTONIC, IN_ORDER = 4, 0.9  #: trials, and rank correlation, of which the order is one of currents
 LN_2 = math.log(2.0)
-OTHER_ITERATIONS = 3  #: with another filter; the optimum is near
 
 
-@dataclass(frozen=True, eq=False)
-class FirstFit:
-    """The fit of one group by itself, diagnosed, and what is needed to go on from it."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigFamily(Family[RigSystem]):
+    """The omni-wheel rig: its trials, each with the part that is simulated."""
 
-    whole: OutputErrorFit
-    gate: Gate
-    shifts: tuple[FloatArray, ...]
-    alike: tuple[ResidualTest, ...]
-    system: RigSystem
     parts: tuple[tuple[LugreTrial, slice], ...]
-    rejected: tuple[TrialRejection, ...]
-    starts: tuple[FloatArray, ...]
-    block: int
 
     @property
-    def fits(self) -> bool:
-        """Whether the model fits these trials, as far as the gate can say, and has converged."""
-        return self.gate.outcome is not FitOutcome.MISFIT and self.whole.converged
+    def trials(self) -> list[LugreTrial]:
+        """The trials that are fitted."""
+        return [trial for trial, _ in self.parts]
+
+    @property
+    def advice(self) -> str:
+        """What to do if a fit has not converged."""
+        return "More trials, or --starts, may help."
+
+    def described(self, trial: int) -> str:
+        """Return which trial it is, and how large its signals are."""
+        return described(self.trials[trial])
+
+    def retries(self, whole: OutputErrorFit) -> list[FloatArray]:
+        """Return points along the ridge of V_s, mu_c and mu_s."""
+        return along_ridge(whole)
+
+    def suspects(self, theta: FloatArray) -> Iterable[Suspect]:
+        """Return what may be wrong with rig, sensors and law."""
+        return candidates(self.system, theta)
+
+    def agreement(self, whole: OutputErrorFit, gate: Gate) -> tuple[ResidualTest, ...]:
+        """Return the tests whether trials, recordings and masses have one friction.
+
+        Without what was added every trial disagrees: the tests count so only if that is by trial.
+        """
+        explained = without_added(whole, self.block) if _is_by_trial(gate) else whole
+        parts = _parts(self.trials, self.system.constants)
+        return homogeneity(explained, MU_C, "friction", parts, self.block)
+
+    def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
+        """Return ``gate``, a misfit if the trials need something of their own each."""
+        if not _is_by_trial(gate):
+            return gate
+        changed = changes(tests)
+        why = (*changed, sentence(gate.explanations[0]))[0]
+        text = " ".join([f"The model does not fit these data: {why}", *_confounded(self.trials)])
+        findings = (*changed, *gate.findings)
+        return replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
+
+    def profiles(self, whole: OutputErrorFit, gate: Gate) -> dict[str, ProfileScan]:
+        """Return the profiles of V_s, of the frictions that it leaves within the slip, and more."""
+        return profiles(whole, visited_slip(self.system, whole, gate))
+
+    def variants(self) -> Iterator[RigSystem]:
+        """Yield the trials with other filters of the current."""
+        for window_s in OTHER_WINDOWS_S:
+            yield rig_system(self.parts, self.system.constants, self.system.start, window_s)
 
 
-def fit_group(
+#: The fit of one group by itself, diagnosed, and what is needed to go on from it.
+RigFit = DiagnosedFit[RigFamily]
+
+
+def rig_family(
     trials: Sequence[LugreTrial],
     constants: LugreConstants,
     rig: RigConstants,
     settings: Settings | None = None,
-) -> FirstFit:
-    """Return the fit of ``trials`` with its diagnosis.
+) -> RigFamily:
+    """Return ``trials`` for the pipeline of output error.
 
     The starts come from method A (slip in, traction out) and from the model's own start.
 
@@ -128,91 +163,64 @@ def fit_group(
     refuse_alike(parts)
     used = [trial for trial, _ in parts]
     starts = _starts(used, constants, settings)
-    first = rig_system(parts, rig, starts[0])
-    block = max(1, round(SCORES_S / first.period_s))
-    known = np.array([unknown.parameter.start for unknown in first.shared[FRICTION:]])
+    system = rig_system(parts, rig, starts[0])
+    known = np.array([unknown.parameter.start for unknown in system.shared[FRICTION:]])
     points = [np.concatenate([start, known]) for start in starts]
-    points = [*points, *_other_radius(first, points[-1])]
-    try:
-        whole = estimate(first, points, block)
-        whole = retried(whole, along_ridge(whole), block)
-    except Diverged as error:
-        raise Diverged(error.trial, described(used[error.trial])) from error
-    diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
-    gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
-    # Without what was added every trial disagrees: the tests count so only if that is by trial.
-    cause = any(item.name in BY_TRIAL for item in gate.explanations[:1])
-    explained = without_added(diagnosis.fit, block) if cause else diagnosis.fit
-    alike = homogeneity(explained, MU_C, "friction", _parts(used, rig), block)
-    if cause:
-        changed = changes(alike)
-        why = (*changed, sentence(gate.explanations[0]))[0]
-        text = " ".join([f"The model does not fit these data: {why}", *_confounded(used)])
-        findings = (*changed, *gate.findings)
-        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
-    shifts = (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
-    return FirstFit(
-        diagnosis.fit, gate, shifts, alike, first, tuple(parts), tuple(rejected),
-        tuple(starts), block,
-    )  # fmt: skip
+    points = [*points, *_other_radius(system, points[-1])]
+    return family_of(system, parts, tuple(points), tuple(rejected))
 
 
-def with_intervals(
-    whole: OutputErrorFit,
-    system: Callable[[float], RigSystem],
-    gate: Gate,
-    block: int,
-    alike: tuple[ResidualTest, ...] = (),
-    shifts: tuple[FloatArray, ...] = (),
-) -> Found:
-    """Return ``whole`` with its profiles and with what other filters of the current make of it.
+def family_of(
+    system: RigSystem,
+    parts: Sequence[tuple[LugreTrial, slice]],
+    starts: tuple[FloatArray, ...],
+    rejected: tuple[TrialRejection, ...] = (),
+) -> RigFamily:
+    """Return the family of ``system``, which is of ``parts``, from shared parameters ``starts``."""
+    return RigFamily(
+        system=system,
+        labels=tuple(trial.label for trial, _ in parts),
+        period_s=system.period_s,
+        block=max(1, round(SCORES_S / system.period_s)),
+        starts=starts,
+        parts=tuple(parts),
+        rejected=rejected,
+    )
 
-    ``system`` makes the trials with a filter of so many seconds, ``block`` is in samples; the
-    others are as in :class:`Found`.
+
+def fit_group(
+    trials: Sequence[LugreTrial],
+    constants: LugreConstants,
+    rig: RigConstants,
+    settings: Settings | None = None,
+) -> RigFit:
+    """Return the fit of ``trials`` with its diagnosis; arguments as of :func:`rig_family`.
+
+    Raises:
+        DataError: as :func:`rig_family`, or the simulation of a trial leaves the numbers.
     """
-    first = system(WINDOW_S)
-    scans: dict[str, ProfileScan] = {}
-    if gate.outcome is not FitOutcome.MISFIT:
-        whole, scans, left = _scanned(first, whole, gate, block)
-        if left:
-            text = f"No number is given: {left}. More trials, or --starts, may help."
-            gate = Gate(FitOutcome.MISFIT, text, (text, *gate.findings), gate.explanations)
-    others = []
-    for window_s in OTHER_WINDOWS_S if gate.outcome is not FitOutcome.MISFIT else ():
-        model = replace(whole.model, system=same_with(whole, system(window_s)))
-        again = fit(
-            model, whole.fit.theta, max_iterations=OTHER_ITERATIONS, relative_decrease=ENOUGH,
-            damping=NEAR, thorough=True,
-        )  # fmt: skip
-        others.append(again.theta)
-    found = Found(
-        whole, tuple(others), scans, visited_slip(first, whole, gate), gate, alike,
-        first.constants.load_shares, shifts, beside=beside(scans),
+    family = rig_family(trials, constants, rig, settings)
+    return diagnosed(family, fitted(family))
+
+
+def with_intervals(begun: RigFit) -> RigIdentification:
+    """Return ``begun`` with all that its intervals are made of."""
+    found = concluded(begun)
+    system = found.family.system
+    whole = RigIdentification(
+        found.family, found.whole, found.gate, found.tests, found.shifts, found.scans,
+        found.variants, found.without, visited=visited_slip(system, found.whole, found.gate),
+        load=system.constants.load_shares, beside=beside(found.scans),
     )  # fmt: skip
-    if gate.outcome is FitOutcome.CORRECTED:
-        found = replace(found, without=without_each_trial(whole))
-    if scans and not effect_shown(scans["ratio"], found.doubt(HEIGHT)):
-        scans = without_effect(scans)
-        found = replace(found, scans=scans, beside=beside(scans))
-    return found
+    if not whole.scans or effect_shown(whole.scans["ratio"], whole.doubt(HEIGHT)):
+        return whole
+    scans = without_effect(whole.scans)
+    return replace(whole, scans=scans, beside=beside(scans))
 
 
-def _scanned(
-    system: RigSystem, whole: OutputErrorFit, gate: Gate, block: int
-) -> tuple[OutputErrorFit, dict[str, ProfileScan], str]:
-    """Return the fit with its profiles, and why it is not to be trusted (empty: it is).
-
-    A profile that finds a better fit is made again from there.
-    """
-    for _ in range(MOST_BETTER):
-        if not whole.converged:
-            break
-        scans = profiles(whole, visited_slip(system, whole, gate))
-        better = [line.better for line in scans.values() if line.better is not None]
-        if not better:
-            return whole, scans, ""
-        whole = improve(whole, better[0], block)
-    return whole, {}, whole.unsettled or "its profiles find better fits again and again"
+def _is_by_trial(gate: Gate) -> bool:
+    """Whether what explains most is something that each trial has of its own."""
+    return any(item.name in BY_TRIAL for item in gate.explanations[:1])
 
 
 def described(trial: LugreTrial) -> str:
