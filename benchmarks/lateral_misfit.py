@@ -27,7 +27,7 @@ from support.lateral_wrong import WRONG, Sweep, right
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome
-from rigd_analyses.lugre.lateral.identify import find_lateral
+from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.result import result
 
 CHANCE = 1.5  #: half widths, as in the bench of the rig along the guide

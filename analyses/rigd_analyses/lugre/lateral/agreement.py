@@ -28,7 +28,7 @@ def agreement(problem: Reduced, coupling: FloatArray) -> ResidualTest | None:
     return agreement_of(together, apart, coupling, lambda _: 1.0)
 
 
-def with_agreement(gate: Gate, alike: ResidualTest | None) -> Gate:
+def with_agreement(gate: Gate, alike: ResidualTest | None = None) -> Gate:
     """Return ``gate``; of data that do not fit, recordings that disagree are the first reason."""
     if alike is None or alike.passed or gate.outcome is not FitOutcome.MISFIT:
         return gate

@@ -160,7 +160,10 @@ def _concluded(
 
 def coupled(whole: OutputErrorFit, block: int) -> Coupled:
     """Return what the data know of the frictions at the end of a fit of the coupled rig."""
+    return Coupled(whole, loads_at(whole.model, whole.fit.theta, block), coupling_of(whole))
+
+
+def coupling_of(whole: OutputErrorFit) -> FloatArray:
+    """Return guide friction and coupling (8,) at the end of a fit of the coupled rig."""
     system, theta = plain(whole.model.system), whole.fit.theta
-    first, own = len(system.rig.shared), len(system.shared)
-    coupling = np.concatenate([theta[[GUIDE]], theta[first:own]])
-    return Coupled(whole, loads_at(whole.model, theta, block), coupling)
+    return np.concatenate([theta[[GUIDE]], theta[len(system.rig.shared) : len(system.shared)]])

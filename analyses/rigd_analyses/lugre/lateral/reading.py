@@ -10,7 +10,7 @@ from rigd.analysis.parameters import Trials
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.lateral.identify import find_lateral
+from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.needs import GEOMETRY, ROLLERS
 from rigd_analyses.lugre.lateral.result import LateralResult, result
 from rigd_analyses.lugre.reading import arrays, by_current, rig_constants, sort_out, uncertainties
@@ -53,7 +53,8 @@ def identify(trials: Trials, friction: Carried | None = None) -> LateralResult:
         lateral,
         friction=friction,
     )
-    return result(replace(found, rejected=(*unusable, *found.rejected)))
+    rejected = (*unusable, *found.family.rejected)
+    return result(replace(found, family=replace(found.family, rejected=rejected)))
 
 
 def lateral_constants(trials: Trials) -> LateralConstants:

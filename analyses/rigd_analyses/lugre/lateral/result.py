@@ -12,7 +12,7 @@ from rigd.analysis.fitting import residuals as tests
 from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
 from rigd.analysis.fitting.uncertainty import correlation
 from rigd.analysis.output_error.augmented_system import moved_constants
-from rigd.analysis.output_error.jackknife import jackknife_sd
+from rigd.analysis.output_error.homogeneity import changes
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -26,7 +26,7 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
-from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
+from rigd_analyses.lugre.lateral.family import CLEAR_GAIN, LateralIdentification
 from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
 from rigd_analyses.lugre.rig.identification import UNEXPLAINED, WINDOW_S
@@ -104,7 +104,7 @@ DRY = _Quantity("mu_R_dry", "μ_R,dry", "1", "dry friction of the passive roller
 VISCOUS = _Quantity("mu_R_vis", "μ_R,vis", "s/m", "viscous friction of the rollers", 0.0, 1.0)
 
 
-def result(found: LateralFound) -> LateralResult:
+def result(found: LateralIdentification) -> LateralResult:
     """Return the result for a report."""
     whole, gate, system = found.whole, found.gate, found.system
     fits = gate.outcome is not FitOutcome.MISFIT
@@ -151,9 +151,9 @@ def result(found: LateralFound) -> LateralResult:
         residual_tests=(
             tests.ljung_box(white, 20),
             tests.outliers(np.concatenate(white)),
-            *([] if found.alike is None else [found.alike]),
+            *found.tests,
         ),
-        autocorrelation=tests.autocorrelation(white, found.block, system.rig.period_s),
+        autocorrelation=tests.autocorrelation(white, found.family.block, system.rig.period_s),
         preprocessing=_account(found),
         visited=f"lateral speeds from {slow:.2f} to {fast:.2f} m/s",
         warnings=_warnings(found, cells, fast),
@@ -175,7 +175,7 @@ def in_words(speeds_m_s: Sequence[float]) -> list[str]:
     return texts
 
 
-def _guide(found: LateralFound, fast: float) -> GuideFriction:
+def _guide(found: LateralIdentification, fast: float) -> GuideFriction:
     system, shared = found.system, found.shared
     speed = np.linspace(-fast, fast, 8 * POINTS + 1)
     at = np.array([float(np.mean(item)) for item in system.speeds])
@@ -187,7 +187,7 @@ def _guide(found: LateralFound, fast: float) -> GuideFriction:
 
 
 def _reaches(
-    found: LateralFound, quantity: _Quantity, ends: Ends
+    found: LateralIdentification, quantity: _Quantity, ends: Ends
 ) -> tuple[float | None, float | None]:
     """Return how far the logarithm's interval reaches down and up; None if it is open.
 
@@ -196,8 +196,8 @@ def _reaches(
     """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     value, gradient = quantity.value(theta, first), quantity.log_gradient(theta, first)
-    besides = Z_95 * math.hypot(_method(found, quantity), _unexplained(found, gradient))
-    trials = Z_95 * jackknife_sd(found.without @ gradient) if len(found.without) else 0.0
+    besides = Z_95 * math.hypot(_method(found, quantity), found.by_unexplained(gradient))
+    trials = Z_95 * found.by_trials(gradient)
 
     def reach(ratio: float) -> float:
         return math.hypot(max(math.log(ratio), trials), besides)
@@ -208,21 +208,14 @@ def _reaches(
     )
 
 
-def _method(found: LateralFound, quantity: _Quantity) -> float:
+def _method(found: LateralIdentification, quantity: _Quantity) -> float:
     """Return the root mean square change of the logarithm with other filters of the current."""
     value = quantity.value(found.whole.fit.theta, len(found.system.rig.shared))
-    moved = [math.log(quantity.value(other, 1) / value) for other in found.others]
-    return float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
-
-
-def _unexplained(found: LateralFound, gradient: FloatArray) -> float:
-    """Return by how much what is not explained may move a logarithm with ``gradient`` (p,)."""
-    moved = (abs(float(gradient[: len(shift)] @ shift)) for shift in found.shifts)
-    return max(moved, default=0.0)
+    return found.by_method(lambda other: math.log(quantity.value(other, 1) / value))
 
 
 def _budget(
-    found: LateralFound, quantity: _Quantity, reach: float = 0.0
+    found: LateralIdentification, quantity: _Quantity, reach: float = 0.0
 ) -> list[tuple[str, float]]:
     """Return the sources of the standard uncertainty of the logarithm, the largest first.
 
@@ -232,23 +225,23 @@ def _budget(
     gradient = quantity.log_gradient(theta, first)
     shares = {name: math.sqrt(share) for name, share in found.whole.budget(gradient).items()}
     shares["filter of the current"] = _method(found, quantity)
-    shares[UNEXPLAINED] = _unexplained(found, gradient)
+    shares[UNEXPLAINED] = found.by_unexplained(gradient)
     beyond = (reach / Z_95) ** 2 - sum(share**2 for share in shares.values())
     shares[BEYOND] = math.sqrt(max(beyond, 0.0))
     return sorted(shares.items(), key=lambda item: -item[1])
 
 
-def _labels(found: LateralFound, quantity: _Quantity) -> tuple[str, str, str, str, float]:
+def _labels(found: LateralIdentification, quantity: _Quantity) -> tuple[str, str, str, str, float]:
     value = quantity.value(found.whole.fit.theta, len(found.system.rig.shared))
     return quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value
 
 
-def _refused(found: LateralFound, quantity: _Quantity) -> ParameterEstimate:
+def _refused(found: LateralIdentification, quantity: _Quantity) -> ParameterEstimate:
     labels = _labels(found, quantity)
     return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, found.gate.sentence)
 
 
-def _estimate(found: LateralFound, quantity: _Quantity, ends: Ends) -> ParameterEstimate:
+def _estimate(found: LateralIdentification, quantity: _Quantity, ends: Ends) -> ParameterEstimate:
     labels, first = _labels(found, quantity), len(found.system.rig.shared)
     value = labels[-1]
     down, up = _reaches(found, quantity, ends)
@@ -279,7 +272,7 @@ def _estimate(found: LateralFound, quantity: _Quantity, ends: Ends) -> Parameter
     )  # fmt: skip
 
 
-def _curve(found: LateralFound, low: float, high: float) -> Curve:
+def _curve(found: LateralIdentification, low: float, high: float) -> Curve:
     """Return mu_R over the lateral speed; no point if ``low`` is ``high``.
 
     Between the slowest and the fastest speed the reach of the band is as at both.
@@ -304,7 +297,7 @@ def _curve(found: LateralFound, low: float, high: float) -> Curve:
     )  # fmt: skip
 
 
-def _trial_fit(found: LateralFound, index: int, row: Cell, speed: Speeds) -> TrialFit:
+def _trial_fit(found: LateralIdentification, index: int, row: Cell, speed: Speeds) -> TrialFit:
     driven = found.system.rig.trials[index]
     rms, r_squared = tests.goodness(speed.measured, speed.included)
     return TrialFit(
@@ -326,7 +319,7 @@ def _trial_fit(found: LateralFound, index: int, row: Cell, speed: Speeds) -> Tri
     )
 
 
-def _start(found: LateralFound) -> StartOutcome:
+def _start(found: LateralIdentification) -> StartOutcome:
     unknowns = found.system.shared
     return StartOutcome(
         {item.parameter.name: item.parameter.start for item in unknowns},
@@ -338,8 +331,8 @@ def _start(found: LateralFound) -> StartOutcome:
     )  # fmt: skip
 
 
-def _coupling(found: LateralFound) -> str:
-    rows, gain = found.system.rows, found.gains[found.rival]
+def _coupling(found: LateralIdentification) -> str:
+    rows, gain = found.system.rows, found.family.gains[found.family.rival]
     if found.rows_known:
         return f"{rows.value}; ln L of the other way is {gain:.0f} lower"
     return (
@@ -348,12 +341,14 @@ def _coupling(found: LateralFound) -> str:
     )
 
 
-def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tuple[str, ...]:
+def _warnings(
+    found: LateralIdentification, cells: tuple[Cell, ...], fast: float
+) -> tuple[str, ...]:
     gate, system = found.gate, found.system
     lines = [] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]
-    if found.alike is not None and not found.alike.passed and found.ends is not None:
-        lines.append(found.alike.sentence)
-    lines += [f"{item.label} was left out: {item.reason}" for item in found.rejected]
+    if found.ends is not None:
+        lines += changes(found.tests)
+    lines += [f"{item.label} was left out: {item.reason}" for item in found.family.rejected]
     signs = {math.copysign(1.0, item.lateral_speed_m_s) for item in cells
              if item.lateral_speed_m_s != 0.0}  # fmt: skip
     if len(signs) < 2:
@@ -361,7 +356,7 @@ def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tupl
             "The bridge moves in one direction only: the friction of the guide and that of the "
             "rollers are separated by the stated guide_friction alone."
         )
-    turned = max(found.gains[rows, not system.turned] for rows in LiftedRows)
+    turned = max(found.family.gains[rows, not system.turned] for rows in LiftedRows)
     if not system.turned and turned < CLEAR_GAIN:
         lines.append("These data do not show which sign the lateral speed has.")
     theta = system.coupling(found.shared)
@@ -376,22 +371,22 @@ def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tupl
     return tuple(lines)
 
 
-def _friction(found: LateralFound) -> str:
+def _friction(found: LateralIdentification) -> str:
     """Return where the friction along the guide is from."""
     along = ", ".join(
         f"{item.parameter.name} {value:.4g}"
         for item, value in zip(found.system.shared, found.whole.fit.theta, strict=False)
         if not math.isfinite(item.u) and not item.parameter.name.startswith("mu_R")
     )
-    if found.friction is not None:
-        return found.friction.sentence + (f" Here: {along}." if along else "")
+    if found.family.friction is not None:
+        return found.family.friction.sentence + (f" Here: {along}." if along else "")
     return (
         "The longitudinal friction is fitted along; its own intervals and verdicts come from "
         f"drives without lateral motion. Here: {along}."
     )
 
 
-def _account(found: LateralFound) -> Preprocessing:
+def _account(found: LateralIdentification) -> Preprocessing:
     whole, system = found.whole, found.system
     rows = {
         f"u of {quantity.name} from {name}": part
@@ -415,8 +410,8 @@ def _account(found: LateralFound) -> Preprocessing:
                 "end_s": float(driven.trial.t_s[driven.part.stop - 1]),
             }
             for trial, speed, driven in zip(
-                found.trials, system.speeds, system.rig.trials, strict=True
+                found.family.trials, system.speeds, system.rig.trials, strict=True
             )
         },
-        rejected=found.rejected,
+        rejected=found.family.rejected,
     )

@@ -17,7 +17,7 @@ from rigd.analysis.result import FitOutcome, Meaning, Verdict
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
 from rigd_analyses.lugre.lateral.extensions import candidates
-from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
+from rigd_analyses.lugre.lateral.family import LateralIdentification, find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, in_words, result
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 
@@ -27,12 +27,12 @@ FORCE = "a force on the carriage that depends on the lateral speed"
 
 
 @pytest.fixture(scope="module")
-def found(trials: Trials, lateral_bench: LateralBench, rig: RigConstants) -> LateralFound:
+def found(trials: Trials, lateral_bench: LateralBench, rig: RigConstants) -> LateralIdentification:
     return find_lateral(trials, rig, lateral_bench.constants)
 
 
 @pytest.fixture(scope="module")
-def lateral(found: LateralFound) -> LateralResult:
+def lateral(found: LateralIdentification) -> LateralResult:
     return result(found)
 
 
@@ -120,7 +120,7 @@ def test_stated_friction_contradicts_a_wrong_lever(
     assert lever.size == pytest.approx(0.012, abs=2.0 * lever.sd)
 
 
-def test_force_that_follows_the_lateral_speed_is_tried(found: LateralFound) -> None:
+def test_force_that_follows_the_lateral_speed_is_tried(found: LateralIdentification) -> None:
     tried = candidates(found.system, own_parameters(found.whole))
     (force,) = [item for item in tried if item.name.startswith(FORCE)]
     assert force.meaning is Meaning.LAW
@@ -247,9 +247,9 @@ def test_samples_that_are_nan_exclude_a_trial(
 ) -> None:
     broken = replace(fast[0], speed_m_s=np.full_like(fast[0].speed_m_s, np.nan))
     found = find_lateral([broken, *fast[1:]], rig, lateral_bench.constants)
-    assert [item.label for item in found.rejected] == [fast[0].trial.label]
-    assert "not numbers" in found.rejected[0].reason
-    assert len(found.trials) == 3
+    assert [item.label for item in found.family.rejected] == [fast[0].trial.label]
+    assert "not numbers" in found.family.rejected[0].reason
+    assert len(found.family.trials) == 3
 
 
 @pytest.mark.parametrize(

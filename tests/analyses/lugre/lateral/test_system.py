@@ -14,7 +14,7 @@ from rigd.analysis.output_error.estimator import ROUGH
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
-from rigd_analyses.lugre.lateral.identify import ITERATIONS
+from rigd_analyses.lugre.lateral.family import ITERATIONS
 from rigd_analyses.lugre.lateral.loads import FreeLoads
 from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
 from rigd_analyses.lugre.lateral.starts import starts

@@ -8,9 +8,8 @@ which the data support.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -18,7 +17,6 @@ import numpy as np
 from rigd.analysis import DataError
 from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.output_error.augmented_system import same_with
-from rigd.analysis.output_error.diagnosis import diagnose
 from rigd.analysis.output_error.estimator import (
     ROUGH,
     Branch,
@@ -27,8 +25,9 @@ from rigd.analysis.output_error.estimator import (
     retried,
     settled,
 )
-from rigd.analysis.output_error.gate import judge_fit, settled_gate, strained_gate
-from rigd.analysis.output_error.jackknife import without_each_trial
+from rigd.analysis.output_error.gate import settled_gate, strained_gate
+from rigd.analysis.output_error.pipeline import Family, Identification, identify
+from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import Diverged, System
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
@@ -41,6 +40,7 @@ from rigd_analyses.lugre.lateral.coupled import (
     Coupled,
     couple,
     coupled,
+    coupling_of,
     fitted,
     reduced,
 )
@@ -62,10 +62,9 @@ from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import described, rig_system
-from rigd_analyses.lugre.rig.identification import WINDOW_S
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import along_ridge
-from rigd_analyses.lugre.rig.system import GUIDE, LEAD, RigSystem
+from rigd_analyses.lugre.rig.system import GUIDE, LEAD
 from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the choice moves a value
@@ -89,46 +88,112 @@ TURNED_GATE = Gate(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class LateralFound:
-    """The fit that the data support most, and what other choices make of it.
+#: How a lifted row of rollers rubs, and whether the sign of the lateral speed is turned.
+Choice = tuple[LiftedRows, bool]
 
-    ``gains`` is by how much ln L of each choice of the coupling lies below that of the fit.
-    ``others`` (8,) are guide friction and coupling with other filters of the current, ``ends`` what
-    the data allow of the rollers' friction; none if no number is given. ``alike`` is the test
-    whether all recordings agree, None for only one. ``shifts`` (p,), scaled,
-    are of what is left unexplained, and of what explains as much as that which was added;
-    ``without`` (trials, p) are the steps without each trial, if something was.
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LateralFamily(Family[LateralSystem]):
+    """A lateral sweep: the choice of the coupling that the data support most, and the others.
+
+    ``parts`` are the trials along the guide, each with the part that is simulated, ``friction`` is
+    that along the guide, if another identification has found it. ``loads`` are what the data know
+    of the friction of the guide in each trial, ``optimum`` (8,) the coupling that fits them best.
+    ``fits`` are the choices that are not far off, and ``gains`` is by how much ln L of each choice
+    lies below that of the best.
     """
 
-    system: LateralSystem
-    whole: OutputErrorFit
-    gains: dict[tuple[LiftedRows, bool], float]
-    gate: Gate
     trials: tuple[LateralTrial, ...]
-    block: int
-    speeds: tuple[Speeds, ...]
-    cells: tuple[Cell, ...]
-    friction: Carried | None = None
-    alike: ResidualTest | None = None
-    shifts: tuple[FloatArray, ...] = ()
-    others: tuple[FloatArray, ...] = ()
+    parts: tuple[tuple[LugreTrial, slice], ...]
+    friction: Carried | None
+    loads: Loads
+    optimum: FloatArray
+    fits: Mapping[Choice, Coupled]
+    gains: Mapping[Choice, float]
+
+    @property
+    def rival(self) -> Choice:
+        """The choice with the same sign in which a lifted row rubs the other way."""
+        return _other(self.system.rows), self.system.turned
+
+    def described(self, trial: int) -> str:
+        """Return which trial it is, and how large its signals are."""
+        return described(self.trials[trial].trial)
+
+    def fitted(self) -> OutputErrorFit:
+        """Return the fit of the choice that the data support most."""
+        return self.fits[self.system.rows, self.system.turned].whole
+
+    def refitted(self, system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
+        """Return the fit of a system with something added, from the best of ``starts`` (p + c,)."""
+        return _refit(system, starts, block)
+
+    def refusal(self, whole: OutputErrorFit) -> Gate | None:
+        """Return that the sign of the lateral speed would have to be turned, if it would."""
+        return TURNED_GATE if self.system.turned else None
+
+    def suspects(self, theta: FloatArray) -> Iterator[Suspect]:
+        """Return what may be wrong with rig, sensors, law and coupling."""
+        return candidates(self.system, theta)
+
+    def agreement(self, whole: OutputErrorFit, gate: Gate) -> tuple[ResidualTest, ...]:
+        """Return the test whether all recordings have one coupling, if there are several."""
+        test = agreement(reduced(self.loads, self.system, self.system), self.optimum)
+        return () if test is None else (test,)
+
+    def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
+        """Return ``gate``, without numbers if a constant that they rest on is strained."""
+        gate = settled_gate(gate, whole.unsettled)
+        if gate.outcome is not FitOutcome.MISFIT:
+            end = coupled(whole, self.block)
+            rows = (self.system, replace(self.system, rows=self.rival[0]))
+            laws = [end.reduced(part) for part in rows]
+            rests = {laws[0].unknowns[place].wording for place in RESTS_ON}
+            named = next((item for item in gate.explanations if item.name in rests), None)
+            gate = strained_gate(gate, named or strained(laws, end.coupling))
+        return with_agreement(gate, *tests)
+
+    def variants(self) -> Iterator[LateralSystem]:
+        """Yield the trials with other filters of the current."""
+        rig = self.system.rig
+        for window_s in OTHER_WINDOWS_S:
+            filtered = rig_system(self.parts, rig.constants, rig.start, window_s)
+            yield replace(self.system, rig=filtered)
+
+    def fit_of_variant(self, whole: OutputErrorFit, system: LateralSystem) -> FloatArray:
+        """Return guide friction and coupling (8,) with another filter of the current."""
+        filtered = same_with(whole, system)
+        model = replace(whole.model, system=filtered)
+        problem = reduced(loads_at(model, whole.fit.theta, self.block), self.system, filtered)
+        return fitted(problem, coupling_of(whole)).theta
+
+
+@dataclass(frozen=True, eq=False)
+class LateralIdentification(Identification[LateralFamily]):
+    """What a lateral sweep shows.
+
+    ``variants`` (8,) are guide friction and coupling with other filters of the current, ``ends``
+    what the data allow of the rollers' friction; None if no number is given.
+    """
+
+    speeds: tuple[Speeds, ...] = ()
+    cells: tuple[Cell, ...] = ()
     ends: Intervals | None = None
-    without: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    rejected: tuple[TrialRejection, ...] = ()
+
+    @property
+    def system(self) -> LateralSystem:
+        """The trials with the choice of the coupling that the data support most."""
+        return self.family.system
 
     @property
     def shared(self) -> FloatArray:
         """Return the fitted parameters that all trials share, (p,)."""
-        return self.whole.fit.theta[: len(self.system.shared)]
+        return self.theta[: len(self.system.shared)]
 
     @property
     def range_m_s(self) -> tuple[float, ...]:
         """Return the slowest and the fastest lateral speed; one, if both are the same."""
-        means = [abs(float(np.mean(speed))) for speed in self.system.speeds]
-        slow = min(value for value in means if value >= 0.5 * min(max(means), 0.1))
-        fast = max(means)
-        return (slow, fast) if fast > ONE_SPEED * slow else (fast,)
+        return range_of(self.system)
 
     @property
     def forces_n(self) -> FloatArray:
@@ -141,15 +206,9 @@ class LateralFound:
         )
 
     @property
-    def rival(self) -> tuple[LiftedRows, bool]:
-        """Return the choice with the same sign in which a lifted row rubs the other way."""
-        rows = LiftedRows.PHYSICAL if self.system.rows is LiftedRows.PRINTED else LiftedRows.PRINTED
-        return rows, self.system.turned
-
-    @property
     def rows_known(self) -> bool:
         """Whether the data show how a lifted row of rollers rubs."""
-        return self.gains[self.rival] > CLEAR_GAIN
+        return self.family.gains[self.family.rival] > CLEAR_GAIN
 
 
 def find_lateral(
@@ -158,7 +217,7 @@ def find_lateral(
     lateral: LateralConstants,
     settings: Settings | None = None,
     friction: Carried | None = None,
-) -> LateralFound:
+) -> LateralIdentification:
     """Return the rollers' friction from ``trials``, by simulating the rig.
 
     ``friction`` is that along the guide, if another identification has found it.
@@ -169,38 +228,34 @@ def find_lateral(
     settings = Settings() if settings is None else settings
     used, parts, rejected = _usable(trials, settings, 1 if friction else LEAST_CURRENTS)
     try:
-        found = _found(used, parts, rig, lateral, friction)
+        family = _family(used, parts, rig, lateral, friction)
+        return _with_intervals(identify(replace(family, rejected=tuple(rejected))))
     except Diverged as error:
         raise Diverged(error.trial, described(used[error.trial].trial)) from error
-    return replace(found, rejected=tuple(rejected))
 
 
-def _found(
+def _family(
     used: Sequence[LateralTrial],
     parts: Sequence[tuple[LugreTrial, slice]],
     rig: RigConstants,
     lateral: LateralConstants,
     friction: Carried | None,
-) -> LateralFound:
-    """Return what ``used`` trials, each with the part that is simulated, show.
+) -> LateralFamily:
+    """Return the fits of ``used`` trials, each with the part that is simulated.
 
     Raises:
         Diverged: the cost of a trial is not finite at any start.
     """
-    period = sampling_period_s(parts[0][0])
-    block = max(1, round(SCORES_S / period))
     smooth = np.array([parameter.start for parameter in PARAMETERS])
+    straight = rig_system(parts, rig, smooth)
+    period = straight.period_s
+    block = max(1, round(SCORES_S / period))
+    speeds = tuple(
+        _block_means(item.speed_m_s[part][LEAD:], round(BLOCK_S / period))
+        for item, (_, part) in zip(used, parts, strict=True)
+    )
 
-    def rig_with(window_s: float) -> RigSystem:
-        return rig_system(parts, rig, smooth, window_s)
-
-    straight = rig_with(WINDOW_S)
-
-    def system(rows: LiftedRows, *, turned: bool, straight: RigSystem = straight) -> LateralSystem:
-        speeds = tuple(
-            _block_means(item.speed_m_s[part][LEAD:], round(BLOCK_S / period))
-            for item, (_, part) in zip(used, parts, strict=True)
-        )
+    def system(rows: LiftedRows, turned: bool) -> LateralSystem:
         return LateralSystem(
             straight, speeds, lateral, rig.bearing_torque.value, rows, turned,
             friction.unknowns if friction else (),
@@ -211,13 +266,13 @@ def _found(
     coarse = {
         choice: optima(reduced(loads, part, part))
         for choice in product(LiftedRows, (False, True))
-        for part in [system(choice[0], turned=choice[1])]
+        for part in [system(*choice)]
     }
     least = min(ends[0].cost for ends in coarse.values())
-    fits: dict[tuple[LiftedRows, bool], Coupled] = {}
+    fits: dict[Choice, Coupled] = {}
     for choice, ends in coarse.items():
         if ends[0].cost < least + FAR_OFF:
-            part = system(choice[0], turned=choice[1])
+            part = system(*choice)
             near = [end.theta for end in ends if end.cost < ends[0].cost + FAR_OFF][:MOST_ENDS]
             fits[choice] = couple(part, part, loads, near, block)
     best = min(fits, key=lambda choice: fits[choice].whole.fit.cost)
@@ -230,45 +285,64 @@ def _found(
     as_recorded = min(((rows, False) for rows in LiftedRows), key=lambda choice: gains[choice])
     if gains[as_recorded] < CLEAR_GAIN:
         best = as_recorded
-    chosen = system(best[0], turned=best[1])
-    whole, gate, shifts = (
-        (fits[best].whole, TURNED_GATE, ())
-        if chosen.turned
-        else _judged(chosen, fits[best], block, [item.trial.label for item in used])
+    return LateralFamily(
+        system=system(*best),
+        labels=tuple(item.trial.label for item in used),
+        period_s=period,
+        block=block,
+        trials=tuple(used),
+        parts=tuple(parts),
+        friction=friction,
+        loads=loads,
+        optimum=coarse[best][0].theta,
+        fits=fits,
+        gains=gains,
     )
-    alike = agreement(reduced(loads, chosen, chosen), coarse[best][0].theta)
-    gate = with_agreement(gate, alike)
-    speeds = tuple(all_speeds(chosen, whole))
+
+
+def _with_intervals(found: Identification[LateralFamily]) -> LateralIdentification:
+    """Return ``found`` with the speeds that follow, and what the data allow if they fit."""
+    family, whole = found.family, found.whole
+    speeds = tuple(all_speeds(family.system, whole))
     cells = tuple(
         cell(item, float(np.mean(lateral_speed)), speed)
-        for item, lateral_speed, speed in zip(used, chosen.speeds, speeds, strict=True)
+        for item, lateral_speed, speed in zip(
+            family.trials, family.system.speeds, speeds, strict=True
+        )
     )
-    found = LateralFound(
-        chosen, whole, gains, gate, tuple(used), block, speeds, cells, friction, alike, shifts,
+    ends = None
+    if found.gate.outcome is not FitOutcome.MISFIT:
+        ends = intervals(_laws(family, whole), range_of(family.system))
+    return LateralIdentification(
+        family, whole, found.gate, found.tests, found.shifts, found.scans, found.variants,
+        found.without, speeds=speeds, cells=cells, ends=ends,
     )  # fmt: skip
-    if gate.outcome is FitOutcome.MISFIT:
-        return found
-    end = coupled(whole, block)
+
+
+def _laws(family: LateralFamily, whole: OutputErrorFit) -> list[Coupled]:
+    """Return the fit, and that with the other law of a lifted row unless it is far off."""
+    end = coupled(whole, family.block)
     laws = [end]
-    if gains[found.rival] < FAR_OFF:
-        other = system(found.rival[0], turned=chosen.turned)
+    if family.gains[family.rival] < FAR_OFF:
+        other = replace(family.system, rows=family.rival[0])
         extended = same_with(whole, other)
         near = [item.theta for item in optima(reduced(end.loads, other, extended))[:MOST_ENDS]]
-        if found.rival in fits:
-            near.append(fits[found.rival].coupling)
-        laws.append(couple(other, extended, end.loads, near, block))
-    others = []
-    for window in OTHER_WINDOWS_S:
-        filtered = same_with(
-            whole, system(best[0], turned=chosen.turned, straight=rig_with(window))
-        )
-        model = replace(whole.model, system=filtered)
-        problem = reduced(loads_at(model, whole.fit.theta, block), chosen, filtered)
-        others.append(fitted(problem, end.coupling).theta)
-    found = replace(found, others=tuple(others), ends=intervals(laws, found.range_m_s))
-    if gate.outcome is FitOutcome.CORRECTED:
-        found = replace(found, without=without_each_trial(whole))
-    return found
+        if family.rival in family.fits:
+            near.append(family.fits[family.rival].coupling)
+        laws.append(couple(other, extended, end.loads, near, family.block))
+    return laws
+
+
+def range_of(system: LateralSystem) -> tuple[float, ...]:
+    """Return the slowest and the fastest lateral speed in m/s; one, if both are the same."""
+    means = [abs(float(np.mean(speed))) for speed in system.speeds]
+    slow = min(value for value in means if value >= 0.5 * min(max(means), 0.1))
+    fast = max(means)
+    return (slow, fast) if fast > ONE_SPEED * slow else (fast,)
+
+
+def _other(rows: LiftedRows) -> LiftedRows:
+    return LiftedRows.PHYSICAL if rows is LiftedRows.PRINTED else LiftedRows.PRINTED
 
 
 def _free_loads(system: LateralSystem, block: int) -> Loads:
@@ -324,29 +398,6 @@ def _refit(whole: System, points: Sequence[FloatArray], block: int) -> OutputErr
     coupling = np.concatenate([points[0][[GUIDE]], points[0][count:own]])
     near = [end.theta for end in optima(reduced(loads, system, whole))[:MOST_ENDS]]
     return couple(system, whole, loads, [*near, coupling], block).whole
-
-
-def _judged(
-    system: LateralSystem, found: Coupled, block: int, labels: Sequence[str]
-) -> tuple[OutputErrorFit, Gate, tuple[FloatArray, ...]]:
-    """Return the fit with what explains a misfit, whether numbers may be given, and shifts.
-
-    The shifts (p,), scaled, are as in :class:`LateralFound`.
-    """
-    period, whole = system.rig.period_s, found.whole
-    begun = [whole.fit.theta[: len(system.shared)]]
-    with np.errstate(over="ignore", invalid="ignore"):
-        diagnosis = diagnose(whole, partial(candidates, system), begun, block, period, _refit)
-    whole = diagnosis.fit
-    gate = settled_gate(judge_fit(diagnosis, labels, period), whole.unsettled)
-    if gate.outcome is not FitOutcome.MISFIT:
-        end = coupled(whole, block)
-        other = LiftedRows.PHYSICAL if system.rows is LiftedRows.PRINTED else LiftedRows.PRINTED
-        laws = [end.reduced(part) for part in (system, replace(system, rows=other))]
-        rests = {laws[0].unknowns[place].wording for place in RESTS_ON}
-        named = next((item for item in gate.explanations if item.name in rests), None)
-        gate = strained_gate(gate, named or strained(laws, end.coupling))
-    return whole, gate, (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
 
 
 def _block_means(values: FloatArray, block: int) -> FloatArray:
