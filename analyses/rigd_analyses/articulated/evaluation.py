@@ -9,12 +9,14 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis import DataError, Options
+from rigd.analysis.output_error.pipeline import identify
 from rigd.analysis.parameters import Fitted, Group, ParameterEvaluation, Trials, complete_groups
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd_analyses.articulated.checks import check_hinge, check_markers
-from rigd_analyses.articulated.found import find, judged
+from rigd_analyses.articulated.family import robot_family
 from rigd_analyses.articulated.reading import robot_trials
 from rigd_analyses.articulated.result import result
+from rigd_analyses.articulated.search import find
 from rigd_analyses.articulated.system import CONTACTS, SHARED, RobotSystem
 
 LABEL: Final = "robot"
@@ -33,8 +35,7 @@ def evaluate(
     system, grip = robot_system(trials), certain_grip(trials)
     check_markers(system.trials)
     check_hinge(system, grip)
-    found = find(system, grip, notify)
-    identified = result(found, judged(found))
+    identified = result(identify(robot_family(find(system, grip, notify), grip)))
     identified = replace(identified, warnings=(*identified.warnings, *unused(trials)))
     fitted = Fitted(Group(LABEL, trials), identified)
     return ParameterEvaluation.of(sweeps, [fitted], options)

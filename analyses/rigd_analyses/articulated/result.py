@@ -13,12 +13,11 @@ from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
 from rigd.analysis.fitting.uncertainty import correlation
 from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.gate import settled_gate
+from rigd.analysis.output_error.pipeline import Identification
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
     FloatArray,
-    Gate,
     IdentificationResult,
     ParameterEstimate,
     Preprocessing,
@@ -29,7 +28,7 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd_analyses.articulated.checks import silences
-from rigd_analyses.articulated.found import Judged, RobotFound
+from rigd_analyses.articulated.family import RobotFamily
 from rigd_analyses.articulated.system import (
     CAMERA,
     CONTACTS,
@@ -73,10 +72,9 @@ SHOWN: Final = 2  #: output that is drawn over time: x of the front marker
 PLACE: Final = slice(2, 4)  #: outputs that are drawn in the plane: x and y of the front marker
 
 
-def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
+def result(found: Identification[RobotFamily]) -> IdentificationResult:
     """Return the result for a report."""
-    system, fit = found.system, diagnosed.fit
-    gate = settled_gate(diagnosed.gate, fit.unsettled)
+    system, fit, gate = found.family.system, found.whole, found.gate
     white = [
         noise.whiten_errors(error)[:, SHOWN]
         for noise, error in zip(fit.model.noise, fit.errors, strict=True)
@@ -89,7 +87,7 @@ def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
         model="articulated",
         method=METHOD,
         title="Contacts of the articulated robot",
-        parameters=tuple(_estimate(diagnosed, gate, name, share) for name in FITTED),
+        parameters=tuple(_estimate(found, name, share) for name in FITTED),
         derived=(),
         confidence=0.95,
         correlation_names=FITTED,
@@ -99,7 +97,7 @@ def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
         effective_samples=float(samples),
         inflation=1.0,
         starts=(_start(fit),),
-        curve=_curve(diagnosed, gate, share),
+        curve=_curve(found, share),
         trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
         profiles=(),
         residual_tests=(
@@ -109,13 +107,13 @@ def result(found: RobotFound, diagnosed: Judged) -> IdentificationResult:
         autocorrelation=tests.autocorrelation(
             white, min(LAGS, min(len(item) for item in white) - 1), system.trials[0].period_s
         ),
-        preprocessing=_account(found, fit, runs),
+        preprocessing=_account(found, runs),
         visited=f"contact forces up to {share:.2f} of the load, if none slid",
         warnings=(
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
             *silences(system.trials),
             *_camera(fit),
-            *((BY_LAW,) if _is_given(diagnosed, gate) else ()),
+            *((BY_LAW,) if _is_given(found) else ()),
         ),
         gate=gate,
     )
@@ -157,19 +155,19 @@ def value_of(fit: OutputErrorFit, name: str) -> float:
     return float(found["mu_d"] * found[RATIO]) if name == "mu_s" else float(found[name])
 
 
-def error_of(found: Judged, name: str) -> float:
+def error_of(found: Identification[RobotFamily], name: str) -> float:
     """Return the standard error of the logarithm; infinite if the data hold nothing on it."""
-    fit, own = found.fit, len(SHARED)
+    fit = found.whole
     gradient = _gradient(name, len(fit.covariance))
-    moved = max((abs(float(gradient[:own] @ shift[:own])) for shift in found.shifts), default=0.0)
+    moved = found.by_unexplained(gradient[: len(SHARED)])
     variance = float(gradient @ fit.covariance @ gradient)
     places = np.flatnonzero(gradient)
     seen = np.all(np.diag(fit.covariance)[places] > 0.0)
     return math.hypot(math.sqrt(variance), moved) if seen and variance > 0.0 else math.inf
 
 
-def _estimate(found: Judged, gate: Gate, name: str, share: float) -> ParameterEstimate:
-    fit = found.fit
+def _estimate(found: Identification[RobotFamily], name: str, share: float) -> ParameterEstimate:
+    fit, gate = found.whole, found.gate
     value, error = value_of(fit, name), error_of(found, name)
     labels = (name, WORDS[name][0], UNITS[name], WORDS[name][1], value)
     if gate.outcome is FitOutcome.MISFIT:
@@ -199,9 +197,9 @@ def _estimate(found: Judged, gate: Gate, name: str, share: float) -> ParameterEs
     )  # fmt: skip
 
 
-def _is_given(found: Judged, gate: Gate) -> bool:
+def _is_given(found: Identification[RobotFamily]) -> bool:
     """Return whether mu_s gets a number."""
-    return gate.outcome is not FitOutcome.MISFIT and math.isfinite(error_of(found, "mu_s"))
+    return found.gate.outcome is not FitOutcome.MISFIT and math.isfinite(error_of(found, "mu_s"))
 
 
 def _load(fit: OutputErrorFit) -> float:
@@ -210,12 +208,12 @@ def _load(fit: OutputErrorFit) -> float:
     return float((found["body_mass"] + 4.0 * found["wheel_mass"]) * found["gravity"] / 4.0)
 
 
-def _curve(found: Judged, gate: Gate, share: float) -> Curve:
+def _curve(found: Identification[RobotFamily], share: float) -> Curve:
     """Return the longitudinal force over the slip; no point if the model does not fit."""
-    fit = found.fit
+    fit = found.whole
     value, error = value_of(fit, "k_lon"), min(error_of(found, "k_lon"), 10.0)
     static = value_of(fit, "mu_s") if math.isfinite(error_of(found, "mu_s")) else math.inf
-    points = POINTS if gate.outcome is not FitOutcome.MISFIT else 0
+    points = POINTS if found.gate.outcome is not FitOutcome.MISFIT else 0
     slip = np.linspace(0.0, min(share, static) * _load(fit) / value, points)
     reach = math.exp(Z_95 * error)
     return Curve(
@@ -269,8 +267,8 @@ def _start(fit: OutputErrorFit) -> StartOutcome:
     )  # fmt: skip
 
 
-def _account(found: RobotFound, fit: OutputErrorFit, runs: Sequence[Run]) -> Preprocessing:
-    system = found.system
+def _account(found: Identification[RobotFamily], runs: Sequence[Run]) -> Preprocessing:
+    system, fit = found.family.system, found.whole
     errors = np.sqrt(np.diag(fit.covariance))
     fitted = []
     for index in range(len(CONTACTS), len(SHARED)):
@@ -290,7 +288,7 @@ def _account(found: RobotFound, fit: OutputErrorFit, runs: Sequence[Run]) -> Pre
             *fitted,
             *_radii(system, runs),
         ),
-        settings={"certain_grip": found.grip},
+        settings={"certain_grip": found.family.grip},
         per_trial={
             item.label: {
                 "frames": float(len(item.poses)),

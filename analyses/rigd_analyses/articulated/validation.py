@@ -41,8 +41,9 @@ from rigd.analysis.validation.result import (
 from rigd.analysis.validation.saved import SavedModel, chosen
 from rigd_analyses.articulated.checks import check_markers
 from rigd_analyses.articulated.evaluation import LABEL, certain_grip, robot_system
-from rigd_analyses.articulated.found import check_way, common_scale, sliding_trials, tried
+from rigd_analyses.articulated.family import common_scale
 from rigd_analyses.articulated.reading import TORQUE_FRAMES
+from rigd_analyses.articulated.search import check_way, sliding_trials, tried
 from rigd_analyses.articulated.system import CONTACTS, RATIO, SHARED, UNITS, RobotSystem
 
 TITLE: Final = "Validation of the contacts of the articulated robot"

@@ -17,19 +17,13 @@ from rigd.analysis import DataError
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd.analysis.fitting.fit import fit
 from rigd.analysis.output_error.estimator import conclude
+from rigd.analysis.output_error.pipeline import Identification, identify
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome
 from rigd_analyses.articulated.analysis import ArticulatedAnalysis
 from rigd_analyses.articulated.checks import check_hinge, check_markers, silences
 from rigd_analyses.articulated.extensions import candidates
-from rigd_analyses.articulated.found import (
-    RobotFound,
-    check_way,
-    common_scale,
-    find,
-    fitted_from,
-    judged,
-)
+from rigd_analyses.articulated.family import RobotFamily, common_scale, robot_family
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.result import (
@@ -40,6 +34,7 @@ from rigd_analyses.articulated.result import (
     result,
     value_of,
 )
+from rigd_analyses.articulated.search import RobotFit, check_way, find, fitted_from
 from rigd_analyses.articulated.system import CONTACTS, INERTIA, LOCAL, RATIO, SHARED, RobotSystem
 
 RATE_HZ = 100
@@ -175,7 +170,7 @@ def test_narrow_gradual_law_is_nearly_the_jump() -> None:
 def test_gradual_contacts_are_in_interval_of_mu_s() -> None:
     speeds = [(100.0, 200.0), (250.0, 250.0), (500.0, 250.0), (400.0, 200.0)]
     found = find(recorded(speeds, 11, width=0.05), 0.7, lambda _: None)
-    sliding = result(found, judged(found))
+    sliding = result(identify(robot_family(found, 0.7)))
     entry = sliding.parameter("mu_s")
     assert entry.low is not None
     assert entry.high is not None
@@ -253,16 +248,16 @@ def altered(system: RobotSystem, **changes: float) -> RobotSystem:
     return replace(system, constants=stated)
 
 
-def near(system: RobotSystem) -> RobotFound:
-    """Return the fit that begins at the truth."""
+def near(system: RobotSystem) -> Identification[RobotFamily]:
+    """Return what the fit that begins at the truth shows."""
     start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(system.trials))])
-    return RobotFound(system, fitted_from(system, start), (3,), 0.7)
+    return identify(robot_family(RobotFit(system, fitted_from(system, start), (3,)), 0.7))
 
 
 def numbers(system: RobotSystem) -> tuple[Any, dict[str, float], dict[str, float]]:
     """Return gate, and estimates with their standard errors (of logarithms) by name."""
-    found = judged(near(system))
-    gate, fit = found.gate, found.fit
+    found = near(system)
+    gate, fit = found.gate, found.whole
     sds = np.sqrt(np.diag(fit.covariance))
     return (
         gate,
@@ -284,7 +279,7 @@ def test_scale_and_latency_of_camera_are_found() -> None:
     steps = recorded([(v, v) for v in (100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)], 107, 3.0)
     known = {name: (value, 1e-5 * value) for name, (value, _) in circle.constants.items()}
     trials = circle.trials + fast.trials + steps.trials
-    found = near(RobotSystem(trials, known, 25.0)).fit.fit.theta
+    found = near(RobotSystem(trials, known, 25.0)).theta
     assert found[SHARED.index("scale_x")] == pytest.approx(0.0, abs=1e-3)
     assert found[SHARED.index("scale_y")] == pytest.approx(0.01, abs=1e-3)
     assert found[SHARED.index("latency")] == pytest.approx(0.02, rel=0.05)
@@ -292,12 +287,12 @@ def test_scale_and_latency_of_camera_are_found() -> None:
 
 def test_number_of_mu_s_names_its_law(recordings: RobotSystem) -> None:
     found = near(recordings)
-    sliding = result(found, judged(found))
+    sliding = result(found)
     assert sliding.parameter("mu_s").low is not None
     assert BY_LAW in sliding.warnings
     assert sliding.trials[0].track is not None
     found = near(recordings.of([0, 1, 2]))
-    gripping = result(found, judged(found))
+    gripping = result(found)
     assert gripping.parameter("mu_s").low is None
     assert BY_LAW not in gripping.warnings
 
@@ -399,10 +394,9 @@ def test_wrong_constant_is_named(recordings: RobotSystem, name: str, factor: flo
 def test_wrong_torque_is_named_and_widens(recordings: RobotSystem) -> None:
     trials = [replace(item, torques=1.05 * item.torques) for item in recordings.trials]
     system = replace(recordings, trials=tuple(trials))
-    start = np.concatenate([TRUTH, np.tile([0.0, 0.0, 0.0, 0.0, 1e-6], len(trials))])
-    found = judged(RobotFound(system, fitted_from(system, start), (3,), 0.7))
+    found = near(system)
     assert "scale of the torques" in f"{found.gate.findings} {found.gate.explanations}"
-    off = abs(np.log(value_of(found.fit, "k_lon") / 120.0))
+    off = abs(np.log(value_of(found.whole, "k_lon") / 120.0))
     assert off < 3.0 * error_of(found, "k_lon")
 
 
@@ -466,7 +460,7 @@ def test_silent_marker_is_named_and_does_not_count(recordings: RobotSystem) -> N
         "trial 1: the camera shows no front marker for 1.0 s, from 2.0 s on"
         in (silences(wrong.trials)[0])
     )
-    found = near(wrong).fit
+    found = near(wrong).whole
     sds = np.sqrt(np.diag(found.covariance))
     for name in ("k_lon", "k_lat", "k_roll", "mu_d"):
         off = np.log(value_of(found, name) / dict(zip(SHARED, TRUTH, strict=True))[name])
@@ -542,7 +536,7 @@ def test_loud_torque_names_the_trial_that_has_it(recordings: RobotSystem) -> Non
     noise = 2e-3 * np.random.default_rng(1).standard_normal((len(loud_one.torques), 1))
     loud_one = replace(loud_one, torques=loud_one.torques + noise * [1.0, 0.0])
     trials = (short, recordings.trials[1], loud_one, recordings.trials[3])
-    gate = judged(near(replace(recordings, trials=trials))).gate
+    gate = near(replace(recordings, trials=trials)).gate
     assert gate.outcome is FitOutcome.MISFIT
     assert "right torque" in gate.sentence
     assert "in trial trial 3" in gate.sentence
@@ -559,7 +553,7 @@ def test_measured_radius_counts_seen_frames_only() -> None:
     told = []
     for system in (whole, bridged):
         found = near(system)
-        lines = result(found, judged(found)).preprocessing.statements
+        lines = result(found).preprocessing.statements
         (line,) = [text for text in lines if "mean radius of the front marker" in text]
         told.append(float(line.partition("front marker ")[2].partition(" ")[0]))
     assert told[1] == pytest.approx(told[0], abs=1e-3)
@@ -579,7 +573,7 @@ def stretched(trial: RobotTrial) -> RobotTrial:
 
 
 def test_camera_of_another_unit_is_named_and_widens(recordings: RobotSystem) -> None:
-    found = judged(near(each(recordings, stretched)))
+    found = near(each(recordings, stretched))
     assert "its unit of length, or all of these lengths" in " ".join(found.gate.findings)
     assert error_of(found, "k_lon") > 0.05
 

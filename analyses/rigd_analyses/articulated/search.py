@@ -1,4 +1,4 @@
-"""Finds the contacts of the robot in two stages: first without sliding, then with all trials."""
+"""Fits the contacts of the robot in two stages: first without sliding, then with all trials."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -16,13 +15,10 @@ from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.model import slopes, to_natural, to_scaled
 from rigd.analysis.fitting.uncertainty import scaled_pinv
-from rigd.analysis.output_error.diagnosis import diagnose
 from rigd.analysis.output_error.estimator import BETTER, NEAR, Branch, OutputErrorFit, conclude
-from rigd.analysis.output_error.gate import UNEXPLAINED, judge_fit
 from rigd.analysis.output_error.system import SomeTrials, System
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
-from rigd.analysis.result import FitOutcome, FloatArray, Gate
-from rigd_analyses.articulated.extensions import candidates
+from rigd.analysis.result import FloatArray
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
 
 SCORES: Final = 10  #: frames, 0.4 s: longest correlation of the scores that is accounted for
@@ -62,19 +58,15 @@ HOPELESS: Final = 40.0  #: of the cost: no other parameter makes up for it
 NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
 OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
 CHORD_S: Final = 0.4  #: of the way by the camera: noise would lengthen shorter ones
-#: Relative: no two careful measures of a length differ by so much.
-UNLIKELY: Final = 0.03
-LENGTHS: Final = ("wheel_radius", "half_track", "half_wheelbase", "hinge_distance")
 
 
 @dataclass(frozen=True, eq=False)
-class RobotFound:
+class RobotFit:
     """The fit of all trials, and which of them have contacts that may slide."""
 
     system: RobotSystem
-    fit: OutputErrorFit
+    whole: OutputErrorFit
     sliding: tuple[int, ...]
-    grip: float
     sd: float = 0.0  #: standard error of the logarithm of mu_s / mu_d, by the shape of its cost
 
     def refitted(self, system: System, starts: Sequence[FloatArray], _: int) -> OutputErrorFit:
@@ -88,7 +80,7 @@ class RobotFound:
         return _widened(conclude(*_fitted(system, theta), SCORES), self.sd)
 
 
-def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFound:
+def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> RobotFit:
     """Return the fit of all trials, in two stages; ``grip`` is the share that certainly grips.
 
     The first takes the trials in which no contact slides; the second all, with all parameters.
@@ -126,7 +118,7 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
             other = _lengthened(system, sliding, points[0], branch)
             branch = min(branch, other, key=lambda item: item[1].cost)
     if not sliding:
-        return RobotFound(system, conclude(*branch, SCORES), (), grip)
+        return RobotFit(system, conclude(*branch, SCORES), ())
     for _ in range(MOST_FURTHER):
         model, ended, sd = _rescanned(system, sliding, branch)
         ended_at = _widened(conclude(model, ended, SCORES), sd)
@@ -140,7 +132,7 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
             break
     if not is_wrong(ended):
         ended_at = _with_step(ended_at)
-    return RobotFound(system, ended_at, tuple(sliding), grip, sd)
+    return RobotFit(system, ended_at, tuple(sliding), sd)
 
 
 def sliding_trials(system: RobotSystem, grip: float) -> list[int]:
@@ -178,104 +170,6 @@ def _fitted(system: System, theta: FloatArray) -> Branch:
         thorough=True, ridges=True,
     )  # fmt: skip
     return model, ended
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """Whether numbers may be given, and the fit with what explains a misfit.
-
-    ``shifts`` (p,) each, scaled, are the steps of the parameters from what is left unexplained, and
-    from what explains as much as that which was added: they widen the intervals.
-    """
-
-    gate: Gate
-    fit: OutputErrorFit
-    shifts: tuple[FloatArray, ...] = ()
-
-
-def judged(found: RobotFound) -> Judged:
-    """Return what the shared diagnosis and gate make of a fit."""
-    system, point = found.system, found.fit.fit.theta[: len(SHARED)]
-    labels = [item.label for item in system.trials]
-    period_s = system.trials[0].period_s
-    diagnosis = diagnose(
-        found.fit, partial(candidates, system), [point], SCORES, period_s, found.refitted
-    )
-    gate = judge_fit(diagnosis, labels, period_s)
-    loud = _loud_torque(system, diagnosis.fit, labels)
-    if loud and gate.outcome is not FitOutcome.MISFIT:
-        text = f"The model does not fit these data: {loud}"
-        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text)
-        gate = replace(gate, findings=(loud, *gate.findings))
-    shifts = [*(item.score.shift for item in diagnosis.left), *diagnosis.doubts]
-    off = common_scale(diagnosis.fit)
-    if abs(off) > UNLIKELY:
-        shifts.append(_by_lengths(diagnosis.fit, off))
-        gate = _with_lengths(gate, off)
-    return Judged(gate, diagnosis.fit, tuple(shifts))
-
-
-def common_scale(found: OutputErrorFit) -> float:
-    """Return by which share the camera shows all ways longer than the stated lengths have them.
-
-    The better known axis counts for more: a robot that drives along x shows little of y. It is 0 if
-    chance may show as much.
-    """
-    places = [SHARED.index(f"scale_{axis}") for axis in "xy"]
-    covariance = found.covariance[np.ix_(places, places)]
-    variances = np.diag(covariance)
-    weights = np.divide(1.0, variances, out=np.zeros(2), where=variances > 0.0)
-    weights /= max(float(np.sum(weights)), np.finfo(float).tiny)
-    off = float(weights @ found.fit.theta[places])
-    return off if abs(off) > Z_95 * math.sqrt(float(weights @ covariance @ weights)) else 0.0
-
-
-def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:
-    """Return the steps (p,) of the parameters if the lengths are off, not the scale of the camera.
-
-    All lengths move by ``off``; of the others, only the data and what is stated of them decide.
-    """
-    known = found.model.known.rows
-    information = found.information + known.T @ known
-    moved = np.zeros(len(information))
-    places = np.array([SHARED.index(name) for name in LENGTHS])
-    moved[places] = math.log1p(off)
-    others = np.setdiff1d(np.flatnonzero(np.diag(information) > 0.0), places)
-    slope = information[np.ix_(others, places)] @ moved[places]
-    moved[others] = -scaled_pinv(information[np.ix_(others, others)]) @ slope
-    return moved
-
-
-def _with_lengths(gate: Gate, off: float) -> Gate:
-    text = (
-        f"the camera shows all ways {100 * off:+.1f} % off what the lengths of the rig file give: "
-        "its unit of length, or all of these lengths. The intervals hold for both."
-    )
-    if gate.outcome is FitOutcome.FITS:
-        outcome = FitOutcome.CORRECTED
-        return replace(gate, outcome=outcome, sentence=f"The model fits these data, but {text}",
-                       findings=(text,))  # fmt: skip
-    return replace(gate, findings=(*gate.findings[:1], text, *gate.findings[1:]))
-
-
-def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:
-    """Return which torque is off; empty if none is. Most frames hold none, and hide a misfit."""
-    squares = []
-    for k, (noise, error) in enumerate(zip(found.model.noise, found.errors, strict=True)):
-        squares.append(noise.whiten_errors(error)[system.torque_counts(k), :2] ** 2)
-    if not any(len(part) for part in squares):
-        return ""
-    together = np.mean(np.concatenate(squares), axis=0)
-    by_trial = np.array([np.mean(part, axis=0) if len(part) else [0.0, 0.0] for part in squares])
-    for index, side in enumerate(("right", "left")):
-        worst = int(np.argmax(by_trial[:, index]))
-        if together[index] > UNEXPLAINED:
-            return (
-                f"its {side} torque is off by {together[index] ** 0.5:.1f} times what the noise of "
-                f"the sensors leaves, by {by_trial[worst, index] ** 0.5:.1f} times in trial "
-                f"{labels[worst]}."
-            )
-    return ""
 
 
 def check_way(system: RobotSystem) -> None:
