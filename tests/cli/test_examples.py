@@ -236,7 +236,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     "cli/test_design.py": (
         "rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml",
     ),
-    "analyses/lugre/test_together.py": ("rigd identify FILE --joint",),
+    "analyses/lugre/test_joint_fit.py": ("rigd identify FILE --joint",),
     "../docs/identification.md": (
         "rigd run constant_current --rig lugre-1 --set floor=pvc",
         "rigd identify FILE --method slip-force",

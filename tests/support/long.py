@@ -213,7 +213,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/approach_angle/test_conformance.py": (),
         "analyses/static/test_conformance.py": ("test_static_law_passes_check_analysis",),
         "analyses/approach_angle/test_paper_simulated.py": (),
-        "analyses/lugre/lateral/test_carried.py": (
+        "analyses/lugre/lateral/test_saved_friction.py": (
             "test_friction_of_another_floor_is_named",
             "test_known_friction_needs_one_current",
         ),
@@ -231,7 +231,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "analyses/lugre/lateral/test_speeds.py": (),
         "analyses/lugre/lateral/test_system.py": ("test_starts_suit_a_floor_of_little_friction",),
-        "analyses/lugre/lateral/test_reduced.py": (
+        "analyses/lugre/lateral/test_coupling_problem.py": (
             "test_either_law_is_held_by_intervals",
             "test_rollers_that_rub_unevenly_are_named[-0.2]",
         ),
@@ -240,7 +240,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_band_holds_laws_not_ruled_out",
             "test_the_law_that_made_the_data_wins",
         ),
-        "analyses/lugre/test_checked.py": (
+        "analyses/lugre/test_slip_force_check.py": (
             "test_another_law_leaves_no_number_of_method_a",
             "test_named_misfit_stands_above_other_warnings",
             "test_right_rig_keeps_numbers_of_method_a",
@@ -318,7 +318,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_light_carriage_intervals_contain_the_friction",
         ),
         "analyses/lugre/test_recursion.py": ("test_kernel_matches_ode_solver_with_second_order",),
-        "analyses/lugre/test_together.py": (
+        "analyses/lugre/test_joint_fit.py": (
             "test_another_method_fits_nothing_jointly",
             "test_floors_with_unlike_drives_stay_apart",
             "test_masses_on_one_floor_share_friction",

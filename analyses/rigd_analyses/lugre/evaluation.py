@@ -17,8 +17,8 @@ from rigd.analysis.parameters import (
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult
+from rigd_analyses.lugre.joint_fit import check_joint, identify_together, masses
 from rigd_analyses.lugre.reading import first_fit, identify
-from rigd_analyses.lugre.together import check_joint, identify_together, masses
 
 
 def evaluate(

@@ -14,7 +14,7 @@ import numpy as np
 from rigd.analysis.output_error.structure import Context, Suspect, dependences
 from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.lugre.lateral.system import LateralSystem
-from rigd_analyses.lugre.rig.disturbed import Disturbed
+from rigd_analyses.lugre.rig.disturbances import Disturbed
 from rigd_analyses.lugre.rig.extensions import FRICTION, sources, suspects
 
 FOUND_FROM = ("a force on the carriage", FRICTION)

@@ -33,9 +33,8 @@ from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, nois
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.agreement import agreement, with_agreement
-from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.lateral.coupled import (
+from rigd_analyses.lugre.lateral.coupled_fit import (
     MOST_ENDS,
     Coupled,
     couple,
@@ -45,6 +44,7 @@ from rigd_analyses.lugre.lateral.coupled import (
     reduced,
 )
 from rigd_analyses.lugre.lateral.coupling import LiftedRows
+from rigd_analyses.lugre.lateral.coupling_problem import RESTS_ON, optima, strained
 from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.intervals import Intervals, intervals
 from rigd_analyses.lugre.lateral.loads import (
@@ -55,7 +55,7 @@ from rigd_analyses.lugre.lateral.loads import (
     plain,
     with_free_loads,
 )
-from rigd_analyses.lugre.lateral.reduced import RESTS_ON, optima, strained
+from rigd_analyses.lugre.lateral.saved_friction import Carried
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem

@@ -3,7 +3,7 @@
 The load of the guide over the friction of the rollers falls to zero and rises again, with kinks, at
 another friction for each lateral speed: a fit of the rollers has many optima. A fit in which each
 trial has a friction of its own has one. Its end says what the data know of these frictions, and the
-coupling is then found from them alone (:mod:`.reduced`), whatever its kinks.
+coupling is then found from them alone (:mod:`.coupling_problem`), whatever its kinks.
 """
 
 from __future__ import annotations

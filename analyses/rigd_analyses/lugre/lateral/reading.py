@@ -8,11 +8,11 @@ from dataclasses import replace
 from rigd.analysis import DataError
 from rigd.analysis.parameters import Trials
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
-from rigd_analyses.lugre.lateral.carried import Carried
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.needs import GEOMETRY, ROLLERS
 from rigd_analyses.lugre.lateral.result import LateralResult, result
+from rigd_analyses.lugre.lateral.saved_friction import Carried
 from rigd_analyses.lugre.reading import arrays, by_current, rig_constants, sort_out, uncertainties
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.trial import LugreTrial

@@ -1,7 +1,7 @@
 """Lists possible errors of the model of the omni-wheel rig beyond its constants.
 
 Each has a name, or is a dependence on some quantity, and is given as the change of the outputs for
-each unit of it, at the fitted motion (:mod:`.disturbed`).
+each unit of it, at the fitted motion (:mod:`.disturbances`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rigd.analysis.output_error.structure import (
 )
 from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.lugre.model import RATIO
-from rigd_analyses.lugre.rig.disturbed import Disturbed, Motion
+from rigd_analyses.lugre.rig.disturbances import Disturbed, Motion
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem
 
 WARMING_S = 0.3  #: time over which friction may change within a drive

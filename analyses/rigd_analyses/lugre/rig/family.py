@@ -32,8 +32,8 @@ from rigd.analysis.result import (
     ResidualTest,
     TrialRejection,
 )
-from rigd_analyses.lugre.alike import refuse_alike
 from rigd_analyses.lugre.curve import HARDLY, SLIDING, slid_range
+from rigd_analyses.lugre.identical_trials import refuse_alike
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import (
     MU_C,

@@ -42,6 +42,7 @@ from rigd_analyses.lugre.quantities import (
     TOTAL_DAMPING,
 )
 from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.curve_points import seen
 from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
 from rigd_analyses.lugre.rig.identification import (
     FRICTION,
@@ -53,7 +54,6 @@ from rigd_analyses.lugre.rig.identification import (
 )
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
 from rigd_analyses.lugre.rig.parts import rows_used
-from rigd_analyses.lugre.rig.seen import seen
 from rigd_analyses.lugre.rig.sensors import fitted_rows, sensor_rows
 from rigd_analyses.lugre.rig.system import RigSystem
 

@@ -7,7 +7,7 @@ import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.lateral.published import TABLES
+from rigd_analyses.lugre.lateral.published_cells import TABLES
 from rigd_analyses.lugre.lateral.speeds import cell, speeds, together
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.constants import RigConstants

@@ -18,9 +18,9 @@ from rigd.analysis import ConfigError
 from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.result import FitOutcome
 from rigd.analysis.validation.saved import read_models
-from rigd_analyses.lugre.lateral.carried import Carried, carried
 from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.result import result
+from rigd_analyses.lugre.lateral.saved_friction import Carried, carried
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, SIGMA_0, V_S
 from rigd_analyses.lugre.rig.constants import RigConstants
 

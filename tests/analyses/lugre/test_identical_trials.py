@@ -9,7 +9,7 @@ import pytest
 from support.lugre_wrong import CONSTANT, Program, right
 
 from rigd.analysis import DataError
-from rigd_analyses.lugre.alike import refuse_alike
+from rigd_analyses.lugre.identical_trials import refuse_alike
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig.family import fit_group
