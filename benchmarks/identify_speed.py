@@ -29,7 +29,7 @@ from scipy.optimize import least_squares
 
 from rigd.analysis.fitting.fit import fit, multi_start
 from rigd.analysis.fitting.model import scaled_bounds, to_natural, to_scaled
-from rigd.analysis.output_error.estimator import ENOUGH
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.recordings.source import open_sweep
 from rigd_analyses.lugre.conclusion import identify_output_error
@@ -110,8 +110,11 @@ def against_scipy(floor: str, system: RigSystem, *, full: bool) -> None:
     unknowns = [*system.shared, *(item for _ in system.trials for item in system.local)]
     start = np.array([item.parameter.start for item in unknowns])
     model = OutputErrorModel(system, noise_at(system, start))
-    ours = fit(model, start, relative_decrease=ENOUGH)
-    mine = min(cpu_s(lambda: fit(model, start, relative_decrease=ENOUGH)) for _ in range(3))
+    ours = fit(model, start, relative_decrease=THRESHOLDS.min_decrease)
+    mine = min(
+        cpu_s(lambda: fit(model, start, relative_decrease=THRESHOLDS.min_decrease))
+        for _ in range(3)
+    )
 
     count = 0
 
@@ -123,7 +126,9 @@ def against_scipy(floor: str, system: RigSystem, *, full: bool) -> None:
     low, high = scaled_bounds(model.parameters)
     begin = np.clip(to_scaled(model.parameters, start), low + 1e-9, high - 1e-9)
     clock = time.process_time()
-    peer = least_squares(residual, begin, bounds=(low, high), x_scale="jac", ftol=ENOUGH)
+    peer = least_squares(
+        residual, begin, bounds=(low, high), x_scale="jac", ftol=THRESHOLDS.min_decrease
+    )
     compiled = time.process_time() - clock
     trials = range(model.trials) if full else (model.trials // 2,)
     shared = len(system.shared)

@@ -12,10 +12,10 @@ import numpy as np
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.gate import UNEXPLAINED
 from rigd.analysis.output_error.pipeline import Family
 from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import System
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest
 from rigd_analyses.articulated.extensions import candidates
 from rigd_analyses.articulated.search import SCORES, RobotFit
@@ -128,7 +128,7 @@ def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[st
     by_trial = np.array([np.mean(part, axis=0) if len(part) else [0.0, 0.0] for part in squares])
     for index, side in enumerate(("right", "left")):
         worst = int(np.argmax(by_trial[:, index]))
-        if together[index] > UNEXPLAINED:
+        if together[index] > THRESHOLDS.max_mean_square_output:
             return (
                 f"its {side} torque is off by {together[index] ** 0.5:.1f} times what the noise of "
                 f"the sensors leaves, by {by_trial[worst, index] ** 0.5:.1f} times in trial "

@@ -15,8 +15,9 @@ from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.model import slopes, to_natural, to_scaled
 from rigd.analysis.fitting.uncertainty import scaled_pinv
-from rigd.analysis.output_error.estimator import BETTER, NEAR, Branch, OutputErrorFit, conclude
+from rigd.analysis.output_error.estimator import NEAR, Branch, OutputErrorFit, conclude
 from rigd.analysis.output_error.system import SomeTrials, System
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
@@ -337,7 +338,7 @@ def _scanned(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> tup
             costs.append(_cost(model, rows, here + RULED_OUT))
         gains = np.array(costs) - here
         best = int(np.argmin(gains))
-        if gains[best] > -BETTER:
+        if gains[best] > -THRESHOLDS.min_cost_gained:
             break
         moved = theta.copy()
         moved[place] = max(theta[place] * AGAIN[best], 1.0)

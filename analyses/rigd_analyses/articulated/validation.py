@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError, Options
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.gate import CONTRADICTED, UNEXPLAINED, UNEXPLAINED_TRIAL
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.parameters import complete_groups
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report.rounding import number, places_for
@@ -66,10 +66,12 @@ STATEMENTS: Final = (
     "The begin of each trial, scale and latency of the camera, and the constants within their "
     "stated uncertainties are fitted; the contacts within those of the model.",
     f"A trial passes if neither place, heading nor torque is off by more than "
-    f"{UNEXPLAINED_TRIAL**0.5:.1f} times what the noise of speeds and sensors leaves.",
+    f"{THRESHOLDS.max_mean_square_trial**0.5:.1f} times what the noise of speeds and sensors "
+    "leaves.",
     f"The model is rejected if a trial does not pass, if an output is off by more than "
-    f"{UNEXPLAINED**0.5:.1f} times the noise in all trials together, or if the data move a contact "
-    f"by more than {SURE:g} standard deviations of what model and data leave open.",
+    f"{THRESHOLDS.max_mean_square_output**0.5:.1f} times the noise in all trials together, or if "
+    f"the data move a contact by more than {SURE:g} standard deviations of what model and data "
+    "leave open.",
 )
 
 
@@ -222,7 +224,7 @@ def _judged(
         sentence = (wrong or loud)[0]
         if biases:
             findings += [item.sentence for item in biases]
-    elif len(biases) > CORRECTED or any(abs(item.pull) > CONTRADICTED for item in biases):
+    elif len(biases) > CORRECTED or any(abs(item.pull) > THRESHOLDS.max_pull for item in biases):
         outcome = ModelOutcome.REJECTED
         sentence = "The constants of the recordings contradict their motion. " + " ".join(
             item.sentence for item in biases
@@ -351,7 +353,9 @@ class _Trial:
 
             left = _rms(fitted - measured, at, output)
             level = float(np.mean(self.squares(output))) if at.any() else 0.0
-            limit = left * math.sqrt(UNEXPLAINED_TRIAL / level) if level > 0.0 else None
+            limit = (
+                left * math.sqrt(THRESHOLDS.max_mean_square_trial / level) if level > 0.0 else None
+            )
             deviations.append(
                 Deviation(
                     output,
@@ -399,7 +403,10 @@ def _loud(trials: Sequence[_Trial], output: str) -> str:
     level = _level(trials, output)
     by_trial = [float(np.mean(part)) if (part := t.squares(output)).size else 0.0 for t in trials]
     worst = int(np.argmax(by_trial))
-    if level <= UNEXPLAINED and by_trial[worst] <= UNEXPLAINED_TRIAL:
+    if (
+        level <= THRESHOLDS.max_mean_square_output
+        and by_trial[worst] <= THRESHOLDS.max_mean_square_trial
+    ):
         return ""
     return (
         f"Its {output} is off by {level**0.5:.1f} times what the noise of speeds and sensors "

@@ -36,25 +36,12 @@ from rigd.analysis.output_error.jackknife import jackknife_sd, without_each_tria
 from rigd.analysis.output_error.score import Columns, Score, Scores, holm
 from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import System, Unknown
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import Explanation, FloatArray, Meaning
 from rigd.model.errors import DataError
 
-LEVEL = 0.005  #: chance of one false alarm in all tests together
 MOST = 3  #: things that are added
-WORTH = 20.0  #: gain in -2 ln L, less chance's, below which no constant is left to the data
-#: The same of what no file states. In 97 wrong worlds of a second author the three names below it
-#: were wrong: they are what wrong constants leave to second order. 34 of 41 above are right.
-LOUD = 100.0
-NAMED = 0.7  #: share of the best gain from which a thing with a name is preferred to a dependence
-AS_GOOD = 0.9  #: share from which another explanation is worth a word
 MOST_OTHERS = 2
-TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
-DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
-HOPELESS = 1e4  #: mean square of an output beyond which nothing is fitted: its size would be chance
-NEAR = 1.5  #: mean square of all outputs up to which the optimum is taken for the right one
-#: Share of a mean square above ``NEAR`` that a cause may leave: half of the misfit in its units.
-LITTLE = 0.25
-NO_SIZE = 2.0  #: standard errors below which what was fitted is none
 
 #: Returns the candidates at parameters (p,) of the system.
 Suspects = Callable[[FloatArray], Iterable[Suspect]]
@@ -124,7 +111,7 @@ class Diagnosis:
     @property
     def coloured(self) -> bool:
         """Whether a band of frequencies, or a jump, shows more than noise."""
-        return min(self.band.p_value, self.jump.p_value) < LEVEL
+        return min(self.band.p_value, self.jump.p_value) < THRESHOLDS.max_p_value_cause
 
 
 def diagnose(
@@ -158,7 +145,7 @@ def diagnose(
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
         most = max(len(chosen), len(vanished), len(unfitted)) >= MOST
-        hopeless = max(state.levels) > HOPELESS
+        hopeless = max(state.levels) > THRESHOLDS.max_mean_square_explained
         if not wrong or best is None or most or done or hopeless:
             break
         ends, rivals = [], _rivals(new, best)
@@ -174,7 +161,9 @@ def diagnose(
             unfitted |= {item.name for item in rivals}
             continue
         end = _preferred(ends)
-        if not end.gone and _mean_square(end.fit) > max(NEAR, LITTLE * _mean_square(found)):
+        if not end.gone and _mean_square(end.fit) > max(
+            THRESHOLDS.max_mean_square_right, THRESHOLDS.max_left_share * _mean_square(found)
+        ):
             unfitted |= {item.name for item in rivals}
             continue
         before.append((found, chosen))
@@ -251,7 +240,10 @@ class _State:
 
     @property
     def wrong(self) -> bool:
-        return max(self.levels) > EXCESS or min(self.band.p_value, self.jump.p_value) < LEVEL
+        return (
+            max(self.levels) > EXCESS
+            or min(self.band.p_value, self.jump.p_value) < THRESHOLDS.max_p_value_cause
+        )
 
 
 def _state(found: OutputErrorFit, white: Sequence[FloatArray], period_s: float) -> _State:
@@ -284,7 +276,7 @@ def constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
             continue
         variance, u = float(inverse[place, place]), unknown.u
         share = 1.0 - variance / u**2
-        if share < DETERMINED:
+        if share < THRESHOLDS.min_determined_share:
             continue
         moved = float(pulls[place]) * u
         # Far from the optimum the step is no forecast: only one that comes back counts.
@@ -311,20 +303,27 @@ def _tested(scores: Scores, candidates: Iterable[Suspect]) -> Iterator[Tested]:
 
 
 def _significant(tests: Sequence[Tested]) -> list[Tested]:
-    rejected = holm([item.score.p_value for item in tests], LEVEL)
+    rejected = holm([item.score.p_value for item in tests], THRESHOLDS.max_p_value_cause)
     return [
-        item for item, wrong in zip(tests, rejected, strict=True) if wrong and item.worth >= WORTH
+        item
+        for item, wrong in zip(tests, rejected, strict=True)
+        if wrong and item.worth >= THRESHOLDS.min_gain_constant
     ]
 
 
 def _best(tests: Sequence[Tested]) -> Tested | None:
     """Return what explains most; a thing with a name if it explains nearly as much."""
-    tests = [item for item in tests if item.worth >= (WORTH if item.candidate is None else LOUD)]
+    tests = [
+        item
+        for item in tests
+        if item.worth
+        >= (THRESHOLDS.min_gain_constant if item.candidate is None else THRESHOLDS.min_gain_suspect)
+    ]
     best = max(tests, key=lambda item: item.worth, default=None)
     if best is None:
         return None
     named = max((item for item in tests if item.special), key=lambda item: item.worth, default=best)
-    return named if named.worth >= NAMED * best.worth else best
+    return named if named.worth >= THRESHOLDS.min_named_share * best.worth else best
 
 
 def _refined(scores: Scores, best: Tested) -> Tested:
@@ -348,7 +347,11 @@ def _rivals(tests: Sequence[Tested], best: Tested) -> list[Tested]:
     ]
     like = "" if best.candidate is None else best.candidate.like
     alike = [item for item in tests if item.candidate is not None and item.candidate.like == like]
-    constants = [item for item in tests if item.candidate is None and item.worth >= WORTH]
+    constants = [
+        item
+        for item in tests
+        if item.candidate is None and item.worth >= THRESHOLDS.min_gain_constant
+    ]
     constants = sorted(constants, key=lambda item: -item.worth)[:1]
     rivals = [best, *near[:1], *constants, *(alike if like else [])]
     return list({item.name: item for item in rivals}.values())
@@ -369,12 +372,16 @@ def _preferred(ends: Sequence[_End]) -> _End:
 
     able = [end for end in ends if end.fit.converged] or list(ends)
     least = min(map(cost, able))
-    near = [end for end in able if cost(end) - least < TOLD_APART]
+    near = [end for end in able if cost(end) - least < THRESHOLDS.min_gain_told_apart]
     return next((end for end in near if end.last.candidate is None), near[0])
 
 
 def _as_good(tests: Sequence[Tested], best: Tested) -> list[Tested]:
-    near = [item for item in tests if item.worth > AS_GOOD * best.worth and item is not best]
+    near = [
+        item
+        for item in tests
+        if item.worth > THRESHOLDS.min_rival_share * best.worth and item is not best
+    ]
     return sorted(near, key=lambda item: -item.worth)
 
 
@@ -418,7 +425,7 @@ def _refitted(
     Raises:
         DataError: with the fitted motion one of them has more or fewer values than before.
     """
-    others = [] if _mean_square(found) < NEAR else list(starts)
+    others = [] if _mean_square(found) < THRESHOLDS.max_mean_square_right else list(starts)
     base = own_parameters(found)
     released = frozenset(item.place for item in chosen if item.candidate is None)
     own = len(system.shared)
@@ -486,14 +493,17 @@ def _vanishes(fitted: OutputErrorFit, chosen: Sequence[Tested], item: Tested) ->
     if item.candidate is None:
         stated = fitted.model.system.shared[item.place].parameter
         moved = fitted.fit.scaled[item.place] - stated.scaled(stated.start)
-        return bool(abs(moved) < NO_SIZE * math.sqrt(fitted.covariance[item.place, item.place]))
+        return bool(
+            abs(moved)
+            < THRESHOLDS.min_size_sd * math.sqrt(fitted.covariance[item.place, item.place])
+        )
     here = _places(fitted, chosen, item)
     sizes = fitted.fit.theta[here]
     least, most = item.candidate.possible
     if np.min(sizes) < least or np.max(sizes) > most:
         return True
     variance = np.maximum(np.diag(fitted.covariance)[here], np.finfo(float).tiny)
-    return bool(np.mean(sizes**2 / variance) < NO_SIZE**2)
+    return bool(np.mean(sizes**2 / variance) < THRESHOLDS.min_size_sd**2)
 
 
 def _places(found: OutputErrorFit, chosen: Sequence[Tested], item: Tested) -> slice:

@@ -30,30 +30,18 @@ from rigd.analysis.fitting.fit import DAMPING, Fit, fit, newton_step
 from rigd.analysis.fitting.model import NormalEquations, slopes
 from rigd.analysis.fitting.uncertainty import bounds_reached, no_less, scaled_pinv
 from rigd.analysis.output_error.system import Diverged, SomeTrials, System
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import FINITE, OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd.model.errors import DataError
 
-SAME = 0.05  #: in scaled coordinates: two starts have ended in one optimum
-ENOUGH = 1e-7  #: relative decrease of the cost below which a fit ends
-ROUGH = 1e-5  #: and below which one ends that is repeated with a better filter of the noise
 NEAR = 1e-8  #: first damping near an optimum
 MAX_ITERATIONS = 40
 OTHER_ITERATIONS = 12  #: of a second optimum, and of a model that is far off
 RANKING_TRIALS = 3  #: from the first to the last; the starts are ranked by these
 RANKING_ITERATIONS = 8
-RANKING_DECREASE = 1e-2
 REFINED = 2  #: optima that all trials refine
-RANKING_SAME = 0.2
-HOPELESS = 30.0  #: of the cost: an optimum that is so much worse does not come back
-#: Standard errors of each parameter that an estimate may have left to go: where slip turns its sign
-#: the cost has kinks, and 0.4 was seen at a point from which no step leads down.
-CONVERGED = 0.5
-BETTER = 0.5  #: of the cost: a gain that is worth another fit
-SETTLED = 0.1  #: and beyond which it is continued
 MORE_FITS = 3
-GROSS = 10.0  #: mean square of innovations beyond which no fit is continued
-UNSEEN = 1e-9  #: information on a scaled parameter that is none
 
 
 #: A fit with the model, and so the noise, that it was made with.
@@ -90,7 +78,7 @@ class OutputErrorFit:
     @property
     def converged(self) -> bool:
         """Whether the fit has come to its optimum: no number of another one means anything."""
-        return bool(np.all(np.abs(self.left) <= CONVERGED))
+        return bool(np.all(np.abs(self.left) <= THRESHOLDS.max_left_sd))
 
     @property
     def unsettled(self) -> str:
@@ -150,17 +138,19 @@ def estimate(system: System, starts: Sequence[FloatArray], block: int) -> Output
     for start in ranked:
         iterations = OTHER_ITERATIONS if branches else MAX_ITERATIONS
         try:
-            branch = _branch(system, start, iterations, ROUGH, NEAR)
+            branch = _branch(system, start, iterations, THRESHOLDS.min_decrease_rough, NEAR)
         except Diverged:
             if start is ranked[-1] and not branches:
                 raise
             continue
-        if not _met(branch[1], branches, len(system.shared), SAME):
+        if not _met(branch[1], branches, len(system.shared), THRESHOLDS.max_distance_one_optimum):
             branches.append(branch)
         if (refined := refined + 1) == REFINED:
             break
     order = by_cost(branches)
-    near = [branch for cost, branch in order if cost < order[0][0] + HOPELESS] or branches[:1]
+    near = [
+        branch for cost, branch in order if cost < order[0][0] + THRESHOLDS.max_cost_behind_best
+    ] or branches[:1]
     ends = [settled(*branch, block) for branch in near]
     able = [end for end in ends if end.converged] or ends
     first = by_cost([(end.model, end.fit) for end in able])[0][1][1]
@@ -170,7 +160,7 @@ def estimate(system: System, starts: Sequence[FloatArray], block: int) -> Output
 
 def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputErrorFit:
     """Return the fit continued from ``theta`` (p,), a better point than the end of ``found``."""
-    ended = settled(found.model, _fit(found.model, theta, ROUGH), block)
+    ended = settled(found.model, _fit(found.model, theta, THRESHOLDS.min_decrease_rough), block)
     return replace(ended, others=(*found.others, found.fit.theta))
 
 
@@ -183,11 +173,18 @@ def retried(found: OutputErrorFit, starts: Sequence[FloatArray], block: int) -> 
     best, starts = found.fit, [] if _gross(found.model, found.fit) else starts
     for start in starts:
         try:
-            ended = _fit(found.model, start, ROUGH, NEAR, OTHER_ITERATIONS, ridges=True)
+            ended = _fit(
+                found.model,
+                start,
+                THRESHOLDS.min_decrease_rough,
+                NEAR,
+                OTHER_ITERATIONS,
+                ridges=True,
+            )
         except Diverged:
             continue
         best = min(best, ended, key=lambda item: item.cost)
-    if best.cost > found.fit.cost - BETTER:
+    if best.cost > found.fit.cost - THRESHOLDS.min_cost_gained:
         return found
     again = improve(found, best.theta, block)
     return again if again.converged or not found.converged else found
@@ -198,20 +195,20 @@ def settled(model: OutputErrorModel, found: Fit, block: int) -> OutputErrorFit:
 
     ``block`` is the longest correlation of the scores that is accounted for, in samples.
     """
-    for enough in (ROUGH, ENOUGH):
+    for enough in (THRESHOLDS.min_decrease_rough, THRESHOLDS.min_decrease):
         model, found = _reweighted(model, found, enough)
     ended = conclude(model, found, block)
     for _ in range(MORE_FITS):
-        if np.all(np.abs(ended.left) <= SETTLED) or _gross(model, ended.fit):
+        if np.all(np.abs(ended.left) <= THRESHOLDS.max_left_settled_sd) or _gross(model, ended.fit):
             break
-        enough = 0.1 * SETTLED**2 / ended.fit.cost
+        enough = 0.1 * THRESHOLDS.max_left_settled_sd**2 / ended.fit.cost
         ended = conclude(model, _fit(model, ended.fit.theta, enough, ridges=True), block)
     return ended
 
 
 def _gross(model: OutputErrorModel, found: Fit) -> bool:
     """Whether the model is far off: a lower cost is then a stranger one, and shows less of why."""
-    return not 2.0 * found.cost < GROSS * len(model.mask)
+    return not 2.0 * found.cost < THRESHOLDS.max_mean_square_continued * len(model.mask)
 
 
 def by_cost(branches: Sequence[Branch]) -> list[tuple[float, Branch]]:
@@ -254,13 +251,17 @@ def _ranked(system: System, starts: Sequence[FloatArray]) -> list[FloatArray]:
     ends: list[Branch] = []
     for start in starts:
         try:
-            ends.append(_branch(part, start, RANKING_ITERATIONS, RANKING_DECREASE, DAMPING))
+            ends.append(
+                _branch(part, start, RANKING_ITERATIONS, THRESHOLDS.min_decrease_ranking, DAMPING)
+            )
         except Diverged as error:
             if start is starts[-1] and not ends:
                 raise Diverged(part.trials[error.trial]) from error
     distinct: list[Branch] = []
     for _, end in by_cost(ends):
-        if not _met(end[1], distinct, len(system.shared), RANKING_SAME):
+        if not _met(
+            end[1], distinct, len(system.shared), THRESHOLDS.max_distance_one_optimum_ranking
+        ):
             distinct.append(end)
     return [found.theta[: len(system.shared)] for _, found in distinct]
 
@@ -379,7 +380,7 @@ def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
 
 def _inverted(information: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return the inverse (p, p), 0 for what has no information, and the indices that have some."""
-    seen = np.flatnonzero(np.diag(information) > UNSEEN)
+    seen = np.flatnonzero(np.diag(information) > THRESHOLDS.min_information)
     inverse = np.zeros_like(information)
     inverse[np.ix_(seen, seen)] = scaled_pinv(information[np.ix_(seen, seen)])
     return inverse, seen

@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rigd.analysis.output_error.diagnosis import Diagnosis
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import Explanation, FitOutcome, Gate, Meaning
 
-CONTRADICTED = 8.0  #: a constant that the data move by more of its uncertainties is another one
-UNEXPLAINED = 1.5  #: mean square of an output's innovations, 1 if model and noise are right
-UNEXPLAINED_TRIAL = 2.5  #: and in its worst trial
 DOUBLED = 0.05  #: relative difference of a factor of two that is still one
 MOST = 4  #: findings that are given
 #: How a refusal begins if what explains a misfit leaves the parameters without a meaning.
@@ -37,7 +35,7 @@ def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> G
     explained = diagnosis.explanations
     if unexplained:
         explained = tuple(map(_rough, explained))
-    contradicted = [item for item in explained if abs(item.pull) > CONTRADICTED]
+    contradicted = [item for item in explained if abs(item.pull) > THRESHOLDS.max_pull]
     laws = [item for item in explained if item.meaning in REFUSED]
     decisive = [] if unexplained else [*contradicted, *laws][:1]
     first = sorted(explained, key=lambda item: item not in decisive)  # what the outcome rests on
@@ -134,7 +132,7 @@ def _unexplained(diagnosis: Diagnosis, labels: Sequence[str]) -> list[str]:
     for output, level, worst, trial in zip(
         outputs, diagnosis.levels, diagnosis.worst, diagnosis.trials, strict=True
     ):
-        if level > UNEXPLAINED or worst > UNEXPLAINED_TRIAL:
+        if level > THRESHOLDS.max_mean_square_output or worst > THRESHOLDS.max_mean_square_trial:
             text = (
                 f"its {output.name} is off by {level**0.5:.1f} times what the noise of input and "
                 f"sensors leaves, by {worst**0.5:.1f} times in trial {labels[trial]}."

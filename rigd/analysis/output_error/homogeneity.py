@@ -14,12 +14,9 @@ import numpy as np
 
 from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.output_error.score import Score, Scores
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import ResidualTest
-
-#: Share of what differs between trials that a trend must explain to be one.
-MOSTLY = 0.7
-LEVEL = 1e-4  #: chance, if there is no change, below which one is named
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ def homogeneity(
     """
     scores, trials = Scores(fit, block), fit.model.trials
     drift, apart = trend(scores, index, trials), differences(scores, index, range(trials))
-    is_trend = drift.gain - drift.dof >= MOSTLY * (apart.gain - apart.dof)
+    is_trend = drift.gain - drift.dof >= THRESHOLDS.min_trend_share * (apart.gain - apart.dof)
     way = "rises" if drift.size[0] > 0.0 else "falls"
     chance = probability(drift.p_value)
     found = [
@@ -84,7 +81,7 @@ def homogeneity(
 
 
 def _test(name: str, score: Score, changed: str, same: str) -> ResidualTest:
-    passed = score.p_value >= LEVEL
+    passed = score.p_value >= THRESHOLDS.max_p_value_agreement
     return ResidualTest(name, score.gain, score.p_value, passed, same if passed else changed)
 
 

@@ -17,9 +17,8 @@ from scipy.stats import t as student
 from rigd.analysis.fitting.model import slopes
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FloatArray
-
-OWN_SHARE = 1e-9  #: of a parameter's information; less means that it belongs to the trial left out
 
 
 def without_each_trial(found: OutputErrorFit) -> FloatArray:
@@ -36,7 +35,7 @@ def without_each_trial(found: OutputErrorFit) -> FloatArray:
         left, slope = whole.copy(), gradient.copy()
         left[np.ix_(here, here)] -= jacobian.T @ jacobian
         slope[here] -= jacobian.T @ error
-        seen = np.flatnonzero(np.diag(left) > OWN_SHARE * np.diag(whole))
+        seen = np.flatnonzero(np.diag(left) > THRESHOLDS.min_own_share * np.diag(whole))
         steps[trial, seen] = -scaled_pinv(left[np.ix_(seen, seen)]) @ slope[seen]
     return steps
 

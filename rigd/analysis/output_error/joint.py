@@ -26,16 +26,13 @@ from scipy.stats import chi2
 from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.joint_account import ConstantAccount
-from rigd.analysis.output_error.estimator import ENOUGH, NEAR, OutputErrorFit, conclude
-from rigd.analysis.output_error.score import OWN_SHARE, holm
+from rigd.analysis.output_error.estimator import NEAR, OutputErrorFit, conclude
+from rigd.analysis.output_error.score import holm
 from rigd.analysis.output_error.system import Unknown
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import Knowledge
 from rigd.analysis.result import FloatArray
 
-#: Of one false alarm in the tests of all constants, if no group differed.
-LEVEL = 1e-4
-UNSEEN = 1e-6  #: of the information that is stated of a constant: data that show less show nothing
-AGREED = 0.1  #: standard errors within which the groups must agree on each constant
 ROUNDS = 4
 
 
@@ -100,7 +97,7 @@ def join(fits: Sequence[OutputErrorFit], names: Collection[str], blocks: Sequenc
     left = [left_by(item, common) for item in fits]
     wordings = {item.parameter.name: item.wording for item in fits[0].model.system.shared}
     p_values = [_chance_of_differences(left, index) for index in range(len(common))]
-    differ = holm(p_values, LEVEL)
+    differ = holm(p_values, THRESHOLDS.max_p_value_shared)
     known, _, covariance = together(left)
     sds = np.sqrt(np.diag(covariance))
     constants = tuple(
@@ -118,7 +115,7 @@ def join(fits: Sequence[OutputErrorFit], names: Collection[str], blocks: Sequenc
             for k, (item, block) in enumerate(zip(current, blocks, strict=True))
         ]
         values = np.array([_moved(item, common) for item in current])
-        if np.all(np.ptp(values, axis=0) < AGREED * sds):
+        if np.all(np.ptp(values, axis=0) < THRESHOLDS.max_apart_sd * sds):
             break
         left = [left_by(item, common) for item in current]
     known, _, covariance = together([left_by(item, common) for item in current])
@@ -150,8 +147,8 @@ def left_by(found: OutputErrorFit, names: Sequence[str]) -> Left:
     varied = turned @ found.scores @ turned.T + through @ stated @ through.T
     # Rounding must not leave information that is below none.
     values, vectors = np.linalg.eigh(0.5 * (reduced + reduced.T))
-    seen = vectors[:, values > UNSEEN]
-    information = (seen * values[values > UNSEEN]) @ seen.T
+    seen = vectors[:, values > THRESHOLDS.min_shown_share]
+    information = (seen * values[values > THRESHOLDS.min_shown_share]) @ seen.T
     aim = information @ _moved(found, names) - seen @ (seen.T @ (slope * u))
     project = seen @ seen.T
     return Left(information, aim, project @ (varied * np.outer(u, u)) @ project)
@@ -174,8 +171,8 @@ def _with_others(
     roots = np.sqrt(found.model.precision[places])
     information = np.sum([item.information for item in others], axis=0)
     values, vectors = np.linalg.eigh(information)
-    seen = vectors[:, values > UNSEEN]
-    size = np.sqrt(values[values > UNSEEN])
+    seen = vectors[:, values > THRESHOLDS.min_shown_share]
+    size = np.sqrt(values[values > THRESHOLDS.min_shown_share])
     rows, scores = np.zeros((len(size), count)), np.zeros((count, count))
     rows[:, places] = size[:, None] * seen.T * roots
     aim = (seen.T @ np.sum([item.aim for item in others], axis=0)) / size
@@ -184,7 +181,13 @@ def _with_others(
     )
     known = Knowledge(rows, aim + rows @ found.model.prior, scores)
     model = replace(found.model, elsewhere=known)
-    again = fit(model, found.fit.theta, relative_decrease=ENOUGH, damping=NEAR, thorough=True)
+    again = fit(
+        model,
+        found.fit.theta,
+        relative_decrease=THRESHOLDS.min_decrease,
+        damping=NEAR,
+        thorough=True,
+    )
     return replace(conclude(model, again, block), others=found.others)
 
 
@@ -204,7 +207,10 @@ def _chance_of_differences(left: Sequence[Left], index: int) -> float:
             by_group[number - 1, index] += 1.0
         variance += by_group @ item.scores @ by_group.T
     direct = np.array([item.scores[index, index] for item in left[1:]])
-    used = np.flatnonzero(np.diag(variance) > OWN_SHARE * np.maximum(direct, UNSEEN))
+    used = np.flatnonzero(
+        np.diag(variance)
+        > THRESHOLDS.min_own_share * np.maximum(direct, THRESHOLDS.min_shown_share)
+    )
     if not used.size:
         return 1.0
     statistic = scores[used] @ scaled_pinv(variance[np.ix_(used, used)]) @ scores[used]

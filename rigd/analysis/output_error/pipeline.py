@@ -25,18 +25,12 @@ from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.output_error.augmented_system import same_with
 from rigd.analysis.output_error.diagnosis import diagnose
-from rigd.analysis.output_error.estimator import (
-    ENOUGH,
-    NEAR,
-    OutputErrorFit,
-    estimate,
-    improve,
-    retried,
-)
+from rigd.analysis.output_error.estimator import NEAR, OutputErrorFit, estimate, improve, retried
 from rigd.analysis.output_error.gate import judge_fit, settled_gate
 from rigd.analysis.output_error.jackknife import jackknife_sd, without_each_trial
 from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import Diverged, System
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
 
 MOST_BETTER = 3  #: times that profiles may find a better fit
@@ -119,8 +113,8 @@ class Family(Generic[S]):
         """Return the natural parameters (p,) that a variant of the system leads to."""
         model = replace(whole.model, system=same_with(whole, system))
         return fit(
-            model, whole.fit.theta, max_iterations=VARIANT_ITERATIONS, relative_decrease=ENOUGH,
-            damping=NEAR, thorough=True,
+            model, whole.fit.theta, max_iterations=VARIANT_ITERATIONS,
+            relative_decrease=THRESHOLDS.min_decrease, damping=NEAR, thorough=True,
         ).theta  # fmt: skip
 
 

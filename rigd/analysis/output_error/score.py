@@ -25,6 +25,7 @@ from scipy.stats import f as f_distribution
 from rigd.analysis.fitting.model import slopes
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FloatArray
 
 Columns = Sequence[FloatArray]  #: of each trial, (n, m, c): change of its outputs for each unit
@@ -33,7 +34,6 @@ Candidate = tuple[Columns, bool]
 
 CLEAR = 0.01  #: p value from which no other covariance can make a test significant
 BATCH = 32  #: columns that are whitened at once
-OWN_SHARE = 1e-9  #: of a column's information; less of its own means that the parameters stand in
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,9 @@ class Scores:
         own = information - common.T @ step
         score = score - step.T @ self._gradient
         tiny = np.finfo(np.float64).tiny
-        used = np.flatnonzero(np.diag(own) > OWN_SHARE * np.maximum(np.diag(information), tiny))
+        used = np.flatnonzero(
+            np.diag(own) > THRESHOLDS.min_own_share * np.maximum(np.diag(information), tiny)
+        )
         size, sd = np.zeros(count), np.full(count, np.inf)
         if used.size == 0:
             return Score(0.0, 0, 1.0, size, sd, np.zeros(len(model.parameters)))

@@ -17,13 +17,8 @@ from rigd.analysis import DataError
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.model import to_natural
 from rigd.analysis.fitting.profile import ProfileScan, axis
-from rigd.analysis.output_error.estimator import (
-    CONVERGED,
-    OutputErrorFit,
-    by_cost,
-    conclude,
-    estimate,
-)
+from rigd.analysis.output_error.estimator import OutputErrorFit, by_cost, conclude, estimate
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import (
     Explanation,
@@ -165,7 +160,7 @@ def shown(
 def test_fit_that_has_not_converged_gives_no_number(begun: RigFit) -> None:
     assert begun.whole.converged
     left = begun.whole.left.copy()
-    left[3] = 2.0 * CONVERGED
+    left[3] = 2.0 * THRESHOLDS.max_left_sd
     result = conclude_group(replace(begun, whole=replace(begun.whole, left=left)))
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.MISFIT

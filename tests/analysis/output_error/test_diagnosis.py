@@ -11,11 +11,12 @@ import pytest
 
 from rigd.analysis.output_error.augmented_system import moved_constants
 from rigd.analysis.output_error.diagnosis import Diagnosis, diagnose
-from rigd.analysis.output_error.gate import CONTRADICTED, judge_fit, sentence
+from rigd.analysis.output_error.gate import judge_fit, sentence
 from rigd.analysis.output_error.innovations import Deviations
 from rigd.analysis.output_error.score import Columns
 from rigd.analysis.output_error.structure import POSITIVE, Suspect
 from rigd.analysis.output_error.system import Unknown
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import Explanation, FitOutcome, FloatArray, Meaning
 
 from .lines import BLOCK, ROWS, Lines, fitted
@@ -144,7 +145,7 @@ def test_constant_beyond_its_bound_is_contradicted() -> None:
     diagnosis = diagnose(fitted(lines), lambda _: (wave,), [np.zeros(3)], BLOCK, 1e-3)
     (found,) = diagnosis.explanations
     assert found.size == pytest.approx(11.0, abs=0.5)  # the bound goes with what is stated
-    assert found.pull > CONTRADICTED
+    assert found.pull > THRESHOLDS.max_pull
     assert judge_fit(diagnosis, ["a", "b", "c"], 1e-3).outcome is FitOutcome.MISFIT
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from rigd.analysis.output_error.estimator import OutputErrorFit, conclude
-from rigd.analysis.output_error.homogeneity import LEVEL, differences, homogeneity, trend
+from rigd.analysis.output_error.homogeneity import differences, homogeneity, trend
 from rigd.analysis.output_error.joint import Joint, join, left_by
 from rigd.analysis.output_error.score import Scores
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FloatArray
 
 from .lines import BLOCK, ROWS, Lines, fitted
@@ -92,7 +93,10 @@ def test_trials_that_show_nothing_hide_no_change() -> None:
         for k, (y, more) in enumerate(zip(lines.measured, raised, strict=True))
     )
     scores = Scores(fitted(replace(lines, measured=measured)), BLOCK)
-    assert differences(scores, 0, [k // 6 for k in range(18)]).p_value < LEVEL
+    assert (
+        differences(scores, 0, [k // 6 for k in range(18)]).p_value
+        < THRESHOLDS.max_p_value_agreement
+    )
 
 
 def test_fit_before_its_end_shows_no_trend() -> None:

@@ -17,18 +17,12 @@ import numpy as np
 from rigd.analysis import DataError
 from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.output_error.augmented_system import same_with
-from rigd.analysis.output_error.estimator import (
-    ROUGH,
-    Branch,
-    OutputErrorFit,
-    diverged,
-    retried,
-    settled,
-)
+from rigd.analysis.output_error.estimator import Branch, OutputErrorFit, diverged, retried, settled
 from rigd.analysis.output_error.gate import settled_gate, strained_gate
 from rigd.analysis.output_error.pipeline import Family, Identification, identify
 from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import Diverged, System
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
 from rigd_analyses.lugre.identify import Settings
@@ -372,7 +366,9 @@ def _branch(system: System, theta: FloatArray) -> Branch:
     """
     model = OutputErrorModel(system, noise_at(system, theta))
     try:
-        return model, fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+        return model, fit(
+            model, theta, max_iterations=ITERATIONS, relative_decrease=THRESHOLDS.min_decrease_rough
+        )
     except DataError as error:
         raise Diverged(diverged(model, theta)) from error
 

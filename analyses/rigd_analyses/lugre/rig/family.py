@@ -14,7 +14,7 @@ from rigd.analysis.fitting.fit import Fit, fit, multi_start
 from rigd.analysis.fitting.model import scaled_bounds
 from rigd.analysis.fitting.profile import ProfileScan, axis, follow
 from rigd.analysis.output_error.augmented_system import without_added
-from rigd.analysis.output_error.estimator import ROUGH, OutputErrorFit
+from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.output_error.gate import sentence
 from rigd.analysis.output_error.homogeneity import TrialParts, changes, homogeneity
 from rigd.analysis.output_error.pipeline import (
@@ -25,6 +25,7 @@ from rigd.analysis.output_error.pipeline import (
     fitted,
 )
 from rigd.analysis.output_error.structure import Suspect
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import (
     FitOutcome,
     FloatArray,
@@ -292,7 +293,12 @@ def _starts(
     except DataError:
         return spread  # method A needs more than this one
     model = LugreModel([trial.samples for trial in sweep.trials])
-    rough = multi_start(model, starts=settings.starts, seed=settings.seed, relative_decrease=ROUGH)
+    rough = multi_start(
+        model,
+        starts=settings.starts,
+        seed=settings.seed,
+        relative_decrease=THRESHOLDS.min_decrease_rough,
+    )
     found = _apart(fit(model, end.theta) for end in _apart(rough)[:BASINS])
     return [*(end.theta for end in found), *spread]
 

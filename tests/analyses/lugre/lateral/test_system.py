@@ -10,7 +10,7 @@ from support.lateral_wrong import Sweep, lateral_system, right
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis.fitting.fit import fit
-from rigd.analysis.output_error.estimator import ROUGH
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
@@ -132,7 +132,9 @@ def test_starts_suit_a_floor_of_little_friction() -> None:
     free, ends = FreeLoads.of(system), []
     for start in starts(system):
         model = OutputErrorModel(free, noise_at(free, start))
-        ended = fit(model, start, max_iterations=ITERATIONS, relative_decrease=ROUGH)
+        ended = fit(
+            model, start, max_iterations=ITERATIONS, relative_decrease=THRESHOLDS.min_decrease_rough
+        )
         ends.append((ended.cost - sum(noise.log_scale for noise in model.noise), ended.theta))
     _, theta = min(ends, key=lambda end: end[0])
     found = theta[len(free.shared) :].reshape(len(system.speeds), -1)[:, -1]
