@@ -12,6 +12,7 @@ import numpy as np
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.homogeneity import TrialParts, homogeneity
 from rigd.analysis.output_error.pipeline import Family
 from rigd.analysis.output_error.structure import Suspect
 from rigd.analysis.output_error.system import System
@@ -44,6 +45,15 @@ class RobotFamily(Family[RobotSystem]):
     def suspects(self, theta: FloatArray) -> Iterator[Suspect]:
         """Return what may be wrong with robot, contacts and camera."""
         return candidates(self.system, theta)
+
+    def agreement(self, whole: OutputErrorFit, gate: Gate) -> tuple[ResidualTest, ...]:
+        """Return the tests whether trials and recordings have one k_lon, which all motion shows."""
+        parts = TrialParts(
+            "recordings", [item.recording for item in self.system.trials],
+            "Something changed between them; identify each by a command of its own.",
+        )  # fmt: skip
+        stiffness = SHARED.index("k_lon")
+        return homogeneity(whole, stiffness, "longitudinal stiffness", [parts], self.block)
 
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate`` with a torque that is off, and a scale that all lengths share."""

@@ -13,6 +13,7 @@ from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
 from rigd.analysis.fitting.uncertainty import correlation
 from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.homogeneity import changes
 from rigd.analysis.output_error.pipeline import Identification
 from rigd.analysis.result import (
     Curve,
@@ -103,6 +104,7 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
         residual_tests=(
             tests.ljung_box(white, LJUNG_BOX_LAGS),
             tests.outliers(np.concatenate(white)),
+            *found.tests,
         ),
         autocorrelation=tests.autocorrelation(
             white, min(LAGS, min(len(item) for item in white) - 1), system.trials[0].period_s
@@ -111,6 +113,7 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
         visited=f"contact forces up to {share:.2f} of the load, if none slid",
         warnings=(
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
+            *(() if gate.outcome is FitOutcome.MISFIT else changes(found.tests)),
             *silences(system.trials),
             *_camera(fit),
             *((BY_LAW,) if _is_given(found) else ()),
@@ -161,9 +164,10 @@ def error_of(found: Identification[RobotFamily], name: str) -> float:
     gradient = _gradient(name, len(fit.covariance))
     moved = found.by_unexplained(gradient[: len(SHARED)])
     variance = float(gradient @ fit.covariance @ gradient)
+    chance = max(math.sqrt(max(variance, 0.0)), found.by_trials(gradient))
     places = np.flatnonzero(gradient)
     seen = np.all(np.diag(fit.covariance)[places] > 0.0)
-    return math.hypot(math.sqrt(variance), moved) if seen and variance > 0.0 else math.inf
+    return math.hypot(chance, moved) if seen and variance > 0.0 else math.inf
 
 
 def _estimate(found: Identification[RobotFamily], name: str, share: float) -> ParameterEstimate:

@@ -208,12 +208,14 @@ U = {"wheel_radius": 1e-4, "half_track": 5e-4, "half_wheelbase": 5e-4, "hinge_di
 
 
 def recorded(
-    speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0, width: float = 0.0
-) -> RobotSystem:
+    speeds: list[tuple[float, float]], seed: int, seconds: float = 8.0, width: float = 0.0,
+    stiffer: float = 1.0,
+) -> RobotSystem:  # fmt: skip
     """Return trials of the analysis' own robot, at motor speeds that are reached within 0.3 s.
 
-    With a ``width`` its contacts let go gradually.
+    With a ``width`` its contacts let go gradually; k_lon is ``stiffer`` by this factor.
     """
+    truth = TRUTH * np.where(np.array(SHARED) == "k_lon", stiffer, 1.0)
     random = np.random.default_rng(seed)
     period, sub = 0.04, 10
     trials = []
@@ -229,7 +231,7 @@ def recorded(
         local = np.zeros(5)
         local[INERTIA] = 1e-6
         seen = replace(alone, width=width).simulate(
-            0, TRUTH, local
+            0, truth, local
         ) + NOISE * random.standard_normal((count, 8))
         trials.append(replace(empty, torques=seen[:, :2], poses=seen[:, 2:]))
     return RobotSystem(tuple(trials), alone.constants, 25.0)
@@ -295,6 +297,30 @@ def test_number_of_mu_s_names_its_law(recordings: RobotSystem) -> None:
     gripping = result(found)
     assert gripping.parameter("mu_s").low is None
     assert BY_LAW not in gripping.warnings
+
+
+def test_recordings_of_other_contacts_disagree(recordings: RobotSystem) -> None:
+    other = recorded([(200.0, 100.0), (250.0, 250.0)], 9, stiffer=1.03)
+    second = [replace(item, recording="other") for item in other.trials]
+    found = near(replace(recordings, trials=(*recordings.trials[:3], *second)))
+    shown = result(found)
+    assert found.gate.outcome is not FitOutcome.MISFIT
+    (said,) = (text for text in shown.warnings if "disagree" in text)
+    assert said.startswith("case, other disagree on the longitudinal stiffness")
+    alike = [replace(item, recording=f"{k}") for k, item in enumerate(recordings.trials)]
+    steady = near(replace(recordings, trials=tuple(alike)))
+    assert all(test.passed for test in steady.tests)
+    assert len(steady.tests) == 2
+
+
+def test_single_trials_widen_what_is_corrected(recordings: RobotSystem) -> None:
+    """The camera of one trial is off: noise alone does not move parameters as leaving it out."""
+    found = near(each(recordings, stretched))
+    assert found.gate.outcome is FitOutcome.CORRECTED
+    assert len(found.without) == len(recordings.trials)
+    alone = replace(found, without=found.without[:0])
+    apart = replace(found, without=10.0 * found.without)
+    assert error_of(apart, "k_lat") > error_of(found, "k_lat") >= error_of(alone, "k_lat")
 
 
 @pytest.mark.parametrize(
