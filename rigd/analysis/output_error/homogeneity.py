@@ -48,10 +48,14 @@ def homogeneity(
 ) -> tuple[ResidualTest, ...]:
     """Return the tests of the level of the scaled parameter ``index``, called ``what``.
 
-    The trials are in the order in which they were played; ``parts`` of only one name are no test.
+    The trials are in the order in which they were played; ``parts`` of only one name are no test,
+    and a single trial has none.
     ``block`` is the longest correlation that is heeded, in samples.
     """
-    scores, trials = Scores(fit, block), fit.model.trials
+    trials = fit.model.trials
+    if trials < 2:
+        return ()
+    scores = Scores(fit, block)
     drift, apart = trend(scores, index, trials), differences(scores, index, range(trials))
     is_trend = drift.gain - drift.dof >= THRESHOLDS.min_trend_share * (apart.gain - apart.dof)
     way = "rises" if drift.size[0] > 0.0 else "falls"

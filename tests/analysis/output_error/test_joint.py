@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.output_error.estimator import OutputErrorFit, conclude
-from rigd.analysis.output_error.homogeneity import differences, homogeneity, trend
+from rigd.analysis.output_error.homogeneity import TrialParts, differences, homogeneity, trend
 from rigd.analysis.output_error.joint import Joint, join, left_by
 from rigd.analysis.output_error.score import Scores
 from rigd.analysis.output_error.thresholds import THRESHOLDS
@@ -136,3 +136,8 @@ def test_what_is_left_leads_back_to_the_group() -> None:
     left = left_by(fit, ("gain", "offset"))
     known = np.linalg.solve(left.information + np.eye(2), left.aim)
     np.testing.assert_allclose(known, fit.pulls[1:], atol=1e-6)
+
+
+def test_single_trial_has_nothing_to_agree_with() -> None:
+    parts = TrialParts("recordings", ["a"], "")
+    assert homogeneity(fitted(Lines(((0, 6.0),), (0.7,))), 0, "level", [parts], BLOCK) == ()
