@@ -1,4 +1,4 @@
-"""Floors and masses in one fit: narrower, and right, or each by itself."""
+"""Floors and masses in one fit (`rigd identify --joint`): narrower, or each by itself."""
 
 from __future__ import annotations
 
