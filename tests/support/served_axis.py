@@ -19,7 +19,6 @@ from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
-from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
@@ -143,7 +142,6 @@ class ServedAxis:
         self.interruptions.recover(self.folder, self.trips)
         library = Library(self.rig, folder / "procedures")
         self.audit = AuditLog(self.runs / "audit.jsonl")
-        self.descriptors = Descriptors()
         self.steering = Steering(
             self.rig,
             self.folder,
@@ -175,7 +173,6 @@ class ServedAxis:
                 CalculationWorker(),
                 CalculationWorker(),
                 ComparedPages(CalculationWorker()),
-                self.descriptors,
                 CertificateWatch(self.rig.remote, self.notices.note),
             ),
             RefusedCounts,

@@ -96,10 +96,11 @@ def test_a_run_ends_in_order_among_unauthenticated_connections(
         assert audited(daemon, "stop") == ["done"]
         assert audited(daemon, "lease_release") == ["done"]
         assert audited(daemon, "audit") == []  # no line is missing
+        until_others_connect(daemon)
     assert Recording.open(recording).info.state == "stopped"
     until_others_connect(daemon)
     told = daemon.status["daemon"]
-    assert told["descriptors"] < told["descriptors_most"] < DESCRIPTORS
+    assert told["descriptors"] < told["descriptors_most"] == DESCRIPTORS
     if first_words:
         assert told["accept_pauses"] > 0
         assert audited(daemon, "unauthenticated")

@@ -17,7 +17,7 @@ from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
-from rigd.daemon.serve.descriptors import Descriptors
+from rigd.daemon.serve.descriptors import raise_limit
 from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
@@ -103,9 +103,8 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
     with _handling(signals), Notifier() as notifier, ExitStack() as stack:
         status_changed = threading.Event()
         parts, server = _compose(options, stack, status_changed.set, announce)
-        service = RigService(parts, server.refused, status_changed.set)
+        service = RigService(parts, server.refused, status_changed.set, server.crowding)
         signals.steer(parts.steering)
-        stack.enter_context(parts.descriptors.watched(server.admission, parts.notices.note))
         server.start(service)
         companions = []
         if options.panel:
@@ -128,7 +127,7 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
                 parts.notices.note(signals.asked.pop(0), "warning")
             service.tend()
             # Without a sign of life, the service manager starts another daemon.
-            if not (hangs := server.hangs or service.helpless):
+            if not (hangs := server.hangs):
                 hung = ""
                 notifier.alive(service.doing)
             elif hangs != hung:
@@ -154,8 +153,7 @@ def _compose(
 ) -> tuple[Parts, Server]:
     """Take the rig and build the parts of the daemon; ``stack`` ends them in reverse order."""
     rig, runs = options.rig, options.runs
-    descriptors = Descriptors()
-    descriptors.raise_limit()
+    raise_limit()
     folder = RunFolder.take(rig.name, command="rigd serve", patience_s=PATIENCE_S)
     stack.callback(folder.release)
     recordings = Recordings(runs)
@@ -223,7 +221,6 @@ def _compose(
         aside,
         checks,
         ComparedPages(comparing),
-        descriptors,
         certificates,
     )
     return parts, server

@@ -11,7 +11,6 @@ from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.describe import describe
-from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings, is_drawn
@@ -64,7 +63,6 @@ class Parts:
     aside: CalculationWorker
     checks: CalculationWorker
     compared: ComparedPages
-    descriptors: Descriptors
     certificates: CertificateWatch
 
     @property

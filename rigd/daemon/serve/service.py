@@ -13,6 +13,7 @@ from typing import Any
 
 from rigd import __version__
 from rigd.daemon.provenance import trial_label
+from rigd.daemon.serve.descriptors import counts
 from rigd.daemon.serve.handlers import Parts, bind_handlers
 from rigd.daemon.serve.running import Running, loss_of
 from rigd.daemon.waiting import what_waits
@@ -39,11 +40,15 @@ class RigService:
     """Serves one rig; every method may be called from any thread.
 
     ``refused`` returns how many messages the server has refused, ``changed`` is called when the
-    status has changed.
+    status has changed, ``crowding`` returns what it did about unauthenticated connections.
     """
 
     def __init__(
-        self, parts: Parts, refused: Callable[[], RefusedCounts], changed: Callable[[], None]
+        self,
+        parts: Parts,
+        refused: Callable[[], RefusedCounts],
+        changed: Callable[[], None],
+        crowding: Callable[[], dict[str, int]] = dict,
     ) -> None:
         self._parts = parts
         self._handlers = bind_handlers(parts)
@@ -54,7 +59,8 @@ class RigService:
         self._writing = threading.Lock()
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
-        self._crowding = (0, 0)  # accept_pauses and unauthenticated_ended in the audit log
+        self._crowding = crowding
+        self._crowded = crowding()  # as it stands in the audit log
 
     def status(self) -> Status:
         """Return the state of everything."""
@@ -66,7 +72,7 @@ class RigService:
             t_ns=time.time_ns(),
             rows_ns=parts.feed.t_ns,
             seq=next(self._numbers),
-            daemon=self._daemon.model_copy(update=parts.descriptors.as_status()),
+            daemon=self._daemon.model_copy(update={**counts(), **self._crowding()}),
             **({"state": "idle"} if running is None else _progress(running)),
             lease=parts.lease.view(),
             trips=parts.trips.views(),
@@ -83,15 +89,6 @@ class RigService:
     def stops(self) -> int:
         """How many stops were carried out."""
         return self._parts.steering.stops
-
-    @property
-    def helpless(self) -> str:
-        """Why a restarted daemon can serve clients and this daemon cannot, or "".
-
-        A run in progress continues: connected clients steer it, and a stop reaches its drives.
-        """
-        running = self._parts.steering.running
-        return self._parts.descriptors.helpless if running is None else ""
 
     @property
     def doing(self) -> str:
@@ -154,12 +151,12 @@ class RigService:
         broken, self._broken = self._broken, audit.broken
         if self._broken and not broken:
             self._parts.notices.note(f"nothing can start: {self._broken}", "error")
-        descriptors = self._parts.descriptors
-        crowding = descriptors.accept_pauses, descriptors.unauthenticated_ended
-        if crowding != self._crowding:
-            self._crowding = crowding
-            seen = dict(zip(("accept_pauses", "unauthenticated_ended"), crowding, strict=True))
-            audit.write("rigd", "unauthenticated", seen)
+        if (crowding := self._crowding()) != self._crowded:
+            self._crowded = crowding
+            audit.write("rigd", "unauthenticated", crowding)
+            self._parts.notices.note(
+                "too many unauthenticated connections: for a while no other is accepted", "warning"
+            )
         self._parts.steering.tend()
 
     def _write(self, verb: Verb, requester: Requester, args: Message, result: str) -> None:

@@ -1,8 +1,7 @@
 """Repeats an operation for some seconds if it fails because no file descriptor is free.
 
-The daemon can run out of file descriptors for a moment, for example when many connections that
-never authenticate are open; the daemon ends them within a fraction of a second. Operations that
-must not fail for this reason, such as making a device safe, use :func:`insist`.
+A process, or the whole machine, can be out of file descriptors for a moment. Operations that must
+not fail for this reason, such as making a device safe, use :func:`insist`.
 """
 
 from __future__ import annotations
@@ -14,8 +13,7 @@ from typing import Final, TypeVar
 
 T = TypeVar("T")
 
-#: If unauthenticated connections use up the daemon's descriptors, some are free again within a
-#: fraction of a second (rigd.daemon.serve.descriptors).
+#: For so long, in s.
 PATIENCE_S: Final = 5.0
 _AGAIN_S: Final = 0.02
 #: No descriptor is free in this process, or in the whole machine.

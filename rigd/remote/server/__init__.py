@@ -1,13 +1,11 @@
 """Provides the server of a rig: access control, dispatch of requests, publication of live data."""
 
-from rigd.remote.server.admission import Admission
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.publisher import RigPublisher
 from rigd.remote.server.server import Server, still_connected, working_for
 from rigd.remote.server.service import Service
 
 __all__ = [
-    "Admission",
     "Lease",
     "RigPublisher",
     "Server",

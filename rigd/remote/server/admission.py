@@ -26,13 +26,13 @@ This module therefore takes four measures:
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import select
 import socket
 import struct
 import threading
+from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -59,10 +59,8 @@ _LOOK_S: Final = 0.05
 #: (socket(7), "SO_ATTACH_FILTER"; Linux applies it to the packets of a listening socket too).
 _ATTACH_FILTER: Final = 26
 _DETACH_FILTER: Final = 27
-_NOTHING: Final = ctypes.create_string_buffer(struct.pack("@HBBI", 0x06, 0, 0, 0))
-_FILTER: Final = struct.pack("@HP", 1, ctypes.addressof(_NOTHING))
-#: The first byte of `struct tcp_info` is the state of the connection <linux/tcp.h>.
-_ESTABLISHED: Final = 1
+_NOTHING: Final = array("B", struct.pack("@HBBI", 0x06, 0, 0, 0))
+_FILTER: Final = struct.pack("@HP", 1, _NOTHING.buffer_info()[0])
 #: Of `struct tcp_info`, the first bytes: of a socket that listens, the last four are how many
 #: connections wait to be accepted <linux/tcp.h>, "tcpi_unacked".
 _WAITING: Final = struct.Struct("@24xI")
@@ -113,39 +111,6 @@ class Admission:
             os.close(number)
         self._listening = []
 
-    def end_unauthenticated(self) -> int:
-        """End all connections that belong to no client, and return how many there were.
-
-        zenoh closes each once it sees that it has ended.
-        """
-        ended = 0
-        clients = self._clients()
-        for item, listens in self._sockets():
-            if listens or _peer(item) in clients:
-                continue
-            with suppress(OSError):  # it has gone by itself
-                if item.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] == _ESTABLISHED:
-                    item.shutdown(socket.SHUT_RDWR)
-                    ended += 1
-        return ended
-
-    def refuse_waiting(self) -> int:
-        """End the connections that zenoh has not accepted yet, and return their number.
-
-        zenoh cannot end them itself: it does not check its connections while one waits.
-        """
-        refused = 0
-        for item, listens in self._sockets():
-            # Each is taken and closed; the listener of zenoh never blocks (O_NONBLOCK).
-            while listens and refused < _ALL_WAITING:
-                try:
-                    item.accept()[0].close()
-                except OSError:
-                    break
-                refused += 1
-        self.waiting_ended += refused
-        return refused
-
     def _work(self) -> None:
         with select.epoll() as poll:
             for number in self._listening:
@@ -162,7 +127,7 @@ class Admission:
     def _look(self) -> None:
         """Pause accepting, or let it go on; end those that wait if they are too many."""
         if any(map(_has_too_many_waiting, self._listening)):
-            self.refuse_waiting()
+            self._end_waiting()
         clients = self._clients()
         peers = [_peer(item) for item, listens in self._sockets() if not listens]
         unauthenticated = sum(peer not in clients for peer in peers)
@@ -176,6 +141,22 @@ class Admission:
         elif self._paused and unauthenticated < FEW_UNAUTHENTICATED:
             self._set(socket.SOL_SOCKET, _DETACH_FILTER, 0)
             self._paused = False
+
+    def _end_waiting(self) -> None:
+        """End the connections that zenoh has not accepted yet.
+
+        zenoh cannot end them itself: it does not check its connections while one waits.
+        """
+        ended = 0
+        for item, listens in self._sockets():
+            # Each is taken and closed; the listener of zenoh never blocks (O_NONBLOCK).
+            while listens and ended < _ALL_WAITING:
+                try:
+                    item.accept()[0].close()
+                except OSError:
+                    break
+                ended += 1
+        self.waiting_ended += ended
 
     def _set(self, level: int, option: int, value: int | bytes) -> None:
         for number in self._listening:

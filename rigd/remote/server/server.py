@@ -114,11 +114,18 @@ class Server:
         self._declared = ExitStack()  # undone in the reverse order
         self._session = _open(self._keys, setup)
         self.publisher = RigPublisher(self._session, self._keys)
-        self.admission = Admission(self._session, setup.listen)
+        self._admission = Admission(self._session, setup.listen)
 
     def refused(self) -> RefusedCounts:
         """Return how many messages were refused so far."""
         return self._refused.counts()
+
+    def crowding(self) -> dict[str, int]:
+        """Return what was done so far about unauthenticated connections, for the status."""
+        return {
+            "unauthenticated_ended": self._admission.waiting_ended,
+            "accept_pauses": self._admission.pauses,
+        }
 
     def start(self, service: Service) -> None:
         """Answer requests, publish the status as a heartbeat, and declare the liveliness token."""
@@ -130,7 +137,7 @@ class Server:
         self._answer(self._keys.status, partial(self._show, dispatcher))
         for kind in Kind:
             self._answer(self._keys.every_request(kind), partial(self._receive, dispatcher, kind))
-        self.admission.watch()
+        self._admission.watch()
         token = self._session.liveliness().declare_token(self._keys.alive)
         self._declared.callback(token.undeclare)
 
@@ -168,7 +175,7 @@ class Server:
         self._closing.set()
         try:
             self._declared.close()
-            self.admission.close()
+            self._admission.close()
             for inbox in self._inboxes.values():
                 for waiting in inbox.close():
                     waiting.query.drop()
