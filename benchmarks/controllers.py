@@ -15,10 +15,10 @@ from derived import ROUNDS, SECONDS, Nowhere
 from figures import at_most, in_turn, noted
 from simple_pid import PID
 
+from rigd.computed.controllers.bank import Bank
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
-from rigd.controllers.bank import Bank
-from rigd.controllers.driver import ControllerConfig
 from rigd.engine.clock import VirtualClock
 from rigd.engine.cycle.wiring import wire
 from rigd.engine.play.control import Control

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.computed.controllers.driver import Controller, ControllerConfig
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.remote import RemoteSetup
-from rigd.controllers.driver import Controller, ControllerConfig
-from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import ECHO, Channel, Stream
 from rigd.model.constants import Constant
 from rigd.model.errors import Place

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rigd.controllers.driver import ControllerConfig
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.engine.sink import Rows
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity

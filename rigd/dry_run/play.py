@@ -15,12 +15,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from rigd.computed.controllers.chain import sequence
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.config.checks.following import unseen_levels
 from rigd.config.rig import RigConfig
 from rigd.config.sibling.differences import Difference, pace
 from rigd.config.sibling.sibling import read_sibling
-from rigd.controllers.chain import sequence
-from rigd.controllers.driver import ControllerConfig
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds

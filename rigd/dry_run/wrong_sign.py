@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from rigd.controllers.driver import ControllerConfig
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.engine.clock import Clock
 from rigd.engine.cycle.cycle import Cycle
 from rigd.engine.play.player import Outcome
@@ -27,7 +27,7 @@ from rigd.model.units import format_quantity
 from rigd.procedure.program import Recorded
 
 if TYPE_CHECKING:
-    from rigd.controllers.bank import Bank
+    from rigd.computed.controllers.bank import Bank
 
 #: What is clear: a part of the error, and so many times the noise of the measured value. By that
 #: the value must have left its setpoint, and be nearer to it with the gains turned around.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from rigd.computed.derived.quantities import FormulaError, Stated
 from rigd.config.computed.derived import add_derived
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.derived.quantities import FormulaError, Stated
 from rigd.procedure.expression import Scope
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ProcedureSource

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
-from rigd.derived.dimensions import alike, is_angle, over, plain, times
+from rigd.computed.derived.dimensions import alike, is_angle, over, plain, times
 from rigd.model.units import (
     DECIMAL_COMMA,
     NO_DIMENSION,

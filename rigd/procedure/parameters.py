@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from rigd.computed.derived.dimensions import fits
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
-from rigd.derived.dimensions import fits
 from rigd.model.limits import rounded_to
 from rigd.model.units import dimension_text, format_quantity, meant_unit, parse_unit
 from rigd.procedure.expression import (

@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rigd.computed.derived.dimensions import fits
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
-from rigd.derived.dimensions import fits
 from rigd.model.units import dimension_text, format_quantity, parse_unit, with_unit
 from rigd.procedure.expression import (
     NAME,

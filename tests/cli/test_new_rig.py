@@ -17,10 +17,10 @@ from rigd.cli.main import build_parser
 from rigd.cli.plugins.new_rig.folder import write_rig
 from rigd.cli.plugins.new_rig.questions import QUESTIONS, BenchQuestion, defaults, described
 from rigd.cli.plugins.new_rig.yaml_text import yaml_text
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig
 from rigd.config.rig import Supervision
-from rigd.controllers.driver import ControllerConfig
 from rigd.model.errors import ConfigError
 from rigd_drivers.can.cia402_servo.config import ServoConfig
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.config.checks.following import unsupervised
 from rigd.config.loader import channel_names, parse_rig
-from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.manual.choice import only
 from rigd.model import ConfigError
 from rigd.model.units import parse_quantity

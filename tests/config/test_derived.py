@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.checks.following import trip_without_value
 from rigd.config.loader import channel_names, parse_rig
-from rigd.derived.driver import DerivedConfig
 from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
 

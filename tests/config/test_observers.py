@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only
 from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
-from rigd.observers.driver import ObserverConfig
 from rigd.sdk.shipped import shipped_folder
 
 FILE = Path("rig.yaml")

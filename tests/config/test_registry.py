@@ -11,11 +11,11 @@ import pytest
 from rigd.analysis.friction.installed import installed_laws
 from rigd.analysis.plan import find_analysis
 from rigd.cli.main import main
+from rigd.computed.observers.model import ObserverModel
 from rigd.config import registry
 from rigd.config.registry import find, find_driver, find_link, find_plant, find_simulation
 from rigd.model import ConfigError
 from rigd.model.errors import Exit, RecordingError
-from rigd.observers.model import ObserverModel
 
 #: A shipped name of each group.
 NAMES = {

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig
-from rigd.derived.driver import DerivedConfig
 from rigd.model import ConfigError
 from rigd.model.errors import OtherRigError
 from rigd.procedure.compile import compile_procedure

@@ -10,7 +10,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from support.formula_reference import Part
 
-from rigd.derived.formula import MAX_LENGTH
+from rigd.computed.derived.formula import MAX_LENGTH
 
 numbers = st.sampled_from([-3.0, -0.5, 0.25, 1.0, 2.0]).map(lambda x: Part("number", number=x))
 leaves = st.one_of(st.builds(Part, st.sampled_from(["a", "b"])), numbers)

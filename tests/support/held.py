@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
-from rigd.controllers.bank import Bank
-from rigd.controllers.driver import ControllerConfig
+from rigd.computed.controllers.bank import Bank
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.engine.cycle.limiter import Limiter
 from rigd.model.limits import SetpointLimit
 from rigd.model.tables import Tables

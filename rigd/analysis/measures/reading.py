@@ -14,7 +14,7 @@ from rigd.analysis.measures.mean import mean_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import TrialReading
 from rigd.analysis.recordings.resample import stale_rows
-from rigd.derived.driver import DERIVED
+from rigd.computed.derived.driver import DERIVED
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
 from rigd.procedure.conditions.condition_text import describe_until

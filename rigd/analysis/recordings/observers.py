@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.computed.observers.driver import Observer, ObserverConfig
+from rigd.computed.observers.runner import Runner
 from rigd.config.rig import RigConfig
 from rigd.model.channels import ECHO, STALE, STATUS_FIELD, Stream
 from rigd.model.errors import RecordingError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.model.tables import Tables
-from rigd.observers.driver import Observer, ObserverConfig
-from rigd.observers.runner import Runner
 from rigd.procedure.steps.recorded import CYCLE_STREAM
 from rigd.record import Recording
 

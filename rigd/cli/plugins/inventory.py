@@ -15,11 +15,11 @@ from rich.markup import escape
 
 from rigd.analysis import Analysis
 from rigd.cli.views.screen import folding_table, print_table
+from rigd.computed.observers.model import ObserverModel
 from rigd.config.loader import load_rig
 from rigd.config.registry import DRIVERS, LINKS, OBSERVERS, PLANTS, SIMULATIONS, clash
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
-from rigd.observers.model import ObserverModel
 from rigd.sdk import AnyDriver, Link, Plant, Simulation
 from rigd.sdk.options.options import Option, options_of
 from rigd.sdk.shipped import shipped_folder

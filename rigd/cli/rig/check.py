@@ -182,12 +182,12 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     Raises:
         ConfigError: the file is wrong.
     """
+    from rigd.computed.driver import ComputedConfig
     from rigd.config.calibration.calibration import load_calibration
     from rigd.config.checks.following import blind_below, trip_without_value, unsupervised
     from rigd.config.lab.lab import load_lab
     from rigd.config.loader import load_rig
     from rigd.config.settings import read_settings
-    from rigd.config.sibling.sibling import COMPUTED
 
     if kind == "calibration":
         calibration = load_calibration(Path(given))
@@ -220,7 +220,9 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
             checked.plant.config.files()
         sibling = f"{_certificates_text(checked)}{_sibling_text(checked)}"
         channels = sum(len(device.channels) for device in checked.devices.values())
-        devices = sum(not isinstance(item.config, COMPUTED) for item in checked.devices.values())
+        devices = sum(
+            not isinstance(item.config, ComputedConfig) for item in checked.devices.values()
+        )
         parts = [f"rig {checked.name}", f"{devices} devices", f"{channels} channels"]
         if checked.calibration is not None:
             held = checked.calibration.held

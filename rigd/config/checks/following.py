@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import read_difference
 from rigd.config.rig import RigConfig
 from rigd.config.source import InterlockSource
-from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import Channel
 from rigd.model.limits import Interlock
 from rigd.model.units import format_difference, parse_unit

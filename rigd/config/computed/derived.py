@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from rigd.computed.derived.dimensions import alike, fits, plain
+from rigd.computed.derived.driver import DERIVED, Derived, DerivedConfig
+from rigd.computed.derived.formula import read_formula
+from rigd.computed.derived.functions import FUNCTIONS, Call
+from rigd.computed.derived.graph import Builder, Graph, Op, Term
+from rigd.computed.derived.quantities import FormulaError, Named, no_names, stated
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource
-from rigd.derived.dimensions import alike, fits, plain
-from rigd.derived.driver import DERIVED, Derived, DerivedConfig
-from rigd.derived.formula import read_formula
-from rigd.derived.functions import FUNCTIONS, Call
-from rigd.derived.graph import Builder, Graph, Op, Term
-from rigd.derived.quantities import FormulaError, Named, no_names, stated
 from rigd.model.channels import ECHO, Channel
 from rigd.model.units import Unit, dimension_text, parse_unit, si_symbol
 

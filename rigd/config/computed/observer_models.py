@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from rigd.computed.observers.driver import ObserverConfig
+from rigd.computed.observers.model import Known, ObserverModel, ObserverOptions, Wanted
 from rigd.config.binding import bind
 from rigd.config.computed.observer_channels import Finder, published
 from rigd.config.document import Document, KeyPath
@@ -20,8 +22,6 @@ from rigd.model.channels import Channel
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_unit
-from rigd.observers.driver import ObserverConfig
-from rigd.observers.model import Known, ObserverModel, ObserverOptions, Wanted
 from rigd.sdk import WrongEntries
 
 #: The model that is part of rigd.

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from rigd.computed.derived.dimensions import alike, over, plain, times
+from rigd.computed.observers.driver import OBSERVER, Observer, ObserverConfig
 from rigd.config.binding import bind
 from rigd.config.computed.observer_channels import Finder, published
 from rigd.config.computed.observer_models import LINEAR, ModelReader
@@ -14,7 +16,6 @@ from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource, LinearSource, ObserverSource
-from rigd.derived.dimensions import alike, over, plain, times
 from rigd.model.channels import Channel
 from rigd.model.units import (
     NO_DIMENSION,
@@ -24,10 +25,9 @@ from rigd.model.units import (
     parse_unit,
     si_symbol,
 )
-from rigd.observers.driver import OBSERVER, Observer, ObserverConfig
 
 if TYPE_CHECKING:  # a rig file without observers is checked without numpy
-    from rigd.observers.linear import Floats, LinearPlan
+    from rigd.computed.observers.linear import Floats, LinearPlan
 
 _SECOND: Final = parse_unit("s").dimension
 #: Name of the recorded stream that belongs to the cycle itself.
@@ -195,7 +195,7 @@ class _Linear:
             return None
         import numpy as np
 
-        from rigd.observers.linear import LinearPlan, discretised, unseen
+        from rigd.computed.observers.linear import LinearPlan, discretised, unseen
 
         count, period_s = len(states), self.rig.period_ns * 1e-9
         f, g, noise = np.array(a), np.array(b).reshape(count, len(inputs)), np.array(q)
@@ -257,7 +257,7 @@ class _Linear:
             return matrix
         import numpy as np
 
-        from rigd.observers.linear import is_covariance, unequal_place
+        from rigd.computed.observers.linear import is_covariance, unequal_place
 
         found = np.array(matrix)
         place = unequal_place(found)

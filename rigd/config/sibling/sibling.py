@@ -10,19 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rigd.computed.controllers.driver import ControllerConfig
+from rigd.computed.derived.driver import DerivedConfig
+from rigd.computed.driver import ComputedConfig
+from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.document import Document, KeyPath, parse_document
 from rigd.config.loader import channel_names, load_rig, parse_rig
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import DeviceConfig, RigConfig, SiblingFile
 from rigd.config.sibling.differences import Difference, alike, differences
-from rigd.controllers.driver import ControllerConfig
-from rigd.derived.driver import DerivedConfig
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
-from rigd.observers.driver import ObserverConfig
-
-#: What is in the devices of a rig, and no device: it stands elsewhere in the file.
-COMPUTED = (ControllerConfig, DerivedConfig, ObserverConfig)
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Sibling:
         """
         devices: dict[str, DeviceConfig] = {}
         for name, device in rig.devices.items():
-            if isinstance(device.config, COMPUTED):
+            if isinstance(device.config, ComputedConfig):
                 devices[name] = device
             elif name in self.rig.devices:
                 devices[name] = replace(self.rig.devices[name], limits=device.limits)
@@ -175,7 +173,7 @@ class _Names:
     def _used(self, name: str, path: KeyPath, use: str) -> None:
         device = name.partition(".")[0]
         known = self.rig.devices.get(device)
-        if known is None or isinstance(known.config, COMPUTED):
+        if known is None or isinstance(known.config, ComputedConfig):
             return
         channel, found = self.rig.channel(name), self.sibling.channel(name)
         if channel is None or (found is not None and alike(found, channel)):
@@ -214,7 +212,7 @@ class _Names:
 def _devices(rig: RigConfig) -> Iterator[DeviceConfig]:
     """Yield the devices that are not computed of others."""
     for device in rig.devices.values():
-        if not isinstance(device.config, COMPUTED):
+        if not isinstance(device.config, ComputedConfig):
             yield device
 
 

@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.computed.controllers.driver import ControllerConfig
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.rig import DeviceConfig, RigConfig
-from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.doctor.bare_cycle import Lateness
 from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.timing import lateness_check, silence_check
-from rigd.derived.driver import DerivedConfig
 from rigd.engine.cycle.mount import CYCLE_STREAM
 from rigd.engine.cycle.wiring import in_cycle
 from rigd.engine.rates import most_rows_hz

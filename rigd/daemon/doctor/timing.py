@@ -12,8 +12,8 @@ from itertools import groupby
 from types import MappingProxyType
 from typing import Final
 
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.config.rig import RigConfig
-from rigd.controllers.driver import ControllerConfig
 from rigd.daemon.doctor.bare_cycle import BareCycle, Lateness, measure
 from rigd.daemon.doctor.check import Check, CheckVerdict
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+from rigd.computed.controllers.driver import ControllerConfig
+from rigd.computed.derived.driver import DerivedConfig
+from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.controllers.driver import ControllerConfig
-from rigd.derived.driver import DerivedConfig
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock
-from rigd.observers.driver import ObserverConfig
 
 
 def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:

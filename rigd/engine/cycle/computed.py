@@ -11,19 +11,17 @@ from collections.abc import Callable, Mapping, MutableSequence, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from rigd.controllers.driver import Controller
-from rigd.derived.driver import Derived
+from rigd.computed.controllers.driver import Controller
+from rigd.computed.derived.driver import Derived
+from rigd.computed.driver import Computed
+from rigd.computed.observers.driver import Observer
 from rigd.engine.cycle.mount import Mount, MountedRig
 from rigd.model.tables import Tables
-from rigd.observers.driver import Observer
 
 if TYPE_CHECKING:
-    from rigd.controllers.bank import Bank
-    from rigd.derived.evaluator import Evaluator
+    from rigd.computed.controllers.bank import Bank
+    from rigd.computed.derived.evaluator import Evaluator
 
-
-#: The drivers of what is computed: the cycle does not read them.
-COMPUTED: Final = Derived | Observer | Controller
 
 _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
@@ -72,8 +70,8 @@ class Computing:
         self.controllers = frozenset(() if bank is None else bank.places)  #: their names
         self.t_ns = -1  #: of the last cycle of which all was computed
         mounts = list(enumerate(rig.mounts))
-        computed = [item for item in mounts if isinstance(item[1].driver, COMPUTED)]
-        read = [(m.values.stop, n + 1) for n, m in mounts if not isinstance(m.driver, COMPUTED)]
+        computed = [item for item in mounts if isinstance(item[1].driver, Computed)]
+        read = [(m.values.stop, n + 1) for n, m in mounts if not isinstance(m.driver, Computed)]
         self._tables = tables = Tables(
             values,
             stamps,

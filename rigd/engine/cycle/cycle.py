@@ -12,12 +12,13 @@ from time import monotonic_ns
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
+from rigd.computed.derived.driver import Derived
+from rigd.computed.driver import Computed
+from rigd.computed.observers.driver import Observer
 from rigd.config.rig import RestBound
-from rigd.controllers.driver import Controller
-from rigd.derived.driver import Derived
 from rigd.engine.clock import Clock
 from rigd.engine.cycle.block_rows import BlockSink
-from rigd.engine.cycle.computed import COMPUTED, Computing, late_after
+from rigd.engine.cycle.computed import Computing, late_after
 from rigd.engine.cycle.inputs import inputs_of
 from rigd.engine.cycle.limiter import Limiter
 from rigd.engine.cycle.mount import MountedRig
@@ -32,13 +33,12 @@ from rigd.engine.play.watch import Taken
 from rigd.engine.play.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
-from rigd.observers.driver import Observer
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.sdk import Driver, Link, Plant
 
 if TYPE_CHECKING:
-    from rigd.controllers.bank import Bank
-    from rigd.derived.evaluator import Evaluator
+    from rigd.computed.controllers.bank import Bank
+    from rigd.computed.derived.evaluator import Evaluator
 
 #: Between two programs setpoints are held for this time at most, then they go to rest: the next
 #: program may come from another process.
@@ -135,14 +135,14 @@ class Cycle:
         self._actuators = [
             (mount.name, mount.driver, mount.commands)
             for mount in rig.mounts
-            if mount.driver.declaration.setpoints and not isinstance(mount.driver, Controller)
+            if mount.driver.declaration.setpoints and not isinstance(mount.driver, Computed)
         ]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
         self._reads = [
             (n, DevicePlaces.of(mount))
             for n, mount in enumerate(rig.mounts)
-            if not isinstance(mount.driver, COMPUTED)
+            if not isinstance(mount.driver, Computed)
         ]
         self._steady = [n for n, read in self._reads if read.driver.declaration.every_cycle]
         late_ns = late_after(rig, clock.period_ns)

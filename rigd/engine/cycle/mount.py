@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from rigd.derived.driver import Derived
+from rigd.computed.derived.driver import Derived
 from rigd.engine.cycle.stand_in import StandIn
 from rigd.model.channels import ECHO, STATUS_FIELD, Channel, Stream
 from rigd.sdk import Declaration, Driver, Link

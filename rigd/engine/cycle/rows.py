@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final, NamedTuple, Protocol
 
+from rigd.computed.driver import Computed
 from rigd.engine.cycle.block_rows import BlockRecorder, BlockSink
-from rigd.engine.cycle.computed import COMPUTED
 from rigd.engine.cycle.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.cycle.plant_blocks import PlantBlocks
 from rigd.engine.play.watch import Taken
@@ -112,7 +112,7 @@ class CycleRows:
             elif name in rings:
                 every = record[name].every
                 sink, window = self._sink(mount.stream, rings[name], record[name])
-                if isinstance(mount.driver, COMPUTED):
+                if isinstance(mount.driver, Computed):
                     self._computed.append((sink, mount.driver.packed, every, window))
                     continue
                 declared = mount.driver.declaration

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rigd.computed.controllers.driver import Controller, ControllerConfig
+from rigd.computed.derived.driver import Derived, DerivedConfig
 from rigd.config.rig import DeviceConfig, RigConfig
-from rigd.controllers.driver import Controller, ControllerConfig
-from rigd.derived.driver import Derived, DerivedConfig
 from rigd.engine.clock import Clock
 from rigd.engine.cycle.cycle import Cycle
 from rigd.engine.cycle.limiter import Limiter
@@ -24,8 +24,8 @@ from rigd.model.errors import Blocked
 from rigd.sdk import BlockDriver, Driver, Link, Plant
 
 if TYPE_CHECKING:
-    from rigd.controllers.bank import Bank
-    from rigd.derived.evaluator import Evaluator
+    from rigd.computed.controllers.bank import Bank
+    from rigd.computed.derived.evaluator import Evaluator
 
 #: ``stand_in(device)``: returns the driver that replaces an off-cycle device in the cycle.
 StandIn = Callable[[DeviceConfig], Driver]
@@ -106,7 +106,7 @@ def evaluator_of(rig: RigConfig) -> Evaluator | None:
     graphs = [config.graph for config in configs if isinstance(config, DerivedConfig)]
     if not graphs:
         return None
-    from rigd.derived.evaluator import Evaluator  # it loads numba
+    from rigd.computed.derived.evaluator import Evaluator  # it loads numba
 
     return Evaluator(graphs[0])
 
@@ -120,7 +120,7 @@ def bank_of(rig: RigConfig) -> Bank | None:
     configs = [item.config for item in devices if isinstance(item.config, ControllerConfig)]
     if not configs:
         return None
-    from rigd.controllers.bank import Bank  # it loads numba
+    from rigd.computed.controllers.bank import Bank  # it loads numba
 
     limits = {
         f"{item.name}.{name}": limit for item in devices for name, limit in item.limits.items()

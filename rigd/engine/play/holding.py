@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, MutableSequence, Sequence
 from enum import Enum
 from typing import Final
 
-from rigd.controllers.chain import acting
+from rigd.computed.controllers.chain import acting
 from rigd.procedure.program import Hold
 
 

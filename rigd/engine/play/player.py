@@ -9,7 +9,7 @@ from collections.abc import Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from rigd.controllers.chain import through
+from rigd.computed.controllers.chain import through
 from rigd.engine.play.holding import Holding, HoldPhase
 from rigd.engine.play.interlocks import Trip
 from rigd.engine.play.watch import Taken, Watches

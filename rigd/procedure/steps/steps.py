@@ -7,12 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from rigd.computed.controllers.chain import commands
 from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.quantities import check_inside
 from rigd.config.rig import RigConfig
-from rigd.controllers.chain import commands
 from rigd.model.channels import Channel
 from rigd.procedure.conditions.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rigd.analysis.kernel import kernel
-from rigd.observers import kernel as shared
-from rigd.observers.memory import Memory
+from rigd.computed.observers import kernel as shared
+from rigd.computed.observers.memory import Memory
 from rigd_analyses.lugre.rig import kernel as physics
 from rigd_analyses.lugre.slip import kernel as own
 

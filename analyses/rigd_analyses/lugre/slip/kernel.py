@@ -25,7 +25,7 @@ import math
 
 from rigd.analysis.kernel import part
 from rigd.analysis.result import FloatArray
-from rigd.observers.kernel import (
+from rigd.computed.observers.kernel import (
     Floats,
     Times,
     Words,

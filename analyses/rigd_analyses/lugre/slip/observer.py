@@ -9,7 +9,13 @@ from typing import Annotated, Any, ClassVar, Self
 from annotated_types import Gt, Le
 from pydantic import ValidationInfo, field_validator, model_validator
 
-from rigd.observers.model import Known, ObserverModel, ObserverOptions, ObserverPlan, Wanted
+from rigd.computed.observers.model import (
+    Known,
+    ObserverModel,
+    ObserverOptions,
+    ObserverPlan,
+    Wanted,
+)
 from rigd.sdk import Channel, Documented, In, wrong_entry
 from rigd_analyses.lugre.rig.constants import UNITS
 
@@ -128,7 +134,7 @@ class SlipObserver(ObserverModel):
     def plan(
         cls, options: SlipOptions, constants: Mapping[str, Known], period_s: float
     ) -> ObserverPlan:
-        """Return the filter; raises as :meth:`rigd.observers.model.ObserverModel.plan`."""
+        """Return the filter; raises as :meth:`rigd.computed.observers.model.ObserverModel.plan`."""
         from rigd_analyses.lugre.slip.plan import plan
 
         return plan(options, constants, period_s)

@@ -12,15 +12,15 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.validation.saved import SavedModel, read_models
-from rigd.observers import model as observers
-from rigd.observers.model import Filter, ObserverPlan
+from rigd.computed.observers import model as observers
+from rigd.computed.observers.model import Filter, ObserverPlan
 from rigd.sdk import WrongEntries
 from rigd_analyses.lugre.model import friction, friction_gradient
 from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.validation.friction import friction_of
 
 if TYPE_CHECKING:
-    from rigd.observers.memory import Memory
+    from rigd.computed.observers.memory import Memory
     from rigd_analyses.lugre.slip.observer import SlipOptions
 
 SLOPE_M_S2: Final = 0.02  #: of the floor, times gravity: 0.1 degrees

@@ -14,13 +14,13 @@ from support.command import rigd
 from support.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
 
 from rigd.analysis.recordings.observers import filtered
+from rigd.computed.observers.driver import ObserverConfig
+from rigd.computed.observers.memory import Memory
 from rigd.config.loader import load_rig, parse_rig
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.play.control import Control
 from rigd.engine.run.result import RunResult
 from rigd.model.tables import Tables
-from rigd.observers.driver import ObserverConfig
-from rigd.observers.memory import Memory
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording, RecordingWriter

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from support.slip import STONE, observer, with_filter
 
+from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.loader import parse_rig
 from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
-from rigd.observers.driver import ObserverConfig
 from rigd.sdk.shipped import shipped_folder
 
 TEXT = (shipped_folder("configs") / "sim_lugre.yaml").read_text("utf-8")

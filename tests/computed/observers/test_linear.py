@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rigd.observers.linear import discretised, is_covariance, unequal_place, unseen
+from rigd.computed.observers.linear import discretised, is_covariance, unequal_place, unseen
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, 300.0, 5e4])

@@ -9,8 +9,8 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.derived.graph import Graph, Op
-from rigd.derived.kernel import ALWAYS, NEVER, compute, warm
+from rigd.computed.derived.graph import Graph, Op
+from rigd.computed.derived.kernel import ALWAYS, NEVER, compute, warm
 from rigd.model.tables import NOWHERE, Tables
 
 

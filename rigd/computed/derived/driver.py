@@ -9,19 +9,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from rigd.derived.graph import Graph
+from rigd.computed.derived.graph import Graph
+from rigd.computed.driver import Computed, ComputedConfig
 from rigd.model.channels import Channel
-from rigd.sdk import Declaration, Driver, DriverConfig
+from rigd.sdk import Declaration
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
-    from rigd.derived.evaluator import Evaluator
+    from rigd.computed.derived.evaluator import Evaluator
 
 #: Name in recordings and lists, in place of that of a driver.
 DERIVED: Final = "derived"
 
 
-class DerivedConfig(DriverConfig):
-    """The channels of a group; made by rigd from `derived`, never written in a file."""
+class DerivedConfig(ComputedConfig):
+    """The channels of a group; made by rigd from `derived`."""
 
     graph: Graph
     """The graph of all derived channels of the rig."""
@@ -38,8 +39,8 @@ class DerivedConfig(DriverConfig):
         return frozenset(name.partition(".")[0] for name in uses)
 
 
-class Derived(Driver[DerivedConfig, "Evaluator"]):
-    """A group of derived channels in the cycle. It moves nothing: there is nothing to make safe."""
+class Derived(Computed[DerivedConfig, "Evaluator"]):
+    """A group of derived channels in the cycle."""
 
     title = "channels computed from others"
     Config = DerivedConfig
@@ -47,22 +48,9 @@ class Derived(Driver[DerivedConfig, "Evaluator"]):
     def __init__(self, config: DerivedConfig, link: Evaluator) -> None:
         super().__init__(config, link)
         place = list(config.graph.groups()).index(config.group)
-        #: The newest row as a ring has it; the memory stays the same.
         self.packed = link.packed[place]
 
     @classmethod
     def declare(cls, config: DerivedConfig) -> Declaration:
         """Return the channels of the group."""
         return Declaration(channels=config.channels, plain_rows=True, has_status=True)
-
-    def open(self) -> None:
-        """Do nothing: there is no device."""
-
-    def arm(self) -> None:
-        """Do nothing: it only computes."""
-
-    def read(self, t_ns: int) -> None:
-        """Do nothing: the cycle takes the rows of all groups from the evaluator."""
-
-    def make_safe(self) -> None:
-        """Do nothing: it only computes."""

@@ -38,7 +38,7 @@ _DIVERGED: Final = 1073741824.0
 def cut(floats: Floats, places: Times, number: int) -> Floats:
     """Return table ``number`` of those that lie in ``floats`` one after the other.
 
-    ``places`` are where they begin (:meth:`rigd.observers.memory.Memory.join`).
+    ``places`` are where they begin (:meth:`rigd.computed.observers.memory.Memory.join`).
     """
     return floats[places[number] : places[number + 1]]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigd.observers.kernel import Floats, Times, step_linear
-from rigd.observers.memory import Memory
-from rigd.observers.model import Matrix
+from rigd.computed.observers.kernel import Floats, Times, step_linear
+from rigd.computed.observers.memory import Memory
+from rigd.computed.observers.model import Matrix
 
 
 class LinearFilter:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rigd.computed.observers.memory import Memory
 from rigd.model.tables import Tables
-from rigd.observers.memory import Memory
 
 if TYPE_CHECKING:
-    from rigd.observers.driver import ObserverConfig
+    from rigd.computed.observers.driver import ObserverConfig
 
 
 class Runner:

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rigd.computed.driver import Computed, ComputedConfig
 from rigd.model.channels import Channel
-from rigd.sdk import Declaration, Driver, DriverConfig
+from rigd.sdk import Declaration
 
 if TYPE_CHECKING:  # a rig file is checked without numba
-    from rigd.observers.runner import Runner
+    from rigd.computed.observers.runner import Runner
 
 #: Name in recordings and lists, in place of that of a driver.
 OBSERVER: Final = "observer"
@@ -18,11 +19,11 @@ OBSERVER: Final = "observer"
 STATUS_BITS: Final = {"diverged": 1 << 30}
 
 
-class ObserverConfig(DriverConfig):
-    """An observer of a rig; made by rigd from `observers`, never written in a file."""
+class ObserverConfig(ComputedConfig):
+    """An observer of a rig; made by rigd from `observers`."""
 
     plan: Any
-    """What the filter computes: an :class:`~rigd.observers.model.ObserverPlan`."""
+    """What the filter computes: an :class:`~rigd.computed.observers.model.ObserverPlan`."""
     channels: tuple[Channel, ...]
     """Each state and its standard deviation, the innovations, and the NIS."""
     inputs: tuple[str, ...]
@@ -48,19 +49,18 @@ class ObserverConfig(DriverConfig):
         return frozenset(name.partition(".")[0] for name in (*self.inputs, *self.measured))
 
 
-class Observer(Driver[ObserverConfig, Any]):
-    """An observer in the cycle. It moves nothing: there is nothing to make safe."""
+class Observer(Computed[ObserverConfig, Any]):
+    """An observer in the cycle. Bit 31 of its status: a channel is late."""
 
     title = "states estimated from other channels"
     Config = ObserverConfig
 
     def __init__(self, config: ObserverConfig, link: Any = None) -> None:
         super().__init__(config, link)
-        from rigd.observers.runner import Runner  # it loads numba
+        from rigd.computed.observers.runner import Runner  # it loads numba
 
         #: Computes its row in each cycle.
         self.runner: Runner = Runner(config)
-        #: The newest row as a ring has it; the memory stays the same.
         self.packed = self.runner.packed
 
     @classmethod
@@ -78,18 +78,3 @@ class Observer(Driver[ObserverConfig, Any]):
         """Begin anew if the rig file asks for it."""
         if self.config.each_trial:
             self.runner.begin()
-
-    def open(self) -> None:
-        """Do nothing: there is no device."""
-
-    def arm(self) -> None:
-        """Do nothing: it only computes."""
-
-    def read(self, t_ns: int) -> None:
-        """Do nothing: the cycle takes the rows of all observers when they are computed.
-
-        Bit 31 of their status: a channel is late.
-        """
-
-    def make_safe(self) -> None:
-        """Do nothing: it only computes."""

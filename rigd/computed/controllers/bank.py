@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from rigd.controllers import kernel
-from rigd.controllers.chain import sequence
-from rigd.controllers.driver import ControllerConfig
+from rigd.computed.controllers import kernel
+from rigd.computed.controllers.chain import sequence
+from rigd.computed.controllers.driver import ControllerConfig
 from rigd.model.limits import SetpointLimit
 from rigd.model.tables import NOWHERE, Tables
 from rigd.model.units import format_quantity

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+from rigd.computed.driver import Computed, ComputedConfig
 from rigd.model.channels import Channel
-from rigd.sdk import Declaration, Driver, DriverConfig
+from rigd.sdk import Declaration
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
-    from rigd.controllers.bank import Bank
+    from rigd.computed.controllers.bank import Bank
 
 #: Name in recordings and lists, in place of that of a driver.
 CONTROLLER: Final = "controller"
@@ -20,8 +20,8 @@ OWN: Final = (
 )  # fmt: skip
 
 
-class ControllerConfig(DriverConfig):
-    """A checked controller in SI; made by rigd from `controllers`, never written in a file."""
+class ControllerConfig(ComputedConfig):
+    """A checked controller in SI; made by rigd from `controllers`."""
 
     name: str
     """Name of the controller."""
@@ -79,15 +79,14 @@ class ControllerConfig(DriverConfig):
         return tuple(item for item in (self.measured, self.forward, self.schedule) if item)
 
 
-class Controller(Driver[ControllerConfig, "Bank"]):
-    """A controller in the cycle. It moves nothing itself: what it commands passes the limiter."""
+class Controller(Computed[ControllerConfig, "Bank"]):
+    """A controller in the cycle: it acts in steps that set it; its output passes the limiter."""
 
     title = "controller"
     Config = ControllerConfig
 
     def __init__(self, config: ControllerConfig, link: Bank) -> None:
         super().__init__(config, link)
-        #: The newest row as a ring has it; the memory stays the same.
         self.packed = link.packed[link.places[config.name]]
 
     @classmethod
@@ -110,16 +109,3 @@ class Controller(Driver[ControllerConfig, "Bank"]):
         )
         setpoint = Channel(short, unit, f"{config.measured} to be held by {goal}")
         return Declaration(channels=channels, plain_rows=True, setpoints=(setpoint,))
-
-    def open(self) -> None:
-        """Do nothing: there is no device."""
-
-    def arm(self) -> None:
-        """Do nothing: it acts only in steps that set it."""
-
-    def read(self, t_ns: int) -> Sequence[float] | None:
-        """Return None: the cycle takes its row when the bank has computed it."""
-        return None
-
-    def make_safe(self) -> None:
-        """Do nothing: without a program it does not act."""

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.held import OUTPUT, PERIOD_NS, TARGET, Held, config
 
-from rigd.controllers.chain import acting, sequence
+from rigd.computed.controllers.chain import acting, sequence
 from rigd.model.limits import SetpointLimit
 
 anything = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-60, 60))

@@ -16,7 +16,7 @@ from rigd.model.units import NO_DIMENSION, Dimension
 
 @unique
 class Op(IntEnum):
-    """The operations of a graph; :mod:`rigd.derived.kernel` computes them.
+    """The operations of a graph; :mod:`rigd.computed.derived.kernel` computes them.
 
     Those from DERIVATIVE on take a step at a new value only; the others compute in every cycle.
     """

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.observers.model import Filter, Matrix, ObserverPlan
+from rigd.computed.observers.model import Filter, Matrix, ObserverPlan
 
 if TYPE_CHECKING:
-    from rigd.observers.memory import Memory
+    from rigd.computed.observers.memory import Memory
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class LinearPlan(ObserverPlan):
 
     def filter(self, memory: Memory) -> Filter:
         """Return the filter on ``memory``."""
-        from rigd.observers.linear_filter import LinearFilter  # it loads numba
+        from rigd.computed.observers.linear_filter import LinearFilter  # it loads numba
 
         return LinearFilter(
             memory, f=self.f, g=self.g, h=self.h, d=self.d, q=self.q, r=self.r, x0=self.x0,

@@ -1,7 +1,7 @@
 """Reads a formula such as ``derivative(wheel.angle) * 0.03 m - carriage.speed`` into a graph.
 
 Python's own parser reads it; only the nodes and functions that this module names are accepted.
-Units are checked through every operation (:mod:`rigd.derived.dimensions`).
+Units are checked through every operation (:mod:`rigd.computed.derived.dimensions`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from rigd.derived.dimensions import alike, is_angle, over, plain, times
-from rigd.derived.functions import FUNCTIONS, Call, Fixed, reachable
-from rigd.derived.graph import Builder, Op, Term
-from rigd.derived.quantities import STAND_IN, FormulaError, Named, Prepared, no_names, prepare
+from rigd.computed.derived.dimensions import alike, is_angle, over, plain, times
+from rigd.computed.derived.functions import FUNCTIONS, Call, Fixed, reachable
+from rigd.computed.derived.graph import Builder, Op, Term
+from rigd.computed.derived.quantities import (
+    STAND_IN,
+    FormulaError,
+    Named,
+    Prepared,
+    no_names,
+    prepare,
+)
 from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, parse_unit, si_symbol
 
 #: Most characters of a formula; people cannot read a longer one.

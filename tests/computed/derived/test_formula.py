@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from rigd.derived.dimensions import plain
-from rigd.derived.formula import read_formula
-from rigd.derived.graph import Builder, Term
-from rigd.derived.quantities import FormulaError
+from rigd.computed.derived.dimensions import plain
+from rigd.computed.derived.formula import read_formula
+from rigd.computed.derived.graph import Builder, Term
+from rigd.computed.derived.quantities import FormulaError
 from rigd.model.units import dimension_text, parse_unit
 
 UNITS = {

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, Literal, NamedTuple
 
-from rigd.derived.dimensions import alike, over, times
-from rigd.derived.graph import Builder, Op, Term
-from rigd.derived.quantities import FormulaError
+from rigd.computed.derived.dimensions import alike, over, times
+from rigd.computed.derived.graph import Builder, Op, Term
+from rigd.computed.derived.quantities import FormulaError
 from rigd.model.units import Dimension, dimension_text, parse_unit, si_symbol
 
 #: Most samples of a window or a delay: 10 s at 1 kHz.

@@ -10,9 +10,9 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.computed.observers import kernel
+from rigd.computed.observers.kernel import Floats, Times, Words
 from rigd.model.tables import NOWHERE, Tables
-from rigd.observers import kernel
-from rigd.observers.kernel import Floats, Times, Words
 
 
 @dataclass(eq=False)
@@ -20,8 +20,8 @@ class Memory:
     """What a filter of l inputs and m measured channels keeps between cycles besides its state.
 
     ``given``, ``ages``, ``held``, ``current`` and ``clock`` are those of
-    :func:`rigd.observers.kernel.take`; ``row`` and ``packed`` are what
-    :func:`rigd.observers.kernel.publish` writes, for ``shown`` states.
+    :func:`rigd.computed.observers.kernel.take`; ``row`` and ``packed`` are what
+    :func:`rigd.computed.observers.kernel.publish` writes, for ``shown`` states.
     """
 
     inputs: int
@@ -67,10 +67,10 @@ class Memory:
     def join(self, own: Sequence[NDArray[np.float64]]) -> tuple[Times, Floats, Times]:
         """Move all tables, with copies of ``own``, into one memory for integers and one for floats.
 
-        A compiled function takes 0.1 us for each array that it is given, and a filter has twenty
-        to thirty. Returns the integers, the floats, and where each table of floats begins:
-        ``given``, ``held``, ``row``, then ``own``; see :func:`rigd.observers.kernel.whole_times`
-        and :func:`rigd.observers.kernel.cut`.
+        A compiled function takes 0.1 us for each array that it is given, and a filter has twenty to
+        thirty. Returns the integers, the floats, and where each table of floats begins: ``given``,
+        ``held``, ``row``, then ``own``; see :func:`rigd.computed.observers.kernel.whole_times` and
+        :func:`rigd.computed.observers.kernel.cut`.
         """
         count = len(self.given)
         parts = [self.given, self.held, self.row, *own]

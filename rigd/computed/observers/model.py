@@ -2,7 +2,7 @@
 
 A model is a class of the entry point group ``rigd.observers``, which a rig file names:
 ``observers: {NAME: {model: MODEL, ...}}``. Its numerics are in the compiled function of its
-filter, which uses :mod:`rigd.observers.kernel`.
+filter, which uses :mod:`rigd.computed.observers.kernel`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from rigd.model.channels import Channel
 from rigd.sdk import Documented, In
 
 if TYPE_CHECKING:  # a rig file is checked without numba
-    from rigd.observers.kernel import Times
-    from rigd.observers.memory import Memory
+    from rigd.computed.observers.kernel import Times
+    from rigd.computed.observers.memory import Memory
 
 #: A matrix as plain data, row by row.
 Matrix = tuple[tuple[float, ...], ...]

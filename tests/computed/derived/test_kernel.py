@@ -15,11 +15,11 @@ from scipy import signal
 from support.formula_draws import DrawnChannel, channels, formulas
 from support.formula_reference import Part
 
+from rigd.computed.derived.driver import DerivedConfig
+from rigd.computed.derived.evaluator import Evaluator
+from rigd.computed.derived.formula import read_formula
+from rigd.computed.derived.graph import Builder, Graph, Term
 from rigd.config.loader import parse_rig
-from rigd.derived.driver import DerivedConfig
-from rigd.derived.evaluator import Evaluator
-from rigd.derived.formula import read_formula
-from rigd.derived.graph import Builder, Graph, Term
 from rigd.model.tables import Tables
 
 PERIOD_NS = 1_000_000

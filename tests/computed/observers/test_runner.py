@@ -8,11 +8,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.computed.observers.driver import ObserverConfig
+from rigd.computed.observers.linear import LinearPlan
+from rigd.computed.observers.runner import Runner
 from rigd.model.channels import STALE, Channel
 from rigd.model.tables import Tables
-from rigd.observers.driver import ObserverConfig
-from rigd.observers.linear import LinearPlan
-from rigd.observers.runner import Runner
 
 PERIOD_NS = 1_000_000
 START_NS = 1_790_000_000_000_000_000

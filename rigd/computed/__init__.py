@@ -1,0 +1,1 @@
+"""Computes in the cycle what no device gives: derived channels, controllers, observers."""
