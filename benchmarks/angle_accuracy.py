@@ -30,9 +30,9 @@ from support.angle_runs import LOADS_KG, SETS, TABLE_1, Trial, campaign, drawn_r
 from support.angle_truth import WINDOWS, slip_error, steady
 
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import UNKNOWN_RISE, SetReference
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.paper import analyse_paper
+from rigd_analyses.approach_angle.raw.run_data import UNKNOWN_RISE, SetReference
 from rigd_analyses.approach_angle.result import CampaignResult
 
 PUBLISHED = SetReference("Table 1 of the paper", TABLE_1)

@@ -53,8 +53,8 @@ from support.angle_headless import simulate
 from support.angle_plant import shipped, varied
 from support.angle_runs import drawn_rig, known_run
 
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun
 from rigd_analyses.approach_angle.result import CampaignResult
 from rigd_sim.approach_angle.parameters import AngleParameters
 

@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Known, KnownRun
+from rigd_analyses.approach_angle.raw.run_data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Known,
+    KnownRun,
+)
 
 FloatArray = NDArray[np.float64]
 

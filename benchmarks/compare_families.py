@@ -32,8 +32,8 @@ from support.random_robots import random_robot
 from rigd.analysis.api import ResultOrigin, identify
 from rigd.analysis.compare.campaign import Campaign, of_result
 from rigd.analysis.compare.comparison import compare
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import Known, KnownRun
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
+from rigd_analyses.approach_angle.raw.run_data import Known, KnownRun
 
 LEAST: Final = 90.0  #: % of the intervals; 95 are nominal
 SET: Final = "clean_15"

@@ -7,8 +7,8 @@ from rigd_analyses.approach_angle.better.motion import motion
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.better.run import evaluate, no_numbers, usable
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, KnownRun
-from rigd_analyses.approach_angle.flags import raw_flags
+from rigd_analyses.approach_angle.raw.flags import raw_flags
+from rigd_analyses.approach_angle.raw.run_data import AngleCalibration, AngleRig, AngleRun, KnownRun
 
 
 def analyse_better(

@@ -12,7 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from support.angle_headless import SimulatedRun, simulate
 
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Known, KnownRun
+from rigd_analyses.approach_angle.raw.run_data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Known,
+    KnownRun,
+)
 
 SETS = ("clean_0", "clean_15", "clean_30", "clean_45", "coated_0")
 LOADS_KG = (4.0, 5.0, 6.0, 8.0)

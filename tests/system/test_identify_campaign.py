@@ -12,8 +12,8 @@ from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.sdk.shipped import shipped_folder
-from rigd_analyses.approach_angle.data import Regime
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
+from rigd_analyses.approach_angle.raw.run_data import Regime
 
 SHIPPED = shipped_folder("procedures") / "approach_angles.yaml"
 

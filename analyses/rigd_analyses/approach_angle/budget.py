@@ -26,7 +26,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from rigd.analysis.estimates import Share
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient, Known
+from rigd_analyses.approach_angle.raw.run_data import AngleCalibration, AngleRig, Coefficient, Known
 
 #: Share of N by which it changes in a run, at most: what the span of a load cell can be wrong by.
 CELL_SHARE = 0.1

@@ -21,11 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd.analysis.fitting.fit import HUBER_K
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 from rigd_analyses.approach_angle.result import FrictionCurve
 
 FORM = "mu = mu_max exp(-h log10(v/v_peak)^2)"
-HUBER, TUKEY = 1.345, 4.685  #: 95 % efficient for a normal distribution (Huber 1981)
+TUKEY = 4.685  #: 95 % efficient for a normal distribution, as HUBER_K (Huber 1981)
 ITERATIONS = 30
 PARAMETERS = 3
 GRID = 60
@@ -107,7 +108,7 @@ def _robust(basis: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         rest = np.abs(y - basis @ q)
         scale = max(1.4826 * float(np.median(rest)), 1e-12)
         if k < ITERATIONS:
-            weights = np.minimum(1.0, HUBER * scale / np.maximum(rest, 1e-300))
+            weights = np.minimum(1.0, HUBER_K * scale / np.maximum(rest, 1e-300))
         else:
             weights = np.maximum(1.0 - (rest / (TUKEY * scale)) ** 2, 0.0) ** 2
         root = np.sqrt(weights)

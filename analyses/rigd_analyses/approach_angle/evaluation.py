@@ -14,20 +14,20 @@ from rigd.analysis.recordings.source import COMPLETE, RecordedSweep
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.terminal import TerminalReport
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import KnownRun, SetReference
-from rigd_analyses.approach_angle.known import (
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
+from rigd_analyses.approach_angle.paper.settings import PaperSettings
+from rigd_analyses.approach_angle.raw.known_quantities import (
     Calibrated,
     angle_calibration,
     angle_rig,
     calibration_of,
 )
-from rigd_analyses.approach_angle.limits import Limits
-from rigd_analyses.approach_angle.paper.settings import PaperSettings
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import KnownRun, SetReference
+from rigd_analyses.approach_angle.raw.runs import find_signals, read_run, telling_attempts
 from rigd_analyses.approach_angle.report.opening import campaign_opening
+from rigd_analyses.approach_angle.report.terminal import campaign_terminal_report
 from rigd_analyses.approach_angle.result import CampaignResult, file_names
-from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
-from rigd_analyses.approach_angle.terminal import campaign_terminal_report
 
 
 @dataclass(frozen=True)

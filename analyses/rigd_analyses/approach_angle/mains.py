@@ -21,9 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRun, Flag, FloatArray, Severity
-from rigd_analyses.approach_angle.flags import REST_S, whole
-from rigd_analyses.approach_angle.limits import Limits
+from rigd_analyses.approach_angle.raw.flags import REST_S, whole
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import (
+    AngleCalibration,
+    AngleRun,
+    Flag,
+    FloatArray,
+    Severity,
+)
 
 #: Frequencies of mains, how far one may be off, and the steps in which it is sought, Hz.
 MAINS_HZ: Final = (50.0, 60.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import FloatArray, Regime
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, Regime
 
 #: Corrected slip w R/(V cos(alpha)) - 1 from which on all of the contact slides. Rubber needs some
 #: slip to do so, 2 kappa g/sigma_0 of w R with a patch that renews itself every 1/kappa of travel:

@@ -14,18 +14,14 @@ from typing import Final
 
 from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.plain import plain_object
-from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.budget import Budget
-from rigd_analyses.approach_angle.data import (
-    AngleRun,
+from rigd_analyses.approach_angle.raw.run_data import (
     Coefficient,
-    Flag,
     FloatArray,
     Regime,
-    Severity,
 )
-from rigd_analyses.approach_angle.paper.result import PaperRun
-from rigd_analyses.approach_angle.shared.result import SharedError
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import SharedError
 
 #: What each coefficient is, for readers of the JSON object alone.
 _MEANING: Final = {
@@ -39,41 +35,6 @@ def file_names(paths: Iterable[str]) -> dict[str, str]:
     """Return the name of each file, by its path; the paths themselves if two have one name."""
     named = {path: Path(path).name for path in paths}
     return named if len(set(named.values())) == len(named) else {path: path for path in named}
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """One run under both analyses; ``flags`` are those of the raw run and of both, each once."""
-
-    run: AngleRun
-    paper: PaperRun
-    better: BetterRun
-    flags: tuple[Flag, ...]
-
-    @property
-    def excluded(self) -> bool:
-        """Whether a flag excludes the run."""
-        return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
-
-    def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the signals stand in the recording."""
-        run = self.run
-        return {
-            "label": run.label,
-            "trial": run.number,
-            "recording": run.recording,
-            "set": run.set_name,
-            "angle_deg": math.degrees(run.alpha_rad),
-            "announced_load_kg": run.announced_load_kg,
-            "load_N": run.load_n,
-            "motor_voltage_V": run.voltage_v,
-            "repeat": run.repeat,
-            "excluded": self.excluded,
-            "paper": self.paper,
-            "better": self.better,
-            "run_on": run.run_on,
-            "flags": self.flags,
-        }
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,16 @@ from collections.abc import Sequence
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd_analyses.approach_angle.better.motion import motion
 from rigd_analyses.approach_angle.better.run import evaluate, usable
-from rigd_analyses.approach_angle.data import KnownRun, Severity
 from rigd_analyses.approach_angle.evaluation import settings_of
-from rigd_analyses.approach_angle.flags import raw_flags
-from rigd_analyses.approach_angle.known import angle_calibration, angle_rig, calibration_of
 from rigd_analyses.approach_angle.mains import without_mains
-from rigd_analyses.approach_angle.runs import find_signals, read_run
+from rigd_analyses.approach_angle.raw.flags import raw_flags
+from rigd_analyses.approach_angle.raw.known_quantities import (
+    angle_calibration,
+    angle_rig,
+    calibration_of,
+)
+from rigd_analyses.approach_angle.raw.run_data import KnownRun, Severity
+from rigd_analyses.approach_angle.raw.runs import find_signals, read_run
 
 
 def check_trial(sweep: RecordedSweep, trial: TrialInfo) -> Sequence[str]:

@@ -38,14 +38,15 @@ from rigd.analysis.validation.result import (
 )
 from rigd.analysis.validation.saved import SavedModel
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun, Severity
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.evaluation import known_runs, settings_of
-from rigd_analyses.approach_angle.known import calibration_of
 from rigd_analyses.approach_angle.paper.settings import PaperSettings
-from rigd_analyses.approach_angle.result import CampaignResult, RunResult
+from rigd_analyses.approach_angle.raw.known_quantities import calibration_of
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun, Severity
+from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_analyses.approach_angle.run_result import RunResult
 from rigd_analyses.approach_angle.shared.balance import EXCLUDED_SHARE, MOUNTING_U
-from rigd_analyses.approach_angle.shared.result import CHANCE
+from rigd_analyses.approach_angle.shared_error import CHANCE
 
 TITLE: Final = "Validation of friction over the approach angle"
 FRICTION, SPEED = "friction", "speed"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,

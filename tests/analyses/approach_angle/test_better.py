@@ -21,7 +21,7 @@ from rigd_analyses.approach_angle.better.bending import Bending
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.better.run import _load_change
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,

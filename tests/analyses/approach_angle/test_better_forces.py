@@ -9,7 +9,7 @@ import pytest
 
 from rigd_analyses.approach_angle.better.forces import demanded_force, drag_torque, rolling_force
 from rigd_analyses.approach_angle.better.motion import Means
-from rigd_analyses.approach_angle.data import AngleRig
+from rigd_analyses.approach_angle.raw.run_data import AngleRig
 
 #: One block: N, w, dw/dt, V, and the F_r that the contact gives, at 30 degrees.
 NORMAL_N, WHEEL_RAD_S, WHEEL_RAD_S2, SPEED_M_S, ROLLING_N = 58.86, 40.0, 25.0, 1.2, 20.0

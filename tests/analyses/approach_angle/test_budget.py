@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from rigd_analyses.approach_angle.budget import Budget, Conditions, Sizes, budget, set_budget
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Known
+from rigd_analyses.approach_angle.raw.run_data import AngleCalibration, AngleRig, Known
 
 RADIUS = 0.05
 #: Sizes of the simulated rig as a campaign finds them (angle.md 3.2 and 3.6).

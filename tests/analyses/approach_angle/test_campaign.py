@@ -24,8 +24,8 @@ from rigd_analyses.approach_angle.better.bending import Sample, fit_bending
 from rigd_analyses.approach_angle.better.motion import motion
 from rigd_analyses.approach_angle.better.run import sliding_blocks
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleRun,
     Coefficient,
     Flag,

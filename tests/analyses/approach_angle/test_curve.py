@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.curve import pool
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 MU, PEAK, HUMP = 0.45, 0.5, 0.08
 

@@ -10,11 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigd_analyses.approach_angle import flags
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Flag, Severity
-from rigd_analyses.approach_angle.flags import raw_flags, whole
-from rigd_analyses.approach_angle.limits import Limits
 from rigd_analyses.approach_angle.paper import analyse_paper
+from rigd_analyses.approach_angle.raw import flags
+from rigd_analyses.approach_angle.raw.flags import raw_flags, whole
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Flag,
+    Severity,
+)
 
 Golden = Callable[[str], Any]
 Fault = Callable[[AngleRun], AngleRun]

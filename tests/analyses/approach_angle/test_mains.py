@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRun, FloatArray, Known
-from rigd_analyses.approach_angle.limits import Limits
 from rigd_analyses.approach_angle.mains import without_mains
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import AngleCalibration, AngleRun, FloatArray, Known
 
 CALIBRATION = AngleCalibration(torque=Known(2.03), wheel=Known(12.57), platform=Known(0.1885))
 T_S = np.arange(-0.1, 0.55, 1.0 / 9600.0)

@@ -10,9 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Regime, Severity
-from rigd_analyses.approach_angle.limits import Limits
 from rigd_analyses.approach_angle.paper import Ends, PaperRun, PaperSettings, analyse_paper
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Regime,
+    Severity,
+)
 
 RUNS = ("r0", "r2", "r3", "r5")
 #: The golden records begin at the command, as the paper's do.

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter
 
-from rigd_analyses.approach_angle.data import FloatArray, Regime
 from rigd_analyses.approach_angle.paper import PaperSettings
 from rigd_analyses.approach_angle.paper.fourier import fit_fourier, fourier_basis
 from rigd_analyses.approach_angle.paper.gauss import fit_peak
 from rigd_analyses.approach_angle.paper.slip import mean_slip
 from rigd_analyses.approach_angle.paper.smoothing import butterworth, central_difference, smooth
 from rigd_analyses.approach_angle.paper.strain import torque_nm
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, Regime
 from rigd_analyses.approach_angle.regime import SLIDING_SLIP, regime_of
 
 RATE_HZ = 9600.0

@@ -11,7 +11,8 @@ import pytest
 
 from rigd_analyses.approach_angle.better.result import BalanceRow, Blocks
 from rigd_analyses.approach_angle.better.run import no_numbers
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.paper import PaperRun
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,
@@ -19,8 +20,7 @@ from rigd_analyses.approach_angle.data import (
     Known,
     KnownRun,
 )
-from rigd_analyses.approach_angle.paper import PaperRun
-from rigd_analyses.approach_angle.result import RunResult
+from rigd_analyses.approach_angle.run_result import RunResult
 from rigd_analyses.approach_angle.shared.balance import balance_errors, excluded_errors
 from rigd_analyses.approach_angle.shared.load import load_errors
 from rigd_analyses.approach_angle.shared.share import gauge_errors, shown

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.better.run import no_numbers
-from rigd_analyses.approach_angle.data import AngleRun, Flag, Regime, RunOn
+from rigd_analyses.approach_angle.campaign.slip_over_angle import slip_over_angle
+from rigd_analyses.approach_angle.campaign.stops import stops_of
 from rigd_analyses.approach_angle.paper import PaperRun
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, Flag, Regime, RunOn
 from rigd_analyses.approach_angle.report.tables import slip_rows, stop_sentences
-from rigd_analyses.approach_angle.result import CampaignResult, RunResult
-from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
-from rigd_analyses.approach_angle.stops import stops_of
+from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_analyses.approach_angle.run_result import RunResult
 
 STOP = RunOn(
     stop_travel_m=0.32, stop_speed_m_s=2.0, threshold_m=0.3, final_travel_m=0.46,

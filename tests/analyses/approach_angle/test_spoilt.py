@@ -15,9 +15,9 @@ from numpy.random import Generator
 from support.angle_better import analyse_better
 from support.angle_runs import drawn_rig, trial
 
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.paper import analyse_paper
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, FloatArray, KnownRun
 
 #: Samples beyond all sense are reported; that sums of them overflow on the way is no news.
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rigd_analyses.approach_angle.trend import trend
+from rigd_analyses.approach_angle.campaign.trend import trend
 
 NAMES = ("clean_0", "clean_15", "clean_30", "clean_45")
 ALPHA = tuple(math.radians(a) for a in (0.0, 15.0, 30.0, 45.0))

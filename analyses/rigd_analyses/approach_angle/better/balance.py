@@ -24,7 +24,7 @@ from rigd_analyses.approach_angle.better.motion import Motion
 from rigd_analyses.approach_angle.better.result import BalanceRow
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.budget import Budget
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rigd.analysis.fitting.fit import HUBER_K
 from rigd_analyses.approach_angle.better.forces import bearing_torque
 from rigd_analyses.approach_angle.better.motion import Means, Motion
 from rigd_analyses.approach_angle.better.result import BoolArray
-from rigd_analyses.approach_angle.curve import HUBER
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 NUISANCE = 3  #: smooth terms of each run
 START_S = 0.16  #: the load still swings from the start before, in step with the wheel's angle
@@ -84,7 +84,7 @@ def fit_bending(samples: Sequence[Sample]) -> Bending | None:
             return None
         found = np.linalg.solve(information, weights @ moments)
         rest = np.array([np.sqrt(np.mean((y - x @ found) ** 2)) for x, y in pieces])
-        weights = np.minimum(1.0, HUBER * np.median(rest) / np.maximum(rest, 1e-300))
+        weights = np.minimum(1.0, HUBER_K * np.median(rest) / np.maximum(rest, 1e-300))
     scores = weights[:, None] * (moments - normals @ found)
     inverse = np.linalg.inv(information)
     spread = inverse @ (scores.T @ scores) @ inverse * len(pieces) / (len(pieces) - 2)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from rigd_analyses.approach_angle.better.motion import Means
-from rigd_analyses.approach_angle.data import AngleRig, FloatArray
+from rigd_analyses.approach_angle.raw.run_data import AngleRig, FloatArray
 
 
 def bearing_torque(means: Means, rig: AngleRig) -> FloatArray:

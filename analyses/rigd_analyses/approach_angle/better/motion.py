@@ -23,9 +23,9 @@ import numpy as np
 from rigd_analyses.approach_angle.better.result import Smoothed
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.better.smoother import Track, smooth
-from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
-from rigd_analyses.approach_angle.flags import REST_S
-from rigd_analyses.approach_angle.samples import readable
+from rigd_analyses.approach_angle.raw.flags import REST_S
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, FloatArray, KnownRun
+from rigd_analyses.approach_angle.raw.samples import readable
 
 #: Times further apart than this, of the usual, are a gap.
 GAP = 1.5

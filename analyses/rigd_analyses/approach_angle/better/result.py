@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd_analyses.approach_angle.budget import Budget
-from rigd_analyses.approach_angle.data import Coefficient, Flag, FloatArray, Regime, Severity
+from rigd_analyses.approach_angle.raw.run_data import (
+    Coefficient,
+    Flag,
+    FloatArray,
+    Regime,
+    Severity,
+)
 
 BoolArray = NDArray[np.bool_]
 

@@ -19,8 +19,8 @@ from rigd_analyses.approach_angle.better.result import BetterRun, Blocks, BoolAr
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.better.slip import mean_slip
 from rigd_analyses.approach_angle.budget import Budget, Conditions, Sizes, budget
-from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
-from rigd_analyses.approach_angle.flags import whole
+from rigd_analyses.approach_angle.raw.flags import whole
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, Flag, FloatArray, Severity
 from rigd_analyses.approach_angle.regime import SLIDING_SLIP
 
 NAN = float("nan")

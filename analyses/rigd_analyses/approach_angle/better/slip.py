@@ -9,7 +9,7 @@ import numpy as np
 
 from rigd_analyses.approach_angle.better.motion import Motion
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import Regime
+from rigd_analyses.approach_angle.raw.run_data import Regime
 from rigd_analyses.approach_angle.regime import regime_of
 
 NAN = float("nan")

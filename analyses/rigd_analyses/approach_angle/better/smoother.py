@@ -18,7 +18,7 @@ import numpy as np
 
 from rigd.analysis.kernel import kernel
 from rigd.analysis.recordings.noise import white_noise
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 #: Start of the filter: this many times the variance that its first steps leave means "unknown".
 DIFFUSE = 1e8

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 #: Bounds of the fit as multiples of the window: beyond them the peak is a spike or no peak at all.
 NARROWEST, WIDEST = 1e-3, 1e3

@@ -19,8 +19,8 @@ Steps and output (:class:`PaperRun`):
 4. The positions are smoothed, differentiated and smoothed again (Eq. 10). The speeds give the slip
    (Eq. 11 and 12), and whether the wheel slid, rolled, or did both.
 
-The checks of the raw data (:func:`~rigd_analyses.approach_angle.flags.raw_flags`) come first. If
-they exclude the run, the module adds no flag but too_slow. (A run with negative torque, for
+The checks of the raw data (:func:`~rigd_analyses.approach_angle.raw.flags.raw_flags`) come first.
+If they exclude the run, the module adds no flag but too_slow. (A run with negative torque, for
 example, has no peak either; a second flag for the missing peak would only confuse.) The module's
 own flags are:
 
@@ -48,7 +48,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.paper.fourier import fit_fourier
+from rigd_analyses.approach_angle.paper.gauss import Peak, fit_peak
+from rigd_analyses.approach_angle.paper.result import PaperCurves, PaperRun
+from rigd_analyses.approach_angle.paper.settings import PaperSettings
+from rigd_analyses.approach_angle.paper.slip import mean_slip
+from rigd_analyses.approach_angle.paper.smoothing import central_difference, smooth
+from rigd_analyses.approach_angle.paper.strain import torque_nm
+from rigd_analyses.approach_angle.raw.flags import driven, raw_flags, whole
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,
@@ -57,14 +65,6 @@ from rigd_analyses.approach_angle.data import (
     Regime,
     Severity,
 )
-from rigd_analyses.approach_angle.flags import driven, raw_flags, whole
-from rigd_analyses.approach_angle.paper.fourier import fit_fourier
-from rigd_analyses.approach_angle.paper.gauss import Peak, fit_peak
-from rigd_analyses.approach_angle.paper.result import PaperCurves, PaperRun
-from rigd_analyses.approach_angle.paper.settings import PaperSettings
-from rigd_analyses.approach_angle.paper.slip import mean_slip
-from rigd_analyses.approach_angle.paper.smoothing import central_difference, smooth
-from rigd_analyses.approach_angle.paper.strain import torque_nm
 from rigd_analyses.approach_angle.regime import SLIDING_SLIP, regime_of
 
 NAN = float("nan")

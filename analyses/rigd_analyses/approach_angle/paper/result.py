@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rigd_analyses.approach_angle.data import Coefficient, Flag, FloatArray, Regime, Severity
+from rigd_analyses.approach_angle.raw.run_data import (
+    Coefficient,
+    Flag,
+    FloatArray,
+    Regime,
+    Severity,
+)
 
 
 @dataclass(frozen=True, eq=False)

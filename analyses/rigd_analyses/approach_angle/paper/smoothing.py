@@ -15,8 +15,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import filtfilt, lfilter
 
-from rigd_analyses.approach_angle.data import FloatArray
 from rigd_analyses.approach_angle.paper.settings import Ends, PaperSettings
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 
 def butterworth(cutoff_hz: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:

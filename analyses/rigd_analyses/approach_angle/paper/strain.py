@@ -14,7 +14,7 @@ Fourier series, which the paper uses.
 
 from __future__ import annotations
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 
 def torque_nm(gauge_a: FloatArray, gauge_b: FloatArray, scale: float) -> FloatArray:

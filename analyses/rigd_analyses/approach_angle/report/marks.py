@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from rigd.analysis.report.palette import INK, MEASURED
-from rigd_analyses.approach_angle.data import FloatArray, Regime
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, Regime
 
 SIZE: Final = 4.5
 

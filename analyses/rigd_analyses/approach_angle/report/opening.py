@@ -5,7 +5,7 @@ from __future__ import annotations
 from rigd.analysis.report import Opening
 from rigd.analysis.report.opening import joined, listed
 from rigd.analysis.report.rounding import number, places_for
-from rigd_analyses.approach_angle.data import Regime
+from rigd_analyses.approach_angle.raw.run_data import Regime
 from rigd_analyses.approach_angle.result import CampaignResult, SetResult
 
 

@@ -11,7 +11,7 @@ from rigd.analysis.report.plots.axes import grid, label, shade_unused
 from rigd.analysis.report.trace import thin
 from rigd_analyses.approach_angle.paper.result import PaperCurves, PaperRun
 from rigd_analyses.approach_angle.report.marks import Mark, dots
-from rigd_analyses.approach_angle.result import RunResult
+from rigd_analyses.approach_angle.run_result import RunResult
 
 SLIDES = Mark("o", True, "sliding: limit")
 ROLLS = Mark("o", False, "not sliding: demand")

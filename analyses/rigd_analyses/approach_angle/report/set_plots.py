@@ -24,13 +24,8 @@ from rigd_analyses.approach_angle.report.marks import (
 )
 from rigd_analyses.approach_angle.report.tables import SOURCES
 from rigd_analyses.approach_angle.report.tables import label as set_label
-from rigd_analyses.approach_angle.result import (
-    CampaignResult,
-    FrictionCurve,
-    RunResult,
-    SetResult,
-    Trend,
-)
+from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, SetResult, Trend
+from rigd_analyses.approach_angle.run_result import RunResult
 
 SOURCE_COLOURS = {"published": MEASURED, "paper": FITTED, "better": series(0)}
 SOURCE_SHAPES = {"published": "D", "paper": "s", "better": "o"}

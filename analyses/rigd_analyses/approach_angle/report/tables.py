@@ -13,17 +13,17 @@ import numpy as np
 
 from rigd.analysis.report.rounding import number, places_for
 from rigd_analyses.approach_angle.budget import BudgetTerm
-from rigd_analyses.approach_angle.data import Flag, Regime, Severity
+from rigd_analyses.approach_angle.campaign.stops import stops_of
+from rigd_analyses.approach_angle.raw.run_data import Flag, Regime, Severity
 from rigd_analyses.approach_angle.result import (
     CampaignResult,
     MeasuredCoefficient,
-    RunResult,
     SetResult,
     SlipPoint,
     Trend,
     file_names,
 )
-from rigd_analyses.approach_angle.stops import stops_of
+from rigd_analyses.approach_angle.run_result import RunResult
 
 #: Text in place of a missing number.
 NONE: Final = "–"

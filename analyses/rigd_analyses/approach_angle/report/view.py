@@ -14,7 +14,7 @@ import numpy as np
 
 from rigd.analysis.report.rounding import number
 from rigd.analysis.report.svg import Drawing, draw
-from rigd_analyses.approach_angle.data import Coefficient, Regime
+from rigd_analyses.approach_angle.raw.run_data import Coefficient, Regime
 from rigd_analyses.approach_angle.report import run_plots, set_plots
 from rigd_analyses.approach_angle.report.tables import (
     BudgetRow,
@@ -37,7 +37,8 @@ from rigd_analyses.approach_angle.report.tables import (
     trend_sentence,
     trial_of,
 )
-from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, RunResult, SetResult
+from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, SetResult
+from rigd_analyses.approach_angle.run_result import RunResult
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 

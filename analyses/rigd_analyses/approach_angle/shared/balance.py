@@ -47,9 +47,9 @@ from scipy.stats import binom, norm
 from rigd_analyses.approach_angle.better.bending import MIN_RUNS
 from rigd_analyses.approach_angle.better.result import BalanceRow
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun, Severity
-from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import (
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun, Severity
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import (
     AS_GOOD,
     CHANCE,
     SIGNIFICANT,

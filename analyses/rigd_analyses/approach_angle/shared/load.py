@@ -19,9 +19,9 @@ from typing import Final
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun
-from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import AS_GOOD, SIGNIFICANT, SharedError
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import AS_GOOD, SIGNIFICANT, SharedError
 
 #: Fewer settings show neither.
 MIN_SETTINGS: Final = 3

@@ -26,9 +26,9 @@ import numpy as np
 from scipy.stats import median_abs_deviation
 
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import FloatArray, Known, KnownRun
-from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, Known, KnownRun
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import SIGNIFICANT, SharedError
 
 #: Fewer runs do not show how the share scatters.
 MIN_RUNS: Final = 4

@@ -22,9 +22,9 @@ from typing import Final
 import numpy as np
 
 from rigd_analyses.approach_angle.better.bending import MIN_RUNS, START_S
-from rigd_analyses.approach_angle.data import FloatArray, KnownRun
-from rigd_analyses.approach_angle.result import RunResult
-from rigd_analyses.approach_angle.shared.result import SIGNIFICANT, SharedError
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import SIGNIFICANT, SharedError
 
 #: What a right rig has of g beside the spread between its runs, 1/m: the ground settles (-0.05 in
 #: the mean of 32 simulated rigs).

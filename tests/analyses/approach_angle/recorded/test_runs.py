@@ -14,8 +14,8 @@ from support.angle_recording import SIGNALS, Recorded
 from rigd.analysis.recordings.source import open_sweep
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
-from rigd_analyses.approach_angle.data import AngleRun, Severity
-from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, Severity
+from rigd_analyses.approach_angle.raw.runs import find_signals, read_run, telling_attempts
 
 Record = Callable[..., Path]
 

@@ -16,8 +16,8 @@ from support.markup import outline
 
 from rigd.analysis.report import Facts, Provenance, ReportAttachment
 from rigd.analysis.report.page import render
-from rigd_analyses.approach_angle.campaign import analyse_campaign
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRun,
     Flag,
@@ -29,7 +29,8 @@ from rigd_analyses.approach_angle.data import (
 from rigd_analyses.approach_angle.report.run_plots import one_run
 from rigd_analyses.approach_angle.report.set_plots import maximum_over_angle
 from rigd_analyses.approach_angle.report.view import TEMPLATES, build_campaign_view, typical_run
-from rigd_analyses.approach_angle.result import CampaignResult, RunResult
+from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_analyses.approach_angle.run_result import RunResult
 
 HOSTILE = "<script>alert(1)</script> & \"x\" 'y' $\\alpha$ ]]> --> {{ 7*7 }}"
 PROVENANCE = Provenance(

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.better.run import no_numbers
-from rigd_analyses.approach_angle.data import AngleRun, Coefficient, Flag, Regime, Severity
 from rigd_analyses.approach_angle.paper import PaperRun
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, Coefficient, Flag, Regime, Severity
 from rigd_analyses.approach_angle.report.opening import campaign_opening
 from rigd_analyses.approach_angle.report.tables import flagged_rows, label, set_rows
 from rigd_analyses.approach_angle.result import (
     CampaignResult,
     MeasuredCoefficient,
     PaperMaximum,
-    RunResult,
     SetResult,
 )
+from rigd_analyses.approach_angle.run_result import RunResult
 
 
 def flagged(*flags: Flag) -> RunResult:

@@ -23,9 +23,9 @@ from rigd.analysis.recordings.source import (
     Stream,
     TrialInfo,
 )
-from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
-from rigd_analyses.approach_angle.flags import AT_END_SAMPLES
-from rigd_analyses.approach_angle.run_on import read_run_on
+from rigd_analyses.approach_angle.raw.flags import AT_END_SAMPLES
+from rigd_analyses.approach_angle.raw.run_data import AngleRun, Flag, FloatArray, Severity
+from rigd_analyses.approach_angle.raw.travel_beyond_stop import read_run_on
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
 #: if so much was recorded. The analyses need 0.1 s before and 50 ms after.

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 
 #: No card gives more volts: a sample beyond is none, and sums of such samples overflow.
 READABLE_V: Final = 100.0

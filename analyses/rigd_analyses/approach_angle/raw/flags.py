@@ -48,7 +48,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.recordings.noise import white_noise
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.load_flags import load_flags
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,
@@ -56,9 +58,7 @@ from rigd_analyses.approach_angle.data import (
     FloatArray,
     Severity,
 )
-from rigd_analyses.approach_angle.limits import Limits
-from rigd_analyses.approach_angle.load_flags import load_flags
-from rigd_analyses.approach_angle.samples import readable
+from rigd_analyses.approach_angle.raw.samples import readable
 
 #: The relay takes 8 ms to pick up: until this time after the command all is at rest.
 REST_S = 0.005

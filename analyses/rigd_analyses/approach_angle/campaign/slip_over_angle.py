@@ -16,7 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
-from rigd_analyses.approach_angle.result import RunResult, SlipPoint
+from rigd_analyses.approach_angle.result import SlipPoint
+from rigd_analyses.approach_angle.run_result import RunResult
 
 
 def slip_over_angle(runs: Sequence[RunResult]) -> tuple[SlipPoint, ...]:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
-from rigd_analyses.approach_angle.data import Coefficient
+from rigd_analyses.approach_angle.raw.run_data import Coefficient
 from rigd_analyses.approach_angle.report.tables import (
     NONE,
     FlaggedRow,

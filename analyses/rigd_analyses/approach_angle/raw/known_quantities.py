@@ -16,14 +16,14 @@ from rigd.analysis.calibration import (
 )
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.report.rounding import number, percent, places_for
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.needs import NEEDS
+from rigd_analyses.approach_angle.raw.run_data import (
     UNKNOWN_RISE,
     UNKNOWN_SHARE,
     AngleCalibration,
     AngleRig,
     Known,
 )
-from rigd_analyses.approach_angle.needs import NEEDS
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
-from rigd_analyses.approach_angle.data import FloatArray
+from rigd_analyses.approach_angle.raw.run_data import FloatArray
 from rigd_analyses.approach_angle.result import DemandFit, LineFit, Trend
 
 MIN_SETS = 3  #: two angles make a line without any doubt about it, and no trend

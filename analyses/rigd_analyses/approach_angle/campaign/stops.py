@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import FloatArray, RunOn
+from rigd_analyses.approach_angle.raw.run_data import FloatArray, RunOn
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,19 +14,20 @@ from rigd_analyses.approach_angle.better.motion import Motion, motion
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.better.run import evaluate, no_numbers, sliding_blocks, usable
 from rigd_analyses.approach_angle.better.settings import BetterSettings
-from rigd_analyses.approach_angle.data import Flag, KnownRun, SetReference
-from rigd_analyses.approach_angle.flags import raw_flags
+from rigd_analyses.approach_angle.campaign.sets import evaluate_set
+from rigd_analyses.approach_angle.campaign.slip_over_angle import slip_over_angle
+from rigd_analyses.approach_angle.campaign.stops import stops_of
+from rigd_analyses.approach_angle.campaign.trend import trend
 from rigd_analyses.approach_angle.mains import without_mains
 from rigd_analyses.approach_angle.paper import PaperSettings, analyse_paper
-from rigd_analyses.approach_angle.result import CampaignResult, RunResult, SetResult, Trend
-from rigd_analyses.approach_angle.sets import evaluate_set
+from rigd_analyses.approach_angle.raw.flags import raw_flags
+from rigd_analyses.approach_angle.raw.run_data import Flag, KnownRun, SetReference
+from rigd_analyses.approach_angle.result import CampaignResult, SetResult, Trend
+from rigd_analyses.approach_angle.run_result import RunResult
 from rigd_analyses.approach_angle.shared.balance import balance_errors, excluded_errors
 from rigd_analyses.approach_angle.shared.load import load_errors
 from rigd_analyses.approach_angle.shared.share import gauge_errors
 from rigd_analyses.approach_angle.shared.travel import travel_errors
-from rigd_analyses.approach_angle.slip_over_angle import slip_over_angle
-from rigd_analyses.approach_angle.stops import stops_of
-from rigd_analyses.approach_angle.trend import trend
 
 
 def analyse_campaign(

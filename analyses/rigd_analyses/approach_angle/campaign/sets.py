@@ -25,14 +25,10 @@ from rigd.analysis.estimates import Share
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.budget import Budget, set_budget
 from rigd_analyses.approach_angle.curve import Pooled, pool
-from rigd_analyses.approach_angle.data import AngleRig, Coefficient, KnownRun, Severity
-from rigd_analyses.approach_angle.result import (
-    MeasuredCoefficient,
-    PaperMaximum,
-    RunResult,
-    SetResult,
-)
-from rigd_analyses.approach_angle.shared.result import SharedError
+from rigd_analyses.approach_angle.raw.run_data import AngleRig, Coefficient, KnownRun, Severity
+from rigd_analyses.approach_angle.result import MeasuredCoefficient, PaperMaximum, SetResult
+from rigd_analyses.approach_angle.run_result import RunResult
+from rigd_analyses.approach_angle.shared_error import SharedError
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
 MIN_RUNS, FEW = 5, 10

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.recordings.source import TIME_FIELD, RecordedSweep, Stream, TrialInfo
-from rigd_analyses.approach_angle.data import RunOn
+from rigd_analyses.approach_angle.raw.run_data import RunOn
 
 #: The stop is judged by the samples so long around it, s: noise of the potentiometer is 0.3 mm.
 AROUND_S: Final = 0.01

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rigd_analyses.approach_angle.data import (
+from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,
     AngleRun,
@@ -15,8 +16,7 @@ from rigd_analyses.approach_angle.data import (
     FloatArray,
     Known,
 )
-from rigd_analyses.approach_angle.limits import Limits
-from rigd_analyses.approach_angle.samples import readable
+from rigd_analyses.approach_angle.raw.samples import readable
 
 #: The load cell is judged by means over so long, one period of the mains, s.
 MEAN_S = 0.020

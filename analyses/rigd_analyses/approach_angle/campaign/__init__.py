@@ -1,0 +1,1 @@
+"""Evaluates a campaign: its sets, their trend over the approach angle, slip and stops."""
